@@ -1,0 +1,95 @@
+"""Publications behind the methods: what ran is cited."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Citation:
+    """One publication."""
+
+    key: str
+    text: str
+    bibtex: str
+
+
+_ALL: dict[str, Citation] = {}
+
+
+def _register(key: str, kind: str, **fields: str) -> None:
+    body = ",\n".join(f"  {name} = {{{value}}}" for name, value in fields.items())
+    source = fields.get("journal") or fields.get("publisher") or fields.get("booktitle", "")
+    text = f"{fields['author']} ({fields['year']}), {fields['title']}, {source}"
+    _ALL[key] = Citation(key, text, f"@{kind}{{{key},\n{body}\n}}")
+
+
+_register(
+    "mottershead2011",
+    "article",
+    author="Mottershead, J. E. and Link, M. and Friswell, M. I.",
+    title="The sensitivity method in finite element model updating: a tutorial",
+    journal="Mechanical Systems and Signal Processing",
+    volume="25",
+    number="7",
+    year="2011",
+)
+_register(
+    "friswell1995",
+    "book",
+    author="Friswell, M. I. and Mottershead, J. E.",
+    title="Finite Element Model Updating in Structural Dynamics",
+    publisher="Kluwer",
+    year="1995",
+)
+_register(
+    "allemang1982",
+    "inproceedings",
+    author="Allemang, R. J. and Brown, D. L.",
+    title="A correlation coefficient for modal vector analysis",
+    booktitle="Proceedings of the 1st International Modal Analysis Conference",
+    year="1982",
+)
+_register(
+    "lieven1988",
+    "inproceedings",
+    author="Lieven, N. A. J. and Ewins, D. J.",
+    title="Spatial correlation of mode shapes, the coordinate modal assurance criterion (COMAC)",
+    booktitle="Proceedings of the 6th International Modal Analysis Conference",
+    year="1988",
+)
+_register(
+    "fox1968",
+    "article",
+    author="Fox, R. L. and Kapoor, M. P.",
+    title="Rates of change of eigenvalues and eigenvectors",
+    journal="AIAA Journal",
+    volume="6",
+    number="12",
+    year="1968",
+)
+_register(
+    "dailey1989",
+    "article",
+    author="Dailey, R. L.",
+    title="Eigenvector derivatives with repeated eigenvalues",
+    journal="AIAA Journal",
+    volume="27",
+    number="4",
+    year="1989",
+)
+_register(
+    "guyan1965",
+    "article",
+    author="Guyan, R. J.",
+    title="Reduction of stiffness and mass matrices",
+    journal="AIAA Journal",
+    volume="3",
+    number="2",
+    year="1965",
+)
+
+
+def citation(key: str) -> Citation:
+    """The publication registered under `key` (KeyError if there is none)."""
+    return _ALL[key]

@@ -1,0 +1,141 @@
+"""Degrees of freedom: a node and a signed direction, written ``101Z+``; strict, never a default."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+
+DIRECTIONS = ("S", "X", "Y", "Z", "RX", "RY", "RZ")
+"""Code 0 is a scalar point; 1 to 6 are the components of Nastran."""
+
+_PATTERN = re.compile(r"(\d+)(S|R?[XYZ])([+-])")
+
+
+@dataclass(frozen=True, order=True)
+class Dof:
+    """One degree of freedom: `node` > 0, `direction` one of DIRECTIONS, `sign` +1 or −1."""
+
+    node: int
+    direction: str
+    sign: int = 1
+
+    def __post_init__(self) -> None:
+        if self.node <= 0 or self.direction not in DIRECTIONS or self.sign not in (1, -1):
+            raise _bad_dof(f"{self.node}{self.direction}", self.sign)
+
+    def __str__(self) -> str:
+        return f"{self.node}{self.direction}{'+' if self.sign > 0 else '-'}"
+
+    @property
+    def component(self) -> int:
+        """Nastran's component: 0 for a scalar point, 1 to 3 translations, 4 to 6 rotations."""
+        return DIRECTIONS.index(self.direction)
+
+
+def _bad_dof(text: object, sign: object = "") -> FemtuneError:
+    return FemtuneError(
+        "dof.syntax",
+        f"'{text}' is not a degree of freedom",
+        values={"sign": sign} if sign else {},
+        hint="write node, direction (X Y Z RX RY RZ, or S for a scalar point) and sign: 101Z+ or 7RZ-",
+    )
+
+
+def parse_dof(text: str) -> Dof:
+    """Read ``101Z+``; node, direction and sign must all be there.
+
+    Raises
+    ------
+    FemtuneError : ``dof.syntax``
+    """
+    match = _PATTERN.fullmatch(text.strip())
+    if not match or int(match[1]) == 0:
+        raise _bad_dof(text)
+    return Dof(int(match[1]), match[2], 1 if match[3] == "+" else -1)
+
+
+class DofSet:
+    """An ordered set of degrees of freedom without repetition (a node's direction may stand once).
+
+    Raises
+    ------
+    FemtuneError : ``dof.duplicate`` when a node and direction stand twice, whatever their signs
+    """
+
+    def __init__(self, dofs: Iterable[Dof]) -> None:
+        self._dofs = tuple(dofs)
+        self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
+        if len(self._index) != len(self._dofs):
+            raise FemtuneError("dof.duplicate", f"{self._first_repeated()} stands twice in a set of DOFs")
+
+    def _first_repeated(self) -> Dof:
+        return next(d for i, d in enumerate(self._dofs) if self._index[(d.node, d.direction)] != i)
+
+    @classmethod
+    def parse(cls, texts: Iterable[str]) -> DofSet:
+        """From texts such as ``101Z+``."""
+        return cls(parse_dof(text) for text in texts)
+
+    def __len__(self) -> int:
+        return len(self._dofs)
+
+    def __iter__(self) -> Iterator[Dof]:
+        return iter(self._dofs)
+
+    def __getitem__(self, i: int) -> Dof:
+        return self._dofs[i]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, DofSet) and self._dofs == other._dofs
+
+    def __hash__(self) -> int:
+        return hash(self._dofs)
+
+    def __contains__(self, dof: Dof) -> bool:
+        return (dof.node, dof.direction) in self._index
+
+    @property
+    def nodes(self) -> NDArray[np.int64]:
+        """Node numbers, one a DOF."""
+        return np.array([d.node for d in self._dofs], dtype=np.int64)
+
+    @property
+    def components(self) -> NDArray[np.int64]:
+        """Components 0 to 6, one a DOF."""
+        return np.array([d.component for d in self._dofs], dtype=np.int64)
+
+    @property
+    def signs(self) -> NDArray[np.float64]:
+        """+1 or −1, one a DOF."""
+        return np.array([d.sign for d in self._dofs], dtype=float)
+
+    def labels(self) -> list[str]:
+        """Texts such as ``101Z+``."""
+        return [str(d) for d in self._dofs]
+
+    def select(self, keep: Iterable[int]) -> DofSet:
+        """The DOFs at the given positions, in that order."""
+        return DofSet(self._dofs[i] for i in keep)
+
+    def align(self, other: DofSet) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Positions in `other` of each DOF of this set, and the sign that turns one into the other.
+
+        Raises
+        ------
+        FemtuneError : ``dof.missing`` where `other` lacks one
+        """
+        missing = [str(d) for d in self._dofs if d not in other]
+        if missing:
+            raise FemtuneError("dof.missing", f"{len(missing)} DOFs are not in the other set: {missing[:5]}")
+        at = np.array([other._index[(d.node, d.direction)] for d in self._dofs], dtype=np.int64)
+        return at, self.signs * other.signs[at]
+
+    def common(self, other: DofSet) -> DofSet:
+        """The DOFs that are in both sets, in the order and with the signs of this one."""
+        return DofSet(d for d in self._dofs if d in other)

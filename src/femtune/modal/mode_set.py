@@ -1,0 +1,123 @@
+"""ModeSet: the modes of a test or of a model, in one language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+
+NORMALISATIONS = ("mass", "unit-norm", "unit-max", "unknown")
+
+
+@dataclass(frozen=True)
+class ModeSet:
+    """Natural modes at a set of DOFs.
+
+    Parameters
+    ----------
+    freq_hz : (m,) natural frequencies
+    shapes : (n, m) real or complex; NaN marks an entry that was not measured
+    dofs : the n DOFs of the rows
+    labels : m names; "1", "2", … unless the source has its own
+    damping_ratio : (m,) fractions of critical, or None where unknown
+    normalisation : one of NORMALISATIONS
+    freq_sd_hz : (m,) standard deviations of the frequencies, or None
+    shapes_sd : (n, m) standard deviations of the entries, or None
+    source : where the modes come from, in words
+
+    Raises
+    ------
+    FemtuneError : ``modes.shape`` where the sizes disagree, ``modes.values`` for frequencies that are
+        negative or not finite, or infinite entries of shapes
+    """
+
+    freq_hz: NDArray[np.float64]
+    shapes: NDArray
+    dofs: DofSet
+    labels: tuple[str, ...] = ()
+    damping_ratio: NDArray[np.float64] | None = None
+    normalisation: str = "unknown"
+    freq_sd_hz: NDArray[np.float64] | None = None
+    shapes_sd: NDArray[np.float64] | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.labels:
+            object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(len(self.freq_hz))))
+        self._check_sizes()
+        self._check_values()
+
+    def _check_sizes(self) -> None:
+        n, m = len(self.dofs), len(self.freq_hz)
+        wanted: dict[str, tuple[object, tuple[int, ...]]] = {
+            "shapes": (self.shapes, (n, m)),
+            "labels": (self.labels, (m,)),
+            "damping_ratio": (self.damping_ratio, (m,)),
+            "freq_sd_hz": (self.freq_sd_hz, (m,)),
+            "shapes_sd": (self.shapes_sd, (n, m)),
+        }
+        for name, (value, shape) in wanted.items():
+            if value is not None and np.shape(value) != shape:  # type: ignore[arg-type]
+                raise FemtuneError(
+                    "modes.shape",
+                    f"{name} has shape {np.shape(value)}, wanted {shape}",  # type: ignore[arg-type]
+                    values={"dofs": n, "modes": m},
+                )
+        if self.normalisation not in NORMALISATIONS:
+            raise FemtuneError(
+                "modes.normalisation",
+                f"'{self.normalisation}' is not a normalisation of modes",
+                hint="one of " + ", ".join(NORMALISATIONS),
+            )
+
+    def _check_values(self) -> None:
+        bad = ~np.isfinite(self.freq_hz) | (self.freq_hz < 0)
+        if bad.any():
+            raise FemtuneError(
+                "modes.values",
+                "frequencies must be finite and not negative",
+                values={self.labels[i]: self.freq_hz[i] for i in np.flatnonzero(bad)[:5]},
+            )
+        if np.isinf(self.shapes).any():
+            raise FemtuneError("modes.values", "a mode shape has an infinite entry")
+
+    def __len__(self) -> int:
+        return len(self.freq_hz)
+
+    @property
+    def omega_rad_s(self) -> NDArray[np.float64]:
+        """Circular frequencies."""
+        return 2.0 * np.pi * self.freq_hz
+
+    @property
+    def eigenvalues(self) -> NDArray[np.float64]:
+        """λ = ω²."""
+        return self.omega_rad_s**2
+
+    def select_modes(self, keep: Iterable[int]) -> ModeSet:
+        """The modes at the given positions, in that order."""
+        at = list(keep)
+        return replace(
+            self,
+            freq_hz=self.freq_hz[at],
+            shapes=self.shapes[:, at],
+            labels=tuple(self.labels[i] for i in at),
+            damping_ratio=_columns(self.damping_ratio, at),
+            freq_sd_hz=_columns(self.freq_sd_hz, at),
+            shapes_sd=_columns(self.shapes_sd, at),
+        )
+
+    def select_dofs(self, dofs: DofSet) -> ModeSet:
+        """The rows of `dofs`, in their order and with their signs (error ``dof.missing``)."""
+        at, signs = dofs.align(self.dofs)
+        sd = None if self.shapes_sd is None else self.shapes_sd[at]
+        return replace(self, shapes=signs[:, None] * self.shapes[at], dofs=dofs, shapes_sd=sd)
+
+
+def _columns(values: NDArray | None, at: list[int]) -> NDArray | None:
+    return None if values is None else values[..., at]

@@ -1,0 +1,218 @@
+"""Parameter and ParameterSet: what may change, how far, and how constrained ones follow the free ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import ErrorCollector, FemtuneError, Where, did_you_mean
+from femtune.parameters import jet
+from femtune.parameters.expression import Expression, parse_expression
+from femtune.parameters.jet import Jet
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter P.
+
+    Parameters
+    ----------
+    name : an identifier, so that ties can use it
+    nominal : its start value P0, in `unit`
+    lower, upper : bounds, in `unit`
+    unit : text for tables; "" for a factor
+    prior_mean, prior_sd : prior; the mean is the nominal value, and the standard deviation
+        (upper − lower)/√12, where none is given
+    tie : expression of other parameters; a tied (constrained) parameter is not free
+    where : its place in the study
+
+    Raises
+    ------
+    FemtuneError : ``parameter.name``, ``parameter.bounds`` or ``parameter.prior``
+    """
+
+    name: str
+    nominal: float = 1.0
+    lower: float = 0.5
+    upper: float = 2.0
+    unit: str = ""
+    prior_mean: float | None = None
+    prior_sd: float | None = None
+    tie: Expression | None = None
+    where: Where | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise self._error(
+                "parameter.name", f"'{self.name}' is not a name", "letters, digits and _, no digit first"
+            )
+        if self.tie is None:
+            self._check_bounds()
+        if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
+            raise self._error(
+                "parameter.prior", "the prior standard deviation must be positive", "give sd > 0"
+            )
+
+    def _check_bounds(self) -> None:
+        if not np.isfinite([self.nominal, self.lower, self.upper]).all() or self.lower >= self.upper:
+            raise self._error(
+                "parameter.bounds", "the lower bound must be below the upper one", "exchange them"
+            )
+        if not self.lower <= self.nominal <= self.upper:
+            raise self._error(
+                "parameter.bounds", "the nominal value lies outside the bounds", "widen the bounds"
+            )
+
+    def _error(self, code: str, what: str, hint: str) -> FemtuneError:
+        values = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
+        return FemtuneError(
+            code, f"parameter {self.name}: {what}", where=self.where, values=values, hint=hint
+        )
+
+    @property
+    def free(self) -> bool:
+        """True where no tie binds it."""
+        return self.tie is None
+
+    @property
+    def mean(self) -> float:
+        """Mean of the prior."""
+        return self.nominal if self.prior_mean is None else self.prior_mean
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the prior: that of a uniform distribution between the bounds if none is given."""
+        return (self.upper - self.lower) / np.sqrt(12.0) if self.prior_sd is None else self.prior_sd
+
+    @property
+    def scale(self) -> float:
+        """P = P0 + scale·x inside solvers: P0 itself, or the width of the bounds where P0 is zero."""
+        return abs(self.nominal) or (self.upper - self.lower)
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """All parameters of a study, free and tied.
+
+    Solvers move the normalised free vector x, P = P0 + |P0|·x (P = P0 (1 + x) for positive P0), zero at nominal.
+
+    Raises
+    ------
+    FemtuneError : ``parameter.duplicate``, ``tie.unknown`` or ``tie.circle``
+    """
+
+    parameters: tuple[Parameter, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        errors = ErrorCollector()
+        with errors.catch():
+            self._check_names()
+        with errors.catch():
+            self._check_ties()
+        errors.raise_if_any()
+
+    def _check_names(self) -> None:
+        for i, p in enumerate(self.parameters):
+            if p.name in self.names[:i]:
+                raise FemtuneError(
+                    "parameter.duplicate", f"two parameters are called {p.name}", where=p.where
+                )
+
+    def _check_ties(self) -> None:
+        for p in self.parameters:
+            for name in p.tie.names if p.tie else ():
+                if name not in self.names:
+                    raise FemtuneError(
+                        "tie.unknown",
+                        f"the tie of {p.name} names '{name}', which is no parameter",
+                        where=p.where,
+                        hint=did_you_mean(name, self.names),
+                    )
+        _ = self._order
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        return tuple(p.name for p in self.parameters)
+
+    @cached_property
+    def free(self) -> tuple[Parameter, ...]:
+        """The free parameters, in their order."""
+        return tuple(p for p in self.parameters if p.free)
+
+    @cached_property
+    def _order(self) -> tuple[Parameter, ...]:
+        """Tied parameters so that each follows all that it uses."""
+        done, waiting = {p.name for p in self.free}, [p for p in self.parameters if not p.free]
+        ordered: list[Parameter] = []
+        while waiting:
+            ready = [p for p in waiting if p.tie and set(p.tie.names) <= done]
+            if not ready:
+                names = ", ".join(p.name for p in waiting)
+                raise FemtuneError(
+                    "tie.circle", f"these ties go round in a circle: {names}", where=waiting[0].where
+                )
+            ordered += ready
+            done |= {p.name for p in ready}
+            waiting = [p for p in waiting if p.name not in done]
+        return tuple(ordered)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    @cached_property
+    def nominal(self) -> NDArray[np.float64]:
+        """Nominal values of the free parameters."""
+        return np.array([p.nominal for p in self.free], dtype=float)
+
+    @cached_property
+    def scale(self) -> NDArray[np.float64]:
+        """Scales of the free parameters."""
+        return np.array([p.scale for p in self.free], dtype=float)
+
+    def normalise(self, values: Iterable[float]) -> NDArray[np.float64]:
+        """Free values P -> x."""
+        return (np.asarray(list(values), dtype=float) - self.nominal) / self.scale
+
+    def denormalise(self, x: NDArray) -> NDArray:
+        """x -> free values P."""
+        return self.nominal + self.scale * x
+
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normalised lower and upper bounds."""
+        return self.normalise(p.lower for p in self.free), self.normalise(p.upper for p in self.free)
+
+    @cached_property
+    def prior(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normalised prior means and standard deviations."""
+        return self.normalise(p.mean for p in self.free), np.array([p.sd for p in self.free]) / self.scale
+
+    def jets(self, x: NDArray) -> dict[str, Jet]:
+        """Values of all parameters with exact gradient and Hessian in x."""
+        free = jet.variables(x) * self.scale + self.nominal
+        values = {p.name: free[i] for i, p in enumerate(self.free)}
+        for p in self._order:
+            assert p.tie is not None
+            tied = p.tie(values)
+            values[p.name] = tied if isinstance(tied, Jet) else jet.constant(tied, len(self.free))
+        return values
+
+    def values(self, x: NDArray) -> dict[str, float]:
+        """Values of all parameters, free and tied, in the order of the set."""
+        jets = self.jets(np.asarray(x, dtype=float))
+        return {name: float(jets[name].value) for name in self.names}
+
+    def index(self, name: str) -> int:
+        """Position of a free parameter in x."""
+        return [p.name for p in self.free].index(name)
+
+
+def tied(name: str, expression: str, **facts: object) -> Parameter:
+    """A constrained parameter from the text of its tie."""
+    where = facts.get("where")
+    return Parameter(name, tie=parse_expression(expression, where), **facts)  # type: ignore[arg-type]
