@@ -1,1 +1,27 @@
-"""TBD."""
+"""The finite element kernel: structures as arrays, elements as exact terms, constraints, checks."""
+
+from femtune.fem.contribution import Contribution, product
+from femtune.fem.structure import (
+    ConstraintRows,
+    ElementBatch,
+    NodeTable,
+    Structure,
+    join_constraints,
+    no_constraints,
+)
+from femtune.fem.values import Derived, FieldRef, ValueTable, ValueTableBuilder
+
+__all__ = [
+    "ConstraintRows",
+    "Contribution",
+    "Derived",
+    "ElementBatch",
+    "FieldRef",
+    "NodeTable",
+    "Structure",
+    "ValueTable",
+    "ValueTableBuilder",
+    "join_constraints",
+    "no_constraints",
+    "product",
+]

@@ -1,0 +1,52 @@
+"""Contribution: what an element gives to a matrix, as constant matrices with scalar coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.parameters.jet import Jet
+
+MatrixKind = Literal["stiffness", "mass"]
+Coefficient = Callable[[Mapping[str, Jet], Mapping[str, NDArray]], Jet]
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One exact term of a batch: Σ_e coefficient_e(p) · matrix_e.
+
+    Parameters
+    ----------
+    matrix : "stiffness" or "mass"
+    label : short name for messages and tests, "axial"
+    at : (m,) positions of the elements in their batch
+    matrices : (m, d, d) constant symmetric matrices on the batch's DOFs, in the displacement frames of the nodes
+    roles : names of the values that the coefficient needs
+    coefficient : (jets of the roles, facts) -> jet of shape (m,); plain arithmetic, complex-safe
+    facts : (m,) constants that enter the coefficient (a length); empty where it depends on the values only, so that
+        elements of the same values share one scalar
+    """
+
+    matrix: MatrixKind
+    label: str
+    at: NDArray[np.int64]
+    matrices: NDArray[np.float64]
+    roles: tuple[str, ...]
+    coefficient: Coefficient
+    facts: Mapping[str, NDArray] = field(default_factory=dict)
+
+
+def product(*roles: str) -> Coefficient:
+    """The coefficient that is the product of some values (a role may stand twice)."""
+
+    def multiply(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        out = values[roles[0]]
+        for name in roles[1:]:
+            out = out * values[name]
+        return out
+
+    return multiply

@@ -1,0 +1,220 @@
+"""Structure: nodes, values, element batches and constraints of one finite element model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import DIRECTIONS, Dof, DofSet
+from femtune.errors import FemtuneError, Where
+from femtune.fem.values import ValueTable
+
+Integers = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NodeTable:
+    """Grid points and scalar points, and the numbering of their degrees of freedom (the g-set).
+
+    Parameters
+    ----------
+    ids : (n,) ascending numbers of the grid points
+    xyz : (n, 3) coordinates in the basic frame
+    frames : (n, 3, 3) displacement frames: columns are unit axes in the basic frame, so u_basic = frame @ u
+    scalar_points : (s,) ascending numbers of the scalar points
+
+    Grid point i has DOFs 6i … 6i+5, scalar point j has DOF 6n + j.
+    """
+
+    ids: Integers
+    xyz: Reals
+    frames: Reals
+    scalar_points: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def n_dofs(self) -> int:
+        """Size of the g-set."""
+        return 6 * len(self.ids) + len(self.scalar_points)
+
+    @cached_property
+    def _grid_at(self) -> dict[int, int]:
+        return {int(n): i for i, n in enumerate(self.ids)}
+
+    @cached_property
+    def _scalar_at(self) -> dict[int, int]:
+        return {int(n): i for i, n in enumerate(self.scalar_points)}
+
+    def position(self, node: int, where: Where | None = None) -> int:
+        """Row of a grid point (error ``model.unknown-node``)."""
+        if node not in self._grid_at:
+            raise FemtuneError("model.unknown-node", f"grid point {node} does not exist", where=where)
+        return self._grid_at[node]
+
+    def has_grid(self, node: int) -> bool:
+        """True for a grid point of the model."""
+        return node in self._grid_at
+
+    def dof(self, node: int, component: int, where: Where | None = None) -> int:
+        """g-set DOF of a node's component: 1 to 6 of a grid point, 0 or 1 of a scalar point.
+
+        Raises
+        ------
+        FemtuneError : ``model.unknown-node`` or ``model.component``
+        """
+        if node in self._scalar_at and component in (0, 1):
+            return 6 * len(self.ids) + self._scalar_at[node]
+        if not 1 <= component <= 6 and node in self._grid_at:
+            raise FemtuneError(
+                "model.component", f"grid point {node} has no component {component}", where=where
+            )
+        return 6 * self.position(node, where) + component - 1
+
+    def describe(self, dof: int) -> Dof:
+        """Node and direction of a g-set DOF."""
+        n = 6 * len(self.ids)
+        if dof >= n:
+            return Dof(int(self.scalar_points[dof - n]), "S")
+        return Dof(int(self.ids[dof // 6]), DIRECTIONS[1 + dof % 6])
+
+    def dof_set(self) -> DofSet:
+        """All g-set DOFs in order."""
+        return DofSet(self.describe(i) for i in range(self.n_dofs))
+
+    @cached_property
+    def rotated(self) -> NDArray[np.bool_]:
+        """(n,) True where the displacement frame is not the basic one."""
+        return ~np.isclose(self.frames, np.eye(3), atol=1e-14).all(axis=(1, 2))
+
+
+@dataclass(frozen=True)
+class ElementBatch:
+    """Elements of one kind, as arrays.
+
+    Parameters
+    ----------
+    kind : key of the element's module: "bar", "rod", "spring", "bush", "concentrated-mass", "scalar-mass"
+    card : card name of the source, "CBAR"
+    ids : (e,) element numbers
+    nodes : (e, k) rows of the node table, −1 for ground
+    dofs : (e, d) g-set DOFs of the element matrices, −1 for ground
+    roles : for each value that the coefficients need ("E", "A", …), (e,) positions in the value table
+    facts : constant data an element (orientation, offsets, pin flags …), arrays with first axis e
+    """
+
+    kind: str
+    card: str
+    ids: Integers
+    nodes: Integers
+    dofs: Integers
+    roles: Mapping[str, Integers]
+    facts: Mapping[str, NDArray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def repoint(self, mask: NDArray[np.bool_], moved: Mapping[int, int]) -> ElementBatch:
+        """The batch with the roles of the masked elements moved to other positions of the value table."""
+        roles = {}
+        for name, at in self.roles.items():
+            new = np.array([moved.get(int(i), int(i)) for i in at])
+            roles[name] = np.where(mask, new, at).astype(np.int64)
+        return replace(self, roles=roles)
+
+
+@dataclass(frozen=True)
+class ConstraintRows:
+    """Homogeneous linear equations Σ c·u = 0, each with one dependent DOF (rigid elements, multipoint constraints).
+
+    Parameters
+    ----------
+    dependent : (m,) g-set DOF that each equation eliminates
+    row, dof, coefficient : (z,) entries of the equations; the dependent DOF is among them
+    owner : (m,) number of the element that gave the equation, 0 for an MPC card
+    """
+
+    dependent: Integers
+    row: Integers
+    dof: Integers
+    coefficient: Reals
+    owner: Integers
+
+    def __len__(self) -> int:
+        return len(self.dependent)
+
+    def keep(self, mask: NDArray[np.bool_]) -> ConstraintRows:
+        """The equations where the mask is true."""
+        new = np.cumsum(mask) - 1
+        z = mask[self.row]
+        return ConstraintRows(
+            self.dependent[mask], new[self.row[z]], self.dof[z], self.coefficient[z], self.owner[mask]
+        )
+
+
+def no_constraints() -> ConstraintRows:
+    """An empty set of equations."""
+    i, r = np.zeros(0, np.int64), np.zeros(0)
+    return ConstraintRows(i, i, i, r, i)
+
+
+def join_constraints(parts: Iterable[ConstraintRows]) -> ConstraintRows:
+    """Sets of equations one after the other."""
+    parts = [no_constraints(), *parts]
+    starts = np.cumsum([0, *(len(p) for p in parts)])
+    return ConstraintRows(
+        np.concatenate([p.dependent for p in parts]),
+        np.concatenate([p.row + start for p, start in zip(parts, starts)]),
+        np.concatenate([p.dof for p in parts]),
+        np.concatenate([p.coefficient for p in parts]),
+        np.concatenate([p.owner for p in parts]),
+    )
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One finite element model before a configuration is chosen.
+
+    Parameters
+    ----------
+    nodes, values, batches : see there
+    rigid : equations of rigid elements, always active unless their element is switched off
+    multipoint_sets : equations of the MPC sets by set number
+    support_sets : g-set DOFs held by the SPC sets, by set number
+    permanent : g-set DOFs held by the grid points themselves
+    default_support_set, default_multipoint_set : what the case control selects, or None
+    mass_factor : factor on all mass (PARAM WTMASS)
+    consistent_mass : True for consistent ("coupled") mass of bars, beams and rods, False for lumped
+    hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC)
+    element_kinds : card name of every element number, rigid elements included
+    """
+
+    nodes: NodeTable
+    values: ValueTable
+    batches: tuple[ElementBatch, ...]
+    rigid: ConstraintRows = field(default_factory=no_constraints)
+    multipoint_sets: Mapping[int, ConstraintRows] = field(default_factory=dict)
+    support_sets: Mapping[int, Integers] = field(default_factory=dict)
+    permanent: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    default_support_set: int | None = None
+    default_multipoint_set: int | None = None
+    mass_factor: float = 1.0
+    consistent_mass: bool = False
+    hold_singular: bool = True
+    element_kinds: Mapping[int, str] = field(default_factory=dict)
+
+    def split(self, index: int, elements: Iterable[int], region: str) -> Structure:
+        """The structure with its own copy of a value for some of its elements."""
+        chosen = np.fromiter(elements, dtype=np.int64)
+        values, moved = self.values.split(index, region)
+        batches = tuple(b.repoint(np.isin(b.ids, chosen), moved) for b in self.batches)
+        return replace(self, values=values, batches=batches)
+
+    def users(self, index: int) -> Integers:
+        """Numbers of the elements whose matrices depend on an entry of the value table."""
+        touched = list(self.values.dependents([index]))
+        found = [b.ids[np.isin(at, touched)] for b in self.batches for at in b.roles.values()]
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *found]))
