@@ -19,9 +19,7 @@ def require(module: str, *, extra: str = "") -> ModuleType:
     target = f"femtune[{extra}]" if extra else "femtune"
     top = module.partition(".")[0]
     if importlib.util.find_spec(top) is None:
-        raise FemtuneError(
-            "install.missing", f"the library '{top}' is not installed", hint=f'pip install "{target}"'
-        )
+        raise FemtuneError("install.missing", f"the library '{top}' is not installed", hint=f'pip install "{target}"')
     try:
         return importlib.import_module(module)
     except Exception as broken:

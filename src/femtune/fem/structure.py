@@ -69,9 +69,7 @@ class NodeTable:
         if node in self._scalar_at and component in (0, 1):
             return 6 * len(self.ids) + self._scalar_at[node]
         if not 1 <= component <= 6 and node in self._grid_at:
-            raise FemtuneError(
-                "model.component", f"grid point {node} has no component {component}", where=where
-            )
+            raise FemtuneError("model.component", f"grid point {node} has no component {component}", where=where)
         return 6 * self.position(node, where) + component - 1
 
     def describe(self, dof: int) -> Dof:
@@ -88,7 +86,7 @@ class NodeTable:
     @cached_property
     def rotated(self) -> NDArray[np.bool_]:
         """(n,) True where the displacement frame is not the basic one."""
-        return ~np.isclose(self.frames, np.eye(3), atol=1e-14).all(axis=(1, 2))
+        return np.asarray(~np.isclose(self.frames, np.eye(3), atol=1e-14).all(axis=(1, 2)))
 
 
 @dataclass(frozen=True)

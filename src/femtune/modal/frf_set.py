@@ -39,6 +39,4 @@ class FrfSet:
         if self.values.shape != wanted:
             raise FemtuneError("frf.shape", f"values have shape {self.values.shape}, wanted {wanted}")
         if self.kind not in KINDS:
-            raise FemtuneError(
-                "frf.kind", f"'{self.kind}' is not a kind of FRF", hint="one of " + ", ".join(KINDS)
-            )
+            raise FemtuneError("frf.kind", f"'{self.kind}' is not a kind of FRF", hint="one of " + ", ".join(KINDS))

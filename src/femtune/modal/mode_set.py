@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class ModeSet:
 
     def _check_sizes(self) -> None:
         n, m = len(self.dofs), len(self.freq_hz)
-        wanted: dict[str, tuple[object, tuple[int, ...]]] = {
+        wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
             "shapes": (self.shapes, (n, m)),
             "labels": (self.labels, (m,)),
             "damping_ratio": (self.damping_ratio, (m,)),
@@ -62,10 +63,10 @@ class ModeSet:
             "shapes_sd": (self.shapes_sd, (n, m)),
         }
         for name, (value, shape) in wanted.items():
-            if value is not None and np.shape(value) != shape:  # type: ignore[arg-type]
+            if value is not None and np.shape(value) != shape:
                 raise FemtuneError(
                     "modes.shape",
-                    f"{name} has shape {np.shape(value)}, wanted {shape}",  # type: ignore[arg-type]
+                    f"{name} has shape {np.shape(value)}, wanted {shape}",
                     values={"dofs": n, "modes": m},
                 )
         if self.normalisation not in NORMALISATIONS:

@@ -80,12 +80,7 @@ def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
         return [node.left, node.right]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         return [node.operand]
-    if (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and len(node.args) == 1
-        and not node.keywords
-    ):
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and len(node.args) == 1 and not node.keywords:
         if node.func.id in _FUNCTIONS:
             return [node.args[0]]
         raise _refused(text, f"calls '{node.func.id}'", where, did_you_mean(node.func.id, _FUNCTIONS))

@@ -99,9 +99,7 @@ class Jet:
 def constant(value: Any, n_variables: int) -> Jet:
     """A jet whose derivatives vanish."""
     v = np.asarray(value, dtype=complex if np.iscomplexobj(value) else float)
-    return Jet(
-        v, np.zeros((*v.shape, n_variables), v.dtype), np.zeros((*v.shape, n_variables, n_variables), v.dtype)
-    )
+    return Jet(v, np.zeros((*v.shape, n_variables), v.dtype), np.zeros((*v.shape, n_variables, n_variables), v.dtype))
 
 
 def variables(x: NDArray) -> Jet:
@@ -113,9 +111,7 @@ def variables(x: NDArray) -> Jet:
 
 def stack(jets: list[Jet]) -> Jet:
     """Scalar jets side by side, as a jet of shape (len(jets),)."""
-    return Jet(
-        np.stack([j.value for j in jets]), np.stack([j.grad for j in jets]), np.stack([j.hess for j in jets])
-    )
+    return Jet(np.stack([j.value for j in jets]), np.stack([j.grad for j in jets]), np.stack([j.hess for j in jets]))
 
 
 def exp(x: Jet) -> Jet:

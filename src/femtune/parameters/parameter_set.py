@@ -47,31 +47,21 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            raise self._error(
-                "parameter.name", f"'{self.name}' is not a name", "letters, digits and _, no digit first"
-            )
+            raise self._error("parameter.name", f"'{self.name}' is not a name", "letters, digits and _, no digit first")
         if self.tie is None:
             self._check_bounds()
         if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
-            raise self._error(
-                "parameter.prior", "the prior standard deviation must be positive", "give sd > 0"
-            )
+            raise self._error("parameter.prior", "the prior standard deviation must be positive", "give sd > 0")
 
     def _check_bounds(self) -> None:
         if not np.isfinite([self.nominal, self.lower, self.upper]).all() or self.lower >= self.upper:
-            raise self._error(
-                "parameter.bounds", "the lower bound must be below the upper one", "exchange them"
-            )
+            raise self._error("parameter.bounds", "the lower bound must be below the upper one", "exchange them")
         if not self.lower <= self.nominal <= self.upper:
-            raise self._error(
-                "parameter.bounds", "the nominal value lies outside the bounds", "widen the bounds"
-            )
+            raise self._error("parameter.bounds", "the nominal value lies outside the bounds", "widen the bounds")
 
     def _error(self, code: str, what: str, hint: str) -> FemtuneError:
         values = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
-        return FemtuneError(
-            code, f"parameter {self.name}: {what}", where=self.where, values=values, hint=hint
-        )
+        return FemtuneError(code, f"parameter {self.name}: {what}", where=self.where, values=values, hint=hint)
 
     @property
     def free(self) -> bool:
@@ -118,9 +108,7 @@ class ParameterSet:
     def _check_names(self) -> None:
         for i, p in enumerate(self.parameters):
             if p.name in self.names[:i]:
-                raise FemtuneError(
-                    "parameter.duplicate", f"two parameters are called {p.name}", where=p.where
-                )
+                raise FemtuneError("parameter.duplicate", f"two parameters are called {p.name}", where=p.where)
 
     def _check_ties(self) -> None:
         for p in self.parameters:
@@ -153,9 +141,7 @@ class ParameterSet:
             ready = [p for p in waiting if p.tie and set(p.tie.names) <= done]
             if not ready:
                 names = ", ".join(p.name for p in waiting)
-                raise FemtuneError(
-                    "tie.circle", f"these ties go round in a circle: {names}", where=waiting[0].where
-                )
+                raise FemtuneError("tie.circle", f"these ties go round in a circle: {names}", where=waiting[0].where)
             ordered += ready
             done |= {p.name for p in ready}
             waiting = [p for p in waiting if p.name not in done]
