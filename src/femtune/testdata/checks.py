@@ -1,0 +1,187 @@
+"""Quality of test data: what is missing, impossible, or complex where a real mode is expected."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.modal import ModeSet
+from femtune.testdata.modal_test import ModalTest
+
+LOW_COLLINEARITY = 0.9
+"""Below this phase collinearity a shape is reported as complex."""
+
+
+def check_test(test: ModalTest, *, allow_missing: bool = False) -> tuple[Notice, ...]:
+    """All checks of modes and sensors of a test; errors are shown together.
+
+    Parameters
+    ----------
+    allow_missing : NaN entries of shapes mean "not measured" and are accepted
+
+    Raises
+    ------
+    FemtuneError : ``test.nan``, ``test.zero-shape``, ``test.frequency``, ``test.sensor-direction``
+    """
+    errors = ErrorCollector()
+    notices: tuple[Notice, ...] = ()
+    if test.modes is not None:
+        with errors.catch():
+            notices = check_modes(test.modes, allow_missing=allow_missing)
+    for sensor in test.sensors:
+        with errors.catch():
+            _check_unit_vector(str(sensor.label), sensor.direction)
+    errors.raise_if_any()
+    return notices
+
+
+def check_modes(modes: ModeSet, *, allow_missing: bool = False) -> tuple[Notice, ...]:
+    """Refuse modes that cannot be compared; return what is merely remarkable.
+
+    Raises
+    ------
+    FemtuneError : ``test.nan`` naming mode and DOF (unless `allow_missing`), ``test.zero-shape`` for a mode
+        without any non-zero entry, ``test.frequency`` for frequencies that are not positive
+    """
+    errors = ErrorCollector()
+    for check in (_check_zero, _check_frequencies):
+        with errors.catch():
+            check(modes)
+    if not allow_missing:
+        with errors.catch():
+            _check_nan(modes)
+    errors.raise_if_any()
+    return (*_order(modes), *_repeated(modes), *_complexity(modes))
+
+
+def _check_nan(modes: ModeSet) -> None:
+    rows, columns = np.nonzero(np.isnan(modes.shapes))
+    if rows.size:
+        places = [f"mode {modes.labels[j]} at {modes.dofs[i]}" for i, j in zip(rows[:5], columns[:5])]
+        raise FemtuneError(
+            "test.nan",
+            f"{rows.size} entries of the mode shapes are not numbers (NaN)",
+            values={"first": "; ".join(places)},
+            hint="correct them, or say that missing entries are allowed: they count as not measured",
+        )
+
+
+def _check_zero(modes: ModeSet) -> None:
+    largest = np.nanmax(np.abs(modes.shapes), axis=0, initial=0.0)
+    empty = [modes.labels[j] for j in np.flatnonzero(largest == 0)]
+    if empty:
+        raise FemtuneError(
+            "test.zero-shape",
+            f"the shape of mode {', '.join(empty)} is zero at every DOF",
+            hint="leave the mode out, or read its shape from another record",
+        )
+
+
+def _check_frequencies(modes: ModeSet) -> None:
+    bad = {f"mode {modes.labels[j]}": modes.freq_hz[j] for j in np.flatnonzero(~(modes.freq_hz > 0))}
+    if bad:
+        raise FemtuneError(
+            "test.frequency",
+            "measured natural frequencies must be above zero",
+            values=bad,
+            hint="leave rigid-body modes out of the test, or correct the frequency",
+        )
+
+
+def _check_unit_vector(label: str, direction: NDArray[np.float64]) -> None:
+    length = float(np.linalg.norm(direction))
+    if not abs(length - 1.0) < 1e-6:
+        raise FemtuneError(
+            "test.sensor-direction",
+            f"the direction of sensor {label} is not a unit vector",
+            values={"direction": np.array2string(np.asarray(direction)), "length": length},
+            hint="give the direction in which the sensor measures, for example 0 0 1",
+        )
+
+
+def _order(modes: ModeSet) -> Iterator[Notice]:
+    if np.any(np.diff(modes.freq_hz) < 0):
+        yield Notice("test.unsorted", "the modes are not in the order of their frequencies", level="info")
+
+
+def _repeated(modes: ModeSet) -> Iterator[Notice]:
+    order = np.argsort(modes.freq_hz, kind="stable")
+    for i, j in itertools.pairwise(order):
+        if modes.freq_hz[i] == modes.freq_hz[j]:
+            both = f"modes {modes.labels[i]} and {modes.labels[j]}"
+            yield Notice("test.repeated-frequency", f"{both} have the same frequency {modes.freq_hz[i]} Hz")
+
+
+def _complexity(modes: ModeSet) -> Iterator[Notice]:
+    if not np.iscomplexobj(modes.shapes):
+        return
+    for label, shape in zip(modes.labels, modes.shapes.T):
+        collinearity = phase_collinearity(shape)
+        if collinearity < LOW_COLLINEARITY:
+            what = f"mode {label} is complex: phase collinearity {collinearity:.3f}, mean phase deviation"
+            yield Notice("test.complex-shape", f"{what} {mean_phase_deviation_deg(shape):.1f} degrees")
+
+
+def phase_collinearity(shape: NDArray) -> float:
+    """How far the entries of a shape lie on one line of the complex plane: 1 for a real mode, 0 for a circle.
+
+    ((λ1 − λ2)/(λ1 + λ2))², λ being the eigenvalues of the scatter of real and imaginary parts (Pappa, Elliott
+    and Schenk 1993, "Consistent-mode indicator for the eigensystem realization algorithm"). NaN entries are
+    left out.
+    """
+    x, y = _parts(shape)
+    sxx, syy, sxy = x @ x, y @ y, x @ y
+    total = sxx + syy
+    return float(((sxx - syy) ** 2 + 4 * sxy**2) / total**2) if total > 0 else 1.0
+
+
+def mean_phase_deviation_deg(shape: NDArray) -> float:
+    """Mean angle (degrees) between the entries and their best line, weighted by their amplitudes.
+
+    Reynders, Houbrechts and De Roeck (2012), "Fully automated (operational) modal analysis". NaN entries
+    are left out.
+    """
+    x, y = _parts(shape)
+    amplitude = np.hypot(x, y)
+    keep = amplitude > 0
+    if not keep.any():
+        return 0.0
+    line = np.linalg.svd(np.column_stack([x, y]), full_matrices=False)[2][0]
+    across = np.abs(x * line[1] - y * line[0])[keep]
+    along = np.abs(x * line[0] + y * line[1])[keep]
+    return float(np.degrees(np.average(np.arctan2(across, along), weights=amplitude[keep])))
+
+
+def _parts(shape: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    known = np.asarray(shape, dtype=complex)[~np.isnan(shape)]
+    return known.real, known.imag
+
+
+@dataclass(frozen=True, eq=False)
+class RealModes:
+    """Real shapes taken from complex ones: `phase_rad` (m,) that each was turned by, and `residual` (m,),
+    the norm of what was left in the imaginary part over the norm of the shape."""
+
+    modes: ModeSet
+    phase_rad: NDArray[np.float64]
+    residual: NDArray[np.float64]
+
+
+def real_modes(modes: ModeSet) -> RealModes:
+    """Turn each complex shape to the phase that makes its imaginary part smallest, and keep the real part.
+
+    The phase is half the argument of Σ φ², which is the least-squares line through the entries. Shapes that
+    are real already come back unchanged.
+    """
+    if not np.iscomplexobj(modes.shapes):
+        return RealModes(modes, np.zeros(len(modes)), np.zeros(len(modes)))
+    phase = 0.5 * np.angle(np.nansum(modes.shapes**2, axis=0))
+    turned = modes.shapes * np.exp(-1j * phase)
+    size = np.sqrt(np.nansum(np.abs(turned) ** 2, axis=0))
+    residual = np.sqrt(np.nansum(turned.imag**2, axis=0)) / np.where(size > 0, size, 1.0)
+    return RealModes(replace(modes, shapes=turned.real.copy()), phase, residual)

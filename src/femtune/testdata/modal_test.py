@@ -1,0 +1,168 @@
+"""ModalTest: one vibration test of a structure in one configuration, whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import Dof
+from femtune.errors import FemtuneError, Notice
+from femtune.modal import FrfSet, ModeSet
+from femtune.units import UnitSystem
+
+
+@dataclass(frozen=True, eq=False)
+class WireFrame:
+    """The geometry of a test: where its nodes are and which lines draw it.
+
+    Parameters
+    ----------
+    nodes : (n,) node numbers, each once
+    coordinates : (n, 3) in the length unit of the test
+    axes : (n, 3, 3); row k of ``axes[i]`` is the unit vector of node i's local direction k (X, Y, Z) in
+        global axes; the identity where nothing else is given
+    lines : trace lines, each a tuple of two or more node numbers
+    elements : faces and bars, each a tuple of node numbers
+
+    Raises
+    ------
+    FemtuneError : ``test.geometry`` for sizes that disagree and coordinates that are not finite,
+        ``test.duplicate-node``, ``test.unknown-node`` for lines or elements through missing nodes
+    """
+
+    nodes: NDArray[np.int64]
+    coordinates: NDArray[np.float64]
+    axes: NDArray[np.float64] | None = None
+    lines: tuple[tuple[int, ...], ...] = ()
+    elements: tuple[tuple[int, ...], ...] = ()
+    _index: dict[int, int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.nodes)
+        if self.axes is None:
+            object.__setattr__(self, "axes", np.tile(np.eye(3), (n, 1, 1)))
+        object.__setattr__(self, "_index", {int(node): i for i, node in enumerate(self.nodes)})
+        self._check_sizes(n)
+        self._check_nodes(n)
+
+    def _check_sizes(self, n: int) -> None:
+        axes = np.asarray(self.axes)
+        if self.coordinates.shape != (n, 3) or axes.shape != (n, 3, 3):
+            sizes = {"coordinates": self.coordinates.shape, "axes": axes.shape, "nodes": n}
+            raise FemtuneError("test.geometry", "the arrays of the wire frame disagree in size", values=sizes)
+        bad = self.nodes[~np.isfinite(self.coordinates).all(axis=1)]
+        if bad.size:
+            raise FemtuneError("test.geometry", f"coordinates of nodes {_some(bad)} are not finite numbers")
+
+    def _check_nodes(self, n: int) -> None:
+        if len(self._index) != n:
+            numbers, counts = np.unique(self.nodes, return_counts=True)
+            raise FemtuneError("test.duplicate-node", f"nodes {_some(numbers[counts > 1])} are defined twice")
+        missing = sorted({node for path in (*self.lines, *self.elements) for node in path} - set(self._index))
+        if missing:
+            raise FemtuneError("test.unknown-node", f"lines or elements use missing nodes {_some(missing)}")
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def __contains__(self, node: int) -> bool:
+        return node in self._index
+
+    def position(self, node: int) -> NDArray[np.float64]:
+        """(3,) coordinates of a node (error ``test.unknown-node``)."""
+        return self.coordinates[self._at(node)]
+
+    def direction(self, dof: Dof) -> NDArray[np.float64]:
+        """(3,) unit vector of a DOF in global axes, its sign included; of the axis for a rotation.
+
+        Raises
+        ------
+        FemtuneError : ``test.unknown-node``; ``test.scalar-point`` for a DOF without direction
+        """
+        if dof.component == 0:
+            raise FemtuneError("test.scalar-point", f"{dof} is a scalar point: it has no direction in space")
+        assert self.axes is not None
+        return dof.sign * self.axes[self._at(dof.node), (dof.component - 1) % 3]
+
+    def _at(self, node: int) -> int:
+        if node not in self._index:
+            raise FemtuneError("test.unknown-node", f"node {node} is not in the wire frame")
+        return self._index[node]
+
+
+NO_GEOMETRY = WireFrame(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+"""The wire frame of a test that gives none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """One measured degree of freedom.
+
+    Parameters
+    ----------
+    label : the DOF that names it in modes and FRFs
+    position : (3,) in the length unit of the test
+    direction : (3,) unit vector in global axes, of the motion or (RX, RY, RZ) of the axis of rotation; the
+        label's sign is included
+    """
+
+    label: Dof
+    position: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    @property
+    def is_rotation(self) -> bool:
+        """True where it measures a rotation."""
+        return self.label.component > 3
+
+
+@dataclass(frozen=True, eq=False)
+class ModalTest:
+    """One test in one configuration (masses and supports as they were that day).
+
+    Parameters
+    ----------
+    name : what the user calls it
+    units : the system of coordinates, mass-normalised shapes and FRFs
+    geometry : wire frame (empty where the source gives none)
+    sensors : those whose place is known, each label once
+    modes, frfs : the identified modes and the measured functions, or None
+    conditions : whatever else was said about the test, by name
+    source : the file it comes from
+    notices : what was found while it was read
+
+    Raises
+    ------
+    FemtuneError : ``test.duplicate-sensor``
+    """
+
+    name: str
+    units: UnitSystem
+    geometry: WireFrame = NO_GEOMETRY
+    sensors: tuple[Sensor, ...] = ()
+    modes: ModeSet | None = None
+    frfs: FrfSet | None = None
+    conditions: tuple[tuple[str, str], ...] = ()
+    source: str = ""
+    notices: tuple[Notice, ...] = ()
+
+    def __post_init__(self) -> None:
+        seen: set[tuple[int, str]] = set()
+        for label in (sensor.label for sensor in self.sensors):
+            if (label.node, label.direction) in seen:
+                raise FemtuneError("test.duplicate-sensor", f"two sensors are called {label}")
+            seen.add((label.node, label.direction))
+
+
+def sensors_at(geometry: WireFrame, dofs: Iterable[Dof]) -> tuple[Sensor, ...]:
+    """Sensors for those `dofs` whose node is in the wire frame, in its local directions, each DOF once."""
+    labels = {(d.node, d.direction): d for d in reversed(list(dofs)) if d.node in geometry and d.component}
+    return tuple(Sensor(d, geometry.position(d.node), geometry.direction(d)) for d in reversed(list(labels.values())))
+
+
+def _some(items: Iterable[object], most: int = 5) -> str:
+    texts = [str(item) for item in items]
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
