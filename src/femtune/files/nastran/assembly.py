@@ -1,0 +1,165 @@
+"""Lines of bulk data put together into cards: continuations, replication, superelement sections."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
+from femtune.files.nastran.card import Card, line_starts
+from femtune.files.nastran.fields import FieldLine, beyond_last_column, split_line
+from femtune.files.nastran.replication import is_replication, replicate
+from femtune.files.nastran.source import SourceLine
+
+_NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
+_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d*)", re.IGNORECASE)
+_MOST_ERRORS = 20
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """Cards in the order of the deck, and what the user should know about their lines."""
+
+    cards: tuple[Card, ...]
+    notices: tuple[Notice, ...]
+
+
+def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
+    """Put bulk data lines (without BEGIN BULK and ENDDATA) together into cards.
+
+    Raises
+    ------
+    FemtuneError : ``deck.too-many-fields``, ``deck.continuation``, ``deck.truncated``, ``deck.card-name``,
+        ``deck.replication``; several together as FemtuneErrors
+    """
+    assembly = _Assembly()
+    for line in lines:
+        body = line.body
+        if body and not body.isspace():
+            assembly.take(line, body)
+    assembly.finish()
+    return Bulk(tuple(assembly.cards), tuple(assembly.notices))
+
+
+class _Assembly:
+    """Cards found so far, and the lines of the card that is being read."""
+
+    def __init__(self) -> None:
+        self.cards: list[Card] = []
+        self.notices: list[Notice] = []
+        self.problems = ErrorCollector()
+        self.open: list[FieldLine] = []
+        self.superelement = 0
+
+    def take(self, line: SourceLine, body: str) -> None:
+        with self.problems.catch():
+            self._take(line, body)
+        if len(self.problems.errors) >= _MOST_ERRORS:
+            self.problems.raise_if_any()
+
+    def finish(self) -> None:
+        with self.problems.catch():
+            if self.open and _asks_for_continuation(self.open[-1].tail):
+                raise _cut(self.open)
+            self._close()
+        self.problems.raise_if_any()
+
+    def _take(self, line: SourceLine, body: str) -> None:
+        begin = _BEGIN.match(body) if body.lstrip()[:1] in "bB" else None
+        if begin:
+            self._close()
+            self._begin(line, begin)
+            return
+        cut = split_line(line, body)
+        self._note_width(cut, body)
+        if is_replication(cut):
+            self._close()
+            self._replicate(cut)
+        elif cut.continues:
+            self._continue(cut)
+        else:
+            self._close()
+            self.open = [_checked_name(cut)]
+
+    def _continue(self, cut: FieldLine) -> None:
+        if not self.open:
+            raise _continuation(cut, "this continuation has no card above it", "add the card's first line")
+        asked, given = self.open[-1].tail[1:].upper(), cut.head[1:]
+        if asked and given and asked != given:
+            what = f"the card above asks for continuation '{asked}', but '{given}' follows"
+            raise _continuation(cut, what, "put a card's continuations right below it, in order")
+        self.open.append(cut)
+
+    def _close(self) -> None:
+        if not self.open:
+            return
+        lines, self.open = self.open, []
+        self._note_dangling(lines)
+        self.cards.append(_card(lines, len(self.cards), self.superelement))
+
+    def _replicate(self, cut: FieldLine) -> None:
+        self.cards.extend(replicate(self.cards, cut, self.superelement))
+
+    def _begin(self, line: SourceLine, begin: re.Match[str]) -> None:
+        if begin[1].upper() == "BULK" or begin[2] in ("", "0"):
+            self.superelement = 0
+            return
+        self.superelement = int(begin[2])
+        what = f"the cards that follow belong to superelement {begin[2]}"
+        self.notices.append(Notice("deck.superelement", what, Where(line.file, line.number, "BEGIN SUPER")))
+
+    def _note_width(self, cut: FieldLine, body: str) -> None:
+        if beyond_last_column(cut, body):
+            where = Where(cut.source.file, cut.source.number, cut.head)
+            what = "text after column 80 is not read"
+            self.notices.append(Notice("deck.beyond-column-80", what, where))
+
+    def _note_dangling(self, lines: list[FieldLine]) -> None:
+        tail = lines[-1].tail
+        if _asks_for_continuation(tail):
+            where = Where(lines[-1].source.file, lines[-1].source.number, lines[0].head)
+            what = f"the continuation '{tail}' that this card asks for does not follow"
+            self.notices.append(Notice("deck.dangling-continuation", what, where))
+
+
+def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
+    fields: list[str] = []
+    for line, start in zip(lines, line_starts([line.large for line in lines])):
+        fields += [""] * (start - len(fields))
+        fields += line.data
+    while fields and not fields[-1]:
+        fields.pop()
+    sources = tuple(line.source for line in lines)
+    name = lines[0].head.removesuffix("*").rstrip()
+    return Card(name, tuple(fields), sources, lines[0].format, position, superelement)
+
+
+def _checked_name(cut: FieldLine) -> FieldLine:
+    if _NAME.fullmatch(cut.head.removesuffix("*").rstrip()):
+        return cut
+    raise FemtuneError(
+        "deck.card-name",
+        f"'{cut.head[:20]}' is not the name of a card",
+        where=Where(cut.source.file, cut.source.number),
+        hint="a name starts with a letter and has 8 letters or digits at most; a comment starts with $",
+    )
+
+
+def _asks_for_continuation(tail: str) -> bool:
+    return len(tail) > 1 and tail[0] in "+*"
+
+
+def _cut(lines: list[FieldLine]) -> FemtuneError:
+    last = lines[-1]
+    return FemtuneError(
+        "deck.truncated",
+        f"the deck ends in the middle of a card: its continuation '{last.tail}' is not there",
+        where=Where(last.source.file, last.source.number, lines[0].head),
+        hint="the file may have been cut here; if the card is complete, remove its last field (columns 73-80)",
+    )
+
+
+def _continuation(cut: FieldLine, what: str, hint: str) -> FemtuneError:
+    where = Where(cut.source.file, cut.source.number, cut.head)
+    return FemtuneError("deck.continuation", what, where=where, hint=hint)

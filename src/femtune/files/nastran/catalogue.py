@@ -1,0 +1,104 @@
+"""The table of understood cards: the names of their fields by position, and which of them a study may update."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+ELEMENT, PROPERTY, MATERIAL, OTHER = "element", "property", "material", "other"
+
+
+@dataclass(frozen=True)
+class CardKind:
+    """What is known of a card.
+
+    Parameters
+    ----------
+    name : card name
+    role : "element", "property", "material" or "other"
+    fields : field names by position from the first field after the card's name; "-" where there is none
+    values : names of the fields that element matrices are functions of
+    starts : positions at which the sequence of names starts (a PELAS card holds two properties)
+    """
+
+    name: str
+    role: str
+    fields: tuple[str, ...]
+    values: tuple[str, ...] = ()
+    starts: tuple[int, ...] = (0,)
+
+
+_LAYOUT = """
+GRID      other     ID CP X1 X2 X3 CD PS SEID
+GRDSET    other     - CP - - - CD PS SEID
+SPOINT    other     ID
+CORD1R    other     CID G1 G2 G3
+CORD1C    other     CID G1 G2 G3
+CORD1S    other     CID G1 G2 G3
+CORD2R    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
+CORD2C    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
+CORD2S    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
+MAT1      material  MID E G NU RHO A TREF GE
+CBAR      element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B
+CBEAM     element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B SA SB
+BAROR     other     - PID - - X1 X2 X3 OFFT
+BEAMOR    other     - PID - - X1 X2 X3 OFFT
+PBAR      property  PID MID A I1 I2 J NSM - C1 C2 D1 D2 E1 E2 F1 F2 K1 K2 I12
+PBEAM     property  PID MID A I1 I2 I12 J NSM C1 C2 D1 D2 E1 E2 F1 F2
+PBARL     property  PID MID GROUP TYPE - - - -
+PBEAML    property  PID MID GROUP TYPE - - - -
+CROD      element   EID PID G1 G2
+CONROD    element   EID G1 G2 MID A J C NSM
+PROD      property  PID MID A J C NSM
+CELAS1    element   EID PID G1 C1 G2 C2
+CELAS2    element   EID K G1 C1 G2 C2 GE S
+PELAS     property  PID K GE S
+CBUSH     element   EID PID GA GB X1 X2 X3 CID S OCID S1 S2 S3
+PBUSH     property  PID - K1 K2 K3 K4 K5 K6
+CMASS1    element   EID PID G1 C1 G2 C2
+CMASS2    element   EID M G1 C1 G2 C2
+PMASS     property  PID M
+CONM1     element   EID G CID M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66
+CONM2     element   EID G CID M X1 X2 X3 - I11 I21 I22 I31 I32 I33
+RBE2      element   EID GN CM
+RBAR      element   EID GA GB CNA CNB CMA CMB ALPHA
+MPC       other     SID
+MPCADD    other     SID
+SPC       other     SID G1 C1 D1 G2 C2 D2
+SPC1      other     SID C
+SPCADD    other     SID
+EIGR      other     SID METHOD F1 F2 NE ND - - NORM G C
+EIGRL     other     SID V1 V2 ND MSGLVL MAXSET SHFSCL NORM
+PARAM     other     NAME VALUE
+"""
+
+_VALUES = {
+    "MAT1": "E G NU RHO GE",
+    "PBAR": "A I1 I2 J NSM K1 K2 I12",
+    "PBEAM": "A I1 I2 I12 J NSM K1 K2",
+    "PBARL": "DIM1 DIM2 DIM3 DIM4 NSM",
+    "PBEAML": "DIM1 DIM2 DIM3 DIM4 NSM",
+    "PROD": "A J NSM",
+    "CONROD": "A J NSM",
+    "PELAS": "K",
+    "CELAS2": "K",
+    "PBUSH": "K1 K2 K3 K4 K5 K6",
+    "PMASS": "M",
+    "CMASS2": "M",
+    "CONM1": "M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66",
+    "CONM2": "M I11 I21 I22 I31 I32 I33",
+}
+
+_STARTS = {"PELAS": (0, 4), "PMASS": (0, 2, 4, 6), "CORD1R": (0, 4), "CORD1C": (0, 4), "CORD1S": (0, 4)}
+
+
+def _kind(line: str) -> CardKind:
+    name, role, *fields = line.split()
+    values = tuple(_VALUES.get(name, "").split())
+    return CardKind(name, role, tuple(fields), values, _STARTS.get(name, (0,)))
+
+
+CATALOGUE: dict[str, CardKind] = {kind.name: kind for kind in map(_kind, _LAYOUT.strip().splitlines())}
+"""Understood cards by name."""
+
+NODE_FIELDS = frozenset({"GA", "GB", "G1", "G2", "G"})
+"""Names of the fields of elements that refer to grid points."""

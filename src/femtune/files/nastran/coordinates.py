@@ -1,0 +1,156 @@
+"""Coordinate systems CORD1R/C/S and CORD2R/C/S: rectangular, cylindrical, spherical, chained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.nastran.record import Record
+
+Reals = NDArray[np.float64]
+
+_MAX_CHAIN = 200
+_ON_AXIS = 1e-10
+
+
+@dataclass(frozen=True)
+class CoordinateSystem:
+    """A coordinate system: `shape` "R", "C" or "S"; `origin` (3,) and `axes` (3, 3), columns, in the basic frame."""
+
+    id: int
+    shape: str
+    origin: Reals
+    axes: Reals
+
+    def point(self, x: Reals) -> Reals:
+        """Basic coordinates of a point given in this system (r, θ°, z or r, θ°, φ° where it is not rectangular)."""
+        return self.origin + self.axes @ _rectangular(self.shape, np.asarray(x, dtype=float))
+
+    def frame(self, at: Reals) -> Reals:
+        """(3, 3) unit axes, as columns in the basic frame, of components at a point in basic coordinates.
+
+        On the axis of a cylindrical or spherical system, where the radius has no direction, θ = 0 is taken.
+        """
+        local = self.axes.T @ (np.asarray(at, dtype=float) - self.origin)
+        return self.axes @ _local_frame(self.shape, local)
+
+
+BASIC = CoordinateSystem(0, "R", np.zeros(3), np.eye(3))
+
+
+def _rectangular(shape: str, x: Reals) -> Reals:
+    if shape == "R":
+        return x
+    a, b = np.radians(x[1]), np.radians(x[2])
+    if shape == "C":
+        return np.array([x[0] * np.cos(a), x[0] * np.sin(a), x[2]])
+    return x[0] * np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)])
+
+
+def _local_frame(shape: str, x: Reals) -> Reals:
+    if shape == "R":
+        return np.eye(3)
+    r = np.hypot(x[0], x[1])
+    off_axis = r > _ON_AXIS * max(1.0, float(np.linalg.norm(x)))
+    c, s = (x[0] / r, x[1] / r) if off_axis else (1.0, 0.0)
+    if shape == "C":
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    theta = np.arctan2(r, x[2]) if np.any(x) else 0.0
+    ct, st = np.cos(theta), np.sin(theta)
+    return np.array([[st * c, ct * c, -s], [st * s, ct * s, c], [ct, -st, 0.0]])
+
+
+def system_through(id: int, shape: str, a: Reals, b: Reals, c: Reals) -> CoordinateSystem | None:
+    """System with origin A, z-axis through B and C in the x-z plane; None where the points lie on a line."""
+    z, out = b - a, c - a
+    y = np.cross(z, out)
+    if np.linalg.norm(y) <= 1e-10 * np.linalg.norm(z) * np.linalg.norm(out):
+        return None
+    z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
+    return CoordinateSystem(id, shape, a, np.column_stack([np.cross(y, z), y, z]))
+
+
+@dataclass
+class CoordinateSystems:
+    """Systems by number, resolved when they are first asked for.
+
+    Parameters
+    ----------
+    records : the cards by number
+    grid_location : basic coordinates of a grid point, for CORD1 cards
+    """
+
+    records: Mapping[int, Record]
+    grid_location: Callable[[int, Record], Reals]
+    _known: dict[int, CoordinateSystem | FemtuneError] = field(default_factory=lambda: {0: BASIC})
+    _pending: list[int] = field(default_factory=list)
+
+    def get(self, cid: int, user: Record) -> CoordinateSystem:
+        """The system of a number, asked for by a card.
+
+        Raises
+        ------
+        FemtuneError : ``deck.unknown-coordinate-system``, ``deck.circular-coordinates``,
+            ``deck.degenerate-coordinates``
+        """
+        if cid not in self._known:
+            self._known[cid] = self._resolved(cid, user)
+        found = self._known[cid]
+        if isinstance(found, FemtuneError):
+            raise found
+        return found
+
+    def _resolved(self, cid: int, user: Record) -> CoordinateSystem | FemtuneError:
+        if cid not in self.records:
+            return _unknown(cid, user, self.records)
+        if cid in self._pending or len(self._pending) > _MAX_CHAIN:
+            raise _circular([*self._pending, cid], self.records[cid])
+        self._pending.append(cid)
+        try:
+            return self._build(cid, self.records[cid])
+        except FemtuneError as error:
+            return error
+        finally:
+            self._pending.pop()
+
+    def _build(self, cid: int, record: Record) -> CoordinateSystem:
+        points = self._from_grids(record) if record.name.startswith("CORD1") else self._from_points(record)
+        found = system_through(cid, record.name[-1], *points)
+        if found is None:
+            raise record.error(
+                "deck.degenerate-coordinates",
+                f"the three points of coordinate system {cid} lie on a line",
+                hint="choose C off the line from A to B (or G3 off the line from G1 to G2)",
+            )
+        return found
+
+    def _from_grids(self, record: Record) -> tuple[Reals, Reals, Reals]:
+        a, b, c = (self.grid_location(record.integer(name), record) for name in ("G1", "G2", "G3"))
+        return a, b, c
+
+    def _from_points(self, record: Record) -> tuple[Reals, Reals, Reals]:
+        base = self.get(record.integer("RID", 0), record)
+        a, b, c = (base.point(np.array(record.reals(p + "1", p + "2", p + "3"))) for p in "ABC")
+        return a, b, c
+
+
+def _unknown(cid: int, user: Record, known: Mapping[int, Record]) -> FemtuneError:
+    return user.error(
+        "deck.unknown-coordinate-system",
+        f"coordinate system {cid} does not exist",
+        hint=did_you_mean(str(cid), [str(k) for k in list(known)[:20]]) or "the deck defines none; use 0",
+    )
+
+
+def _circular(chain: list[int], record: Record) -> FemtuneError:
+    shown = chain[chain.index(chain[-1]) :] if chain[-1] in chain[:-1] else chain[-10:]
+    long = "" if chain[-1] in chain[:-1] else f" (more than {_MAX_CHAIN} systems long)"
+    return record.error(
+        "deck.circular-coordinates",
+        f"coordinate systems are defined by each other{long}: " + " -> ".join(map(str, shown)),
+        hint="refer one of them to the basic system (RID 0)",
+    )

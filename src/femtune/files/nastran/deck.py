@@ -1,0 +1,157 @@
+"""A Nastran deck: executive control, case control and the cards of the bulk data, every line kept."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.nastran.assembly import Bulk, read_bulk
+from femtune.files.nastran.card import Card
+from femtune.files.nastran.case_control import CaseControl, read_case_control
+from femtune.files.nastran.source import Source, SourceFile, SourceLine, read_source
+
+_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK|SUPER)\b", re.IGNORECASE)
+_CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
+_EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
+_SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
+_SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111}
+
+
+@dataclass(frozen=True)
+class Executive:
+    """Executive control (with file management): its statements as they stand and the solution's name."""
+
+    lines: tuple[SourceLine, ...] = ()
+    solution: str = ""
+
+    @property
+    def solution_number(self) -> int | None:
+        """Number of the solution sequence (103 for SEMODES), None where it is not known."""
+        return int(self.solution) if self.solution.isdigit() else _SOLUTION_NUMBERS.get(self.solution)
+
+
+@dataclass(frozen=True)
+class DeckParameter:
+    """Raw value of a PARAM and the card that gives it."""
+
+    value: str
+    card: Card
+
+
+@dataclass(frozen=True)
+class Deck:
+    """One deck as it was read.
+
+    `files` are all files, the main one first; `cards` are in the order of reading with INCLUDEs in their
+    place; `params` holds for each PARAM the value that counts (the last one; case control before bulk data).
+    """
+
+    path: Path
+    source: Source
+    executive: Executive
+    case_control: CaseControl
+    cards: tuple[Card, ...]
+    params: Mapping[str, DeckParameter]
+    notices: tuple[Notice, ...]
+
+    @property
+    def files(self) -> tuple[SourceFile, ...]:
+        """All files of the deck, the main file first."""
+        return self.source.files
+
+    @cached_property
+    def names(self) -> Mapping[str, tuple[Card, ...]]:
+        """Cards by name, names in the order in which they occur."""
+        by_name: dict[str, list[Card]] = {}
+        for card in self.cards:
+            by_name.setdefault(card.name, []).append(card)
+        return {name: tuple(cards) for name, cards in by_name.items()}
+
+    def by_name(self, name: str) -> tuple[Card, ...]:
+        """All cards of one name in the order of the deck."""
+        return self.names.get(name.upper(), ())
+
+
+def read_deck(path: str | Path) -> Deck:
+    """Read a deck with its INCLUDEs; a file of bulk data alone is read too.
+
+    Raises
+    ------
+    FemtuneError : see `read_source`, `read_bulk`, `read_case_control`; ``deck.truncated`` where the deck ends
+        before BEGIN BULK, or in the middle of a line without ENDDATA
+    """
+    source = read_source(path)
+    executive, case, bulk_lines = _sections(source)
+    case_control = read_case_control(case)
+    bulk = read_bulk(bulk_lines)
+    params, repeated = _params(case_control, bulk)
+    end = _check_end(source, bool(executive or case or len(bulk_lines) < len(source.lines) - source.ended))
+    notices = (*case_control.notices, *bulk.notices, *repeated, *end)
+    return Deck(Path(path), source, _executive(executive), case_control, bulk.cards, params, notices)
+
+
+_Lines = tuple[SourceLine, ...]
+
+
+def _sections(source: Source) -> tuple[_Lines, _Lines, _Lines]:
+    """Lines of executive control, case control and bulk data."""
+    lines = source.lines[:-1] if source.ended else source.lines
+    begin = next((i for i, line in enumerate(lines) if _BEGIN.match(line.text)), None)
+    if begin is None:
+        _check_bulk_only(lines)
+        return (), (), lines
+    cend = next((i for i, line in enumerate(lines[:begin]) if _CEND.fullmatch(line.body)), None)
+    bulk = lines[begin:]
+    if cend is not None:
+        return lines[:cend], lines[cend + 1 : begin], bulk
+    executive = tuple(line for line in lines[:begin] if _EXECUTIVE.match(line.text))
+    return executive, tuple(line for line in lines[:begin] if not _EXECUTIVE.match(line.text)), bulk
+
+
+def _check_bulk_only(lines: _Lines) -> None:
+    found = next((line for line in lines if _EXECUTIVE.match(line.text)), None)
+    if found:
+        raise FemtuneError(
+            "deck.truncated",
+            "the deck has executive control but no BEGIN BULK",
+            where=Where(found.file, found.number, found.body.strip()[:20]),
+            hint="the file may have been cut; bulk data start after a line BEGIN BULK",
+        )
+
+
+def _executive(lines: _Lines) -> Executive:
+    found = [match[1].upper() for line in lines if (match := _SOL.match(line.body))]
+    return Executive(lines, found[0] if found else "")
+
+
+def _params(case_control: CaseControl, bulk: Bulk) -> tuple[dict[str, DeckParameter], list[Notice]]:
+    in_case = read_bulk(case_control.parameter_lines).cards
+    params: dict[str, DeckParameter] = {}
+    notices = []
+    for card in [*(card for card in bulk.cards if card.name == "PARAM"), *in_case]:
+        name, value = card.text(0), card.text(1)
+        if name in params and params[name].value != value:
+            what = f"PARAM {name} is given again: {value} counts, {params[name].value} does not"
+            notices.append(Notice("deck.repeated-param", what, card.where()))
+        params[name] = DeckParameter(value, card)
+    return params, notices
+
+
+def _check_end(source: Source, has_sections: bool) -> tuple[Notice, ...]:
+    if source.ended or not has_sections:
+        return ()
+    main = source.files[0]
+    last = main.lines[-1]
+    where = Where(main.file, last.number)
+    if not last.ending:
+        raise FemtuneError(
+            "deck.truncated",
+            "the deck ends in the middle of a line, without ENDDATA",
+            where=where,
+            hint="the file may have been cut here; if it is complete, add a line ENDDATA",
+        )
+    return (Notice("deck.no-enddata", "the deck has no ENDDATA: is it complete?", where),)

@@ -1,0 +1,241 @@
+"""Text files of a deck with their INCLUDEs: every physical line is kept byte-true.
+
+Files are decoded as Latin-1, so that any byte goes back as it came; line endings, tabs, trailing blanks and
+comments stay in `SourceLine.text`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from femtune.errors import FemtuneError, Where
+
+ENCODING = "latin-1"
+_BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"  # the UTF-8 mark as Latin-1 shows it
+_PHYSICAL_LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+")
+_INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
+_ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
+_CONTROL = re.compile(r"[\x01-\x08\x0b\x0e-\x19\x1b-\x1f]")
+
+
+class SourceLine(NamedTuple):
+    """One physical line: `number` starts at 1, `text` includes the line ending."""
+
+    file: str
+    number: int
+    text: str
+
+    @property
+    def body(self) -> str:
+        """The text before a comment and the line ending, trailing blanks removed."""
+        return self.text.partition("$")[0].rstrip()
+
+    @property
+    def ending(self) -> str:
+        """Line ending as it stands: LF, CR LF, CR, or nothing at the end of a file."""
+        return self.text[len(self.text.rstrip("\r\n")) :]
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """One file: `prefix` is a byte order mark or empty; prefix and lines joined are the file's bytes."""
+
+    file: str
+    prefix: str
+    lines: tuple[SourceLine, ...]
+
+    @property
+    def text(self) -> str:
+        """The whole file as Latin-1 text."""
+        return self.prefix + "".join(line.text for line in self.lines)
+
+
+@dataclass(frozen=True)
+class IncludeStatement:
+    """An INCLUDE on lines `first` to `last` of `file`; `written` is the path as the deck spells it."""
+
+    file: str
+    first: int
+    last: int
+    written: str
+    target: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """A deck's files (the main file first) and its active lines in reading order, INCLUDEs expanded.
+
+    `lines` ends with ENDDATA where there is one (`ended`); what follows stays in `files` only.
+    """
+
+    files: tuple[SourceFile, ...]
+    includes: tuple[IncludeStatement, ...]
+    lines: tuple[SourceLine, ...]
+    ended: bool
+
+
+def read_source(path: str | Path) -> Source:
+    """Read a deck and all files that it includes.
+
+    Raises
+    ------
+    FemtuneError : ``deck.not-found``, ``deck.unreadable``, ``deck.not-text``, ``deck.missing-include``,
+        ``deck.circular-include``, ``deck.truncated`` (an INCLUDE without its closing quote)
+    """
+    expansion = _Expansion()
+    expansion.read(read_file(str(path)), ())
+    return Source(tuple(expansion.files.values()), tuple(expansion.includes), tuple(expansion.lines), expansion.ended)
+
+
+def read_file(file: str) -> SourceFile:
+    """Read one text file into its physical lines."""
+    text = _decoded(file)
+    prefix = _BYTE_ORDER_MARK if text.startswith(_BYTE_ORDER_MARK) else ""
+    pieces = _PHYSICAL_LINE.findall(text[len(prefix) :])
+    return SourceFile(file, prefix, tuple(SourceLine(file, i, piece) for i, piece in enumerate(pieces, 1)))
+
+
+def _decoded(file: str) -> str:
+    try:
+        raw = Path(file).read_bytes()
+    except FileNotFoundError as missing:
+        raise FemtuneError(
+            "deck.not-found", "there is no such deck", where=Where(file), hint="check the path"
+        ) from missing
+    except OSError as broken:
+        raise FemtuneError(
+            "deck.unreadable",
+            f"the file cannot be read: {broken.strerror}",
+            where=Where(file),
+            hint="name a text file that you may read",
+        ) from broken
+    text = raw.decode(ENCODING)
+    _check_text(file, text)
+    return text
+
+
+def _check_text(file: str, text: str) -> None:
+    controls = text.count("\x00") or len(_CONTROL.findall(text))
+    if "\x00" in text or controls > 0.01 * len(text):
+        raise FemtuneError(
+            "deck.not-text",
+            "this is not a text file",
+            where=Where(file),
+            values={"control characters": controls},
+            hint="name the bulk data deck (.bdf, .dat, .nas), saved as plain ASCII, Latin-1 or UTF-8 text",
+        )
+
+
+class _Expansion:
+    """Collects the active lines while INCLUDEs are followed."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, SourceFile] = {}
+        self.includes: list[IncludeStatement] = []
+        self.lines: list[SourceLine] = []
+        self.ended = False
+
+    def read(self, source: SourceFile, parents: tuple[str, ...]) -> None:
+        self.files.setdefault(source.file, source)
+        parents = (*parents, source.file)
+        number = 0
+        while number < len(source.lines) and not self.ended:
+            line = source.lines[number]
+            match = _INCLUDE.match(line.text) if line.text.lstrip()[:1] in "iI" else None
+            if match is None:
+                self.lines.append(line)
+                self.ended = _ENDDATA.match(line.text) is not None
+                number += 1
+            else:
+                number = self._follow(source, number, match[1], parents)
+
+    def _follow(self, source: SourceFile, number: int, rest: str, parents: tuple[str, ...]) -> int:
+        written, after = _include_path(source, number, rest)
+        target = _target(source.file, written)
+        statement = IncludeStatement(source.file, number + 1, after, written, target)
+        _check_include(statement, parents)
+        if statement not in self.includes:
+            self.includes.append(statement)
+        self.read(self.files.get(target) or read_file(target), parents)
+        return after
+
+
+def _include_path(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
+    """Path of the INCLUDE at index `number` and the index of the line after the statement."""
+    quote = rest[:1] if rest[:1] in ("'", '"') else ""
+    return _quoted(source, number, rest[1:], quote) if quote else _unquoted(source, number, rest)
+
+
+def _quoted(source: SourceFile, number: int, rest: str, quote: str) -> tuple[str, int]:
+    pieces = []
+    for index in range(number, len(source.lines)):
+        text = rest if index == number else source.lines[index].text
+        piece, closed, _ = text.partition(quote)
+        pieces.append(piece.strip())
+        if closed:
+            return "".join(pieces), index + 1
+    raise _unfinished(source, number, "the INCLUDE has no closing quote")
+
+
+def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
+    """An unquoted path goes on in the next line where it ends with a comma."""
+    pieces = []
+    for index in range(number, len(source.lines)):
+        text = rest if index == number else source.lines[index].text
+        piece = text.partition("$")[0].strip()
+        pieces.append(piece.rstrip(","))
+        if not piece.endswith(","):
+            break
+    else:
+        raise _unfinished(source, number, "the INCLUDE ends with a comma and nothing follows")
+    if not "".join(pieces):
+        raise _unfinished(source, number, "the INCLUDE names no file")
+    return "".join(pieces), index + 1
+
+
+def _unfinished(source: SourceFile, number: int, what: str) -> FemtuneError:
+    return FemtuneError(
+        "deck.truncated",
+        what,
+        where=Where(source.file, number + 1, "INCLUDE"),
+        hint="write INCLUDE 'path' with both quotes; the file may have been cut here",
+    )
+
+
+def _target(file: str, written: str) -> str:
+    """Path of an included file, relative to the folder of the file that includes it."""
+    return os.path.normpath(os.path.join(os.path.dirname(file), written.replace("\\", "/")))
+
+
+def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> None:
+    where = Where(statement.file, statement.first, "INCLUDE")
+    target = Path(statement.target)
+    if not target.is_file():
+        raise FemtuneError(
+            "deck.missing-include",
+            f"the included file '{statement.written}' is not there",
+            where=where,
+            values={"looked for": str(target.absolute())},
+            hint=_missing_hint(target),
+        )
+    if target.resolve() in {Path(parent).resolve() for parent in parents}:
+        raise FemtuneError(
+            "deck.circular-include",
+            f"'{statement.written}' includes itself",
+            where=where,
+            values={"chain": " -> ".join([*parents, statement.target])},
+            hint="remove this INCLUDE",
+        )
+
+
+def _missing_hint(target: Path) -> str:
+    general = "put the file there, or correct the path (it is relative to the file that includes it)"
+    names = [entry.name for entry in target.parent.iterdir()] if target.parent.is_dir() else []
+    lowered = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(target.name.lower(), lowered, n=1, cutoff=0.8)
+    return f"did you mean '{lowered[close[0]]}'? Else {general}" if close else general
