@@ -15,9 +15,9 @@ from femtune.errors import FemtuneError
 NORMALISATIONS = ("mass", "unit-norm", "unit-max", "unknown")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModeSet:
-    """Natural modes at a set of DOFs.
+    """Natural modes at a set of DOFs; its arrays are read-only.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ class ModeSet:
 
     Raises
     ------
-    FemtuneError : ``modes.shape`` where the sizes disagree, ``modes.values`` for frequencies that are
+    FemtuneError : ``modes.shape`` where the sizes disagree, ``modes.normalisation`` for a word that is not one of
+        NORMALISATIONS, ``modes.values`` for negative or infinite standard deviations, frequencies that are
         negative or not finite, or infinite entries of shapes
     """
 
@@ -48,14 +49,18 @@ class ModeSet:
     source: str = ""
 
     def __post_init__(self) -> None:
+        for name in ("freq_hz", "damping_ratio", "freq_sd_hz", "shapes_sd"):
+            object.__setattr__(self, name, read_only(getattr(self, name), float))
+        object.__setattr__(self, "shapes", read_only(self.shapes))
         if not self.labels:
-            object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(len(self.freq_hz))))
+            object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(np.size(self.freq_hz))))
         self._check_sizes()
         self._check_values()
 
     def _check_sizes(self) -> None:
-        n, m = len(self.dofs), len(self.freq_hz)
+        n, m = len(self.dofs), np.size(self.freq_hz)
         wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
+            "freq_hz": (self.freq_hz, (m,)),
             "shapes": (self.shapes, (n, m)),
             "labels": (self.labels, (m,)),
             "damping_ratio": (self.damping_ratio, (m,)),
@@ -86,6 +91,10 @@ class ModeSet:
             )
         if np.isinf(self.shapes).any():
             raise FemtuneError("modes.values", "a mode shape has an infinite entry")
+        for name, sd in (("freq_sd_hz", self.freq_sd_hz), ("shapes_sd", self.shapes_sd)):
+            # NaN is a standard deviation that is not known
+            if sd is not None and (np.isinf(sd) | (sd < 0)).any():
+                raise FemtuneError("modes.values", f"{name}: standard deviations must be finite and not negative")
 
     def __len__(self) -> int:
         return len(self.freq_hz)
@@ -101,8 +110,8 @@ class ModeSet:
         return self.omega_rad_s**2
 
     def select_modes(self, keep: Iterable[int]) -> ModeSet:
-        """The modes at the given positions, in that order."""
-        at = list(keep)
+        """The modes at the given positions, in that order, or where a mask with one entry a mode is true."""
+        at = _positions(keep)
         return replace(
             self,
             freq_hz=self.freq_hz[at],
@@ -118,6 +127,20 @@ class ModeSet:
         at, signs = dofs.align(self.dofs)
         sd = None if self.shapes_sd is None else self.shapes_sd[at]
         return replace(self, shapes=signs[:, None] * self.shapes[at], dofs=dofs, shapes_sd=sd)
+
+
+def read_only(values: Any, dtype: type | None = None) -> Any:
+    """A view of `values` as an array that refuses writing (None stays None); nothing is copied."""
+    if values is None:
+        return None
+    view = np.asarray(values, dtype=dtype).view()
+    view.flags.writeable = False
+    return view
+
+
+def _positions(keep: Iterable[int]) -> list[int]:
+    at = np.asarray(list(keep))
+    return [int(i) for i in (np.flatnonzero(at) if at.dtype == bool else at)]
 
 
 def _columns(values: NDArray | None, at: list[int]) -> NDArray | None:
