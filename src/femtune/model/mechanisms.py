@@ -1,0 +1,70 @@
+"""Massless mechanisms: motions that meet neither stiffness nor mass make the eigenproblem singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.model.configured import ModelPoint
+from femtune.model.factorise import Factor, factorise
+
+_SUSPECT, _NOTHING = 1e-9, 1e-12
+
+
+def check_mechanisms(point: ModelPoint, shifted: sp.csr_array, factor: Factor | None) -> None:
+    """Refuse K − σM (σ < 0) when it is singular to working precision, naming the DOFs that move.
+
+    `factor` is None where the factorisation itself met a zero pivot.
+
+    Raises
+    ------
+    FemtuneError : ``eigen.mechanism``
+    """
+    diagonal = shifted.diagonal()
+    empty = np.flatnonzero(diagonal <= 0.0)
+    if empty.size:
+        raise _mechanism(point, empty)
+    scale = 1.0 / np.sqrt(diagonal)
+    if factor is None:
+        factor = factorise(sp.csr_array(shifted + sp.diags_array(1e-14 * diagonal)))
+    smallest, motion = _smallest(factor, scale)
+    if smallest < _SUSPECT and _is_massless_mechanism(point, motion * scale):
+        raise _mechanism(point, _largest(motion))
+
+
+def _smallest(factor: Factor, scale: NDArray) -> tuple[float, NDArray]:
+    """Smallest eigenvalue of D^-½ A D^-½ and its vector, by three inverse iterations."""
+    v = np.random.default_rng(2).standard_normal(len(scale))
+    value = np.inf
+    for _ in range(3):
+        v /= np.linalg.norm(v)
+        w = factor.solve(v / scale) / scale
+        value, v = float(1.0 / np.linalg.norm(w)), w
+    return value, v / np.linalg.norm(v)
+
+
+def _is_massless_mechanism(point: ModelPoint, v: NDArray) -> bool:
+    """True where a motion has no energy of either kind; a rigid-body motion has kinetic energy."""
+    K, M = point.stiffness, point.mass
+    u = np.abs(v)
+    strain, strain_parts = v @ (K @ v), u @ (np.abs(K) @ u)
+    kinetic, kinetic_size = v @ (M @ v), (u.max() ** 2) * M.diagonal().max()
+    return bool(strain <= _NOTHING * strain_parts and kinetic <= _NOTHING * kinetic_size)
+
+
+def _largest(motion: NDArray) -> NDArray[np.int64]:
+    order = np.argsort(-np.abs(motion))
+    return order[np.abs(motion[order]) > 0.3 * np.abs(motion[order[0]])]
+
+
+def _mechanism(point: ModelPoint, free: NDArray[np.int64]) -> FemtuneError:
+    configured = point.configured
+    names = [str(configured.free_dof(int(i)))[:-1] for i in free[:6]]
+    return FemtuneError(
+        "eigen.mechanism",
+        f"configuration {configured.configuration.name}: a motion has neither stiffness nor mass",
+        values={"DOFs that move": ", ".join(names) + (" …" if len(free) > 6 else "")},
+        hint="hold these DOFs (SPC1, or PARAM AUTOSPC YES), or give the elements there the missing stiffness",
+    )

@@ -1,0 +1,124 @@
+"""ParametricModel: a structure, its parameters, and the exact terms that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import ErrorCollector, FemtuneError
+from femtune.fem import FieldRef, Structure
+from femtune.model.terms import Term, compile_terms
+from femtune.parameters import ParameterSet
+from femtune.parameters.jet import Jet
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """A parameter sets a field: value = nominal·P where relative, else P.
+
+    `elements` limits it to a region: these elements get their own copy of the field.
+    """
+
+    parameter: str
+    ref: FieldRef
+    relative: bool = True
+    elements: frozenset[int] | None = None
+
+
+@dataclass(frozen=True)
+class ParametricModel:
+    """K(p) = Σ a_i(p) K_i and M(p) = Σ b_i(p) M_i on all grid DOFs, with exact derivatives.
+
+    `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively.
+    """
+
+    structure: Structure
+    parameters: ParameterSet
+    assignments: tuple[Assignment, ...]
+    placed: tuple[tuple[str, int, bool], ...]
+    terms: tuple[Term, ...] = field(repr=False)
+
+    def table(self, x: NDArray) -> Jet:
+        """The value table as a jet of the normalised free parameters x."""
+        jets = self.parameters.jets(x)
+        nominal = self.structure.values.values
+        assigned = {i: jets[name] * nominal[i] if relative else jets[name] for name, i, relative in self.placed}
+        return self.structure.values.evaluate(assigned, len(self.parameters.free))
+
+    def field_values(self, x: NDArray) -> dict[FieldRef, float]:
+        """Value of every field that a parameter sets."""
+        values = self.table(np.asarray(x, dtype=float)).value
+        return {self.structure.values.refs[i]: float(values[i]) for _, i, _ in self.placed}
+
+
+def parametric_model(
+    structure: Structure, parameters: ParameterSet, assignments: Iterable[Assignment]
+) -> ParametricModel:
+    """Place the parameters in the value table and compile the terms.
+
+    Raises
+    ------
+    FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
+        ``parameter.zero-nominal``; several are shown together
+    """
+    assignments = tuple(assignments)
+    errors, placed = ErrorCollector(), []
+    for assignment in assignments:
+        with errors.catch():
+            structure, position = _place(structure, parameters, assignment, placed)
+            placed.append((assignment.parameter, position, assignment.relative))
+    with errors.catch():
+        _check_all_used(parameters, assignments)
+    errors.raise_if_any()
+    touched = structure.values.dependents(i for _, i, _ in placed)
+    return ParametricModel(structure, parameters, assignments, tuple(placed), compile_terms(structure, touched))
+
+
+def _place(
+    structure: Structure, parameters: ParameterSet, assignment: Assignment, placed: list[tuple[str, int, bool]]
+) -> tuple[Structure, int]:
+    position = structure.values.index(assignment.ref)
+    if position is None:
+        raise _error("parameter.unknown-field", assignment, parameters, "is no field that an element uses")
+    users = structure.users(position)
+    chosen = users if assignment.elements is None else np.intersect1d(users, list(assignment.elements))
+    if not chosen.size:
+        raise _error("parameter.touches-nothing", assignment, parameters, "is used by no element of the region")
+    if assignment.relative and structure.values.values[position] == 0.0:
+        raise _error(
+            "parameter.zero-nominal", assignment, parameters, "is zero in the deck, so a factor of it does nothing"
+        )
+    if chosen.size < users.size:
+        structure = structure.split(position, chosen, assignment.parameter)
+        position = len(structure.values.refs) - len(structure.values.dependents([position]))
+    if any(position == i for _, i, _ in placed):
+        raise _error("parameter.field-twice", assignment, parameters, "is set by two parameters")
+    return structure, position
+
+
+def _error(code: str, assignment: Assignment, parameters: ParameterSet, why: str) -> FemtuneError:
+    where = next((p.where for p in parameters.parameters if p.name == assignment.parameter), None)
+    hints = {
+        "parameter.unknown-field": "femtune info lists the cards; write card, number and field: PBAR 3 I1",
+        "parameter.touches-nothing": "check the field and the elements of the region",
+        "parameter.zero-nominal": "use absolute = true with bounds in the field's unit",
+        "parameter.field-twice": "tie one parameter to the other, or give them separate regions",
+    }
+    text = f"parameter {assignment.parameter}: the field {assignment.ref} {why}"
+    return FemtuneError(code, text, where=where, hint=hints[code])
+
+
+def _check_all_used(parameters: ParameterSet, assignments: tuple[Assignment, ...]) -> None:
+    used = {a.parameter for a in assignments}
+    used |= {name for p in parameters.parameters if p.tie for name in p.tie.names}
+    for p in parameters.parameters:
+        if p.name not in used:
+            raise FemtuneError(
+                "parameter.touches-nothing",
+                f"parameter {p.name} sets no field",
+                where=p.where,
+                hint='give it fields = ["PBAR 3 I1"], or use it in a tie',
+            )
