@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import total_ordering
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,17 @@ from femtune.errors import FemtuneError
 DIRECTIONS = ("S", "X", "Y", "Z", "RX", "RY", "RZ")
 """Code 0 is a scalar point; 1 to 6 are the components of Nastran."""
 
-_PATTERN = re.compile(r"(\d+)(S|R?[XYZ])([+-])")
+# 18 digits fit into a 64-bit integer
+_PATTERN = re.compile(r"([0-9]{1,18})(S|R?[XYZ])([+-])")
 
 
-@dataclass(frozen=True, order=True)
+@total_ordering
+@dataclass(frozen=True)
 class Dof:
-    """One degree of freedom: `node` > 0, `direction` one of DIRECTIONS, `sign` +1 or −1."""
+    """One degree of freedom: `node` > 0, `direction` one of DIRECTIONS, `sign` +1 or −1.
+
+    DOFs sort by node, then by component (X Y Z RX RY RZ), then by sign.
+    """
 
     node: int
     direction: str
@@ -32,6 +38,9 @@ class Dof:
     def __str__(self) -> str:
         return f"{self.node}{self.direction}{'+' if self.sign > 0 else '-'}"
 
+    def __lt__(self, other: Dof) -> bool:
+        return (self.node, self.component, self.sign) < (other.node, other.component, other.sign)
+
     @property
     def component(self) -> int:
         """Nastran's component: 0 for a scalar point, 1 to 3 translations, 4 to 6 rotations."""
@@ -42,7 +51,7 @@ def _bad_dof(text: object, sign: object = "") -> FemtuneError:
     return FemtuneError(
         "dof.syntax",
         f"'{text}' is not a degree of freedom",
-        values={"sign": sign} if sign else {},
+        values={} if sign == "" else {"sign": sign},
         hint="write node, direction (X Y Z RX RY RZ, or S for a scalar point) and sign: 101Z+ or 7RZ-",
     )
 
@@ -72,7 +81,11 @@ class DofSet:
         self._dofs = tuple(dofs)
         self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
         if len(self._index) != len(self._dofs):
-            raise FemtuneError("dof.duplicate", f"{self._first_repeated()} stands twice in a set of DOFs")
+            raise FemtuneError(
+                "dof.duplicate",
+                f"{self._first_repeated()} stands twice in a set of DOFs",
+                hint="keep one of the two; a node's direction counts once, whatever its sign",
+            )
 
     def _first_repeated(self) -> Dof:
         return next(d for i, d in enumerate(self._dofs) if self._index[(d.node, d.direction)] != i)
@@ -87,6 +100,9 @@ class DofSet:
 
     def __iter__(self) -> Iterator[Dof]:
         return iter(self._dofs)
+
+    def __repr__(self) -> str:
+        return f"DofSet({' '.join(self.labels())})"
 
     def __getitem__(self, i: int) -> Dof:
         return self._dofs[i]
@@ -132,7 +148,12 @@ class DofSet:
         """
         missing = [str(d) for d in self._dofs if d not in other]
         if missing:
-            raise FemtuneError("dof.missing", f"{len(missing)} DOFs are not in the other set: {missing[:5]}")
+            raise FemtuneError(
+                "dof.missing",
+                f"{len(missing)} of {len(self)} DOFs are not in the other set",
+                values={"missing": " ".join(missing[:5]) + (" …" if len(missing) > 5 else "")},
+                hint="take the DOFs that both sets have in common, or add the missing ones",
+            )
         at = np.array([other._index[(d.node, d.direction)] for d in self._dofs], dtype=np.int64)
         return at, self.signs * other.signs[at]
 

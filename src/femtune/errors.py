@@ -52,15 +52,15 @@ class FemtuneError(Exception):
 
     def __str__(self) -> str:
         lines = [f"[{self.code}] {self.what}"]
-        if self.where:
+        if str(self.where or ""):
             lines.append(f"  at {self.where}")
         lines += [f"  {name} = {value}" for name, value in self.values.items()]
         if self.hint:
             lines += ["", f"hint: {self.hint}"]
-        return "\n".join(lines)
+        return printable("\n".join(lines))
 
 
-class FemtuneErrors(FemtuneError):
+class FemtuneErrors(FemtuneError):  # noqa: N818
     """Several problems found in one pass, shown together."""
 
     def __init__(self, errors: Iterable[FemtuneError]) -> None:
@@ -108,12 +108,19 @@ class Notice:
     level: str = "warning"
 
     def __str__(self) -> str:
-        place = f" at {self.where}" if self.where else ""
-        return f"[{self.code}] {self.what}{place}"
+        place = f" at {self.where}" if str(self.where or "") else ""
+        return printable(f"[{self.code}] {self.what}{place}")
+
+
+def printable(text: str) -> str:
+    """`text` with control characters spelled out, so that what a file holds cannot steer a terminal."""
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A sentence naming the closest known word, or the list of them when nothing is close."""
+    """A sentence naming the closest known word, or the list of them when nothing is close; "" without any."""
     known = sorted(set(known))
+    if not known:
+        return ""
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else "known: " + ", ".join(known)

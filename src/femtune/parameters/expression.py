@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,11 +32,32 @@ class Expression:
 
     text: str
     names: tuple[str, ...]
-    _tree: ast.expr
+    _tree: ast.expr = field(repr=False, compare=False)
+    where: Where | None = field(default=None, compare=False)
 
     def __call__(self, values: Mapping[str, Any]) -> Any:
-        """Evaluate on jets, or on real or complex numbers, by name."""
-        return _evaluate(self._tree, values)
+        """Evaluate on jets, or on real or complex numbers, by name.
+
+        Raises
+        ------
+        FemtuneError : ``tie.value`` where the result, or a derivative of it, is no finite number
+        """
+        with np.errstate(all="ignore"):
+            result = _evaluate(self._tree, values)
+        if not _finite(result):
+            raise self._no_number(values)
+        return result
+
+    def _no_number(self, values: Mapping[str, Any]) -> FemtuneError:
+        at = {n: values[n].value if isinstance(values[n], Jet) else values[n] for n in self.names}
+        return FemtuneError(
+            "tie.value",
+            f"'{self.text}' has no finite value or derivative",
+            where=self.where,
+            values=at,
+            hint="mend the expression, or set bounds that keep it off a division by zero, a root or logarithm "
+            "of a negative number and an overflow",
+        )
 
 
 def parse_expression(text: str, where: Where | None = None) -> Expression:
@@ -54,7 +75,7 @@ def parse_expression(text: str, where: Where | None = None) -> Expression:
         raise _refused(text, "is not an expression", where) from error
     names: dict[str, None] = {}
     _check(tree, names, text, where, 0)
-    return Expression(text, tuple(names), tree)
+    return Expression(text, tuple(names), tree, where)
 
 
 def _refused(text: str, why: str, where: Where | None, hint: str = "") -> FemtuneError:
@@ -68,11 +89,20 @@ def _check(node: ast.expr, names: dict[str, None], text: str, where: Where | Non
     if isinstance(node, ast.Name):
         names[node.id] = None
     elif isinstance(node, ast.Constant):
-        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise _refused(text, f"has a value that is no number: {node.value!r}", where)
+        if not _is_number(node.value):
+            raise _refused(text, f"has a value that is no number: {ast.unparse(node)[:40]}", where)
     else:
         for child in _children(node, text, where):
             _check(child, names, text, where, depth + 1)
+
+
+def _is_number(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return bool(np.isfinite(float(value)))
+    except OverflowError:
+        return False
 
 
 def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
@@ -84,14 +114,15 @@ def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
         if node.func.id in _FUNCTIONS:
             return [node.args[0]]
         raise _refused(text, f"calls '{node.func.id}'", where, did_you_mean(node.func.id, _FUNCTIONS))
-    raise _refused(text, f"has a part that is not arithmetic: {ast.unparse(node)}", where)
+    raise _refused(text, f"has a part that is not arithmetic: {ast.unparse(node)[:40]}", where)
 
 
 def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
     if isinstance(node, ast.Name):
         return values[node.id]
     if isinstance(node, ast.Constant):
-        return float(node.value)  # type: ignore[arg-type]
+        # numpy's float: overflow and division by zero give inf, which is refused once, at the end
+        return np.float64(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.BinOp):
         return _OPERATORS[type(node.op)](_evaluate(node.left, values), _evaluate(node.right, values))
     if isinstance(node, ast.UnaryOp):
@@ -100,6 +131,11 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
     return _apply(node.func.id, _evaluate(node.args[0], values))
+
+
+def _finite(x: Any) -> bool:
+    parts = (x.value, x.grad, x.hess) if isinstance(x, Jet) else (x,)
+    return all(bool(np.isfinite(part).all()) for part in parts)
 
 
 def _apply(name: str, x: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import keyword
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -46,21 +47,38 @@ class Parameter:
     where: Where | None = None
 
     def __post_init__(self) -> None:
-        if not self.name.isidentifier():
-            raise self._error("parameter.name", f"'{self.name}' is not a name", "letters, digits and _, no digit first")
+        if not self.name.isidentifier() or keyword.iskeyword(self.name):
+            raise self._error(
+                "parameter.name",
+                f"'{self.name}' is not a name that a tie can use",
+                "letters, digits and _, no digit first, and no word of Python such as 'if'",
+            )
         if self.tie is None:
             self._check_bounds()
-        if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
-            raise self._error("parameter.prior", "the prior standard deviation must be positive", "give sd > 0")
+        self._check_prior()
 
     def _check_bounds(self) -> None:
-        if not np.isfinite([self.nominal, self.lower, self.upper]).all() or self.lower >= self.upper:
-            raise self._error("parameter.bounds", "the lower bound must be below the upper one", "exchange them")
+        code = "parameter.bounds"
+        if not np.isfinite([self.nominal, self.lower, self.upper]).all():
+            raise self._error(code, "nominal value and bounds must be finite", "give each a number")
+        if self.lower > self.upper:
+            raise self._error(code, "the lower bound lies above the upper one", "exchange them")
+        if self.lower == self.upper:
+            raise self._error(code, "the bounds leave no room", "widen them, or leave the parameter out")
         if not self.lower <= self.nominal <= self.upper:
-            raise self._error("parameter.bounds", "the nominal value lies outside the bounds", "widen the bounds")
+            raise self._error(code, "the nominal value lies outside the bounds", "widen the bounds")
+
+    def _check_prior(self) -> None:
+        code = "parameter.prior"
+        if self.prior_mean is not None and not np.isfinite(self.prior_mean):
+            raise self._error(code, "the prior mean must be finite", "give a number, or leave it out")
+        if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
+            raise self._error(code, "the prior standard deviation must be positive", "give sd > 0")
 
     def _error(self, code: str, what: str, hint: str) -> FemtuneError:
-        values = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
+        values: dict[str, object] = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
+        if code == "parameter.prior":
+            values = {"prior_mean": self.prior_mean, "prior_sd": self.prior_sd}
         return FemtuneError(code, f"parameter {self.name}: {what}", where=self.where, values=values, hint=hint)
 
     @property
@@ -80,8 +98,9 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """P = P0 + scale·x inside solvers: P0 itself, or the width of the bounds where P0 is zero."""
-        return abs(self.nominal) or (self.upper - self.lower)
+        """P = P0 + scale·x inside solvers: |P0|, or the width of the bounds where P0 is below a thousandth of it."""
+        width = self.upper - self.lower
+        return abs(self.nominal) if abs(self.nominal) >= 1e-3 * width else width
 
 
 @dataclass(frozen=True)
@@ -92,7 +111,8 @@ class ParameterSet:
 
     Raises
     ------
-    FemtuneError : ``parameter.duplicate``, ``tie.unknown`` or ``tie.circle``
+    FemtuneError : ``parameter.duplicate``, ``tie.unknown``, ``tie.circle``, or ``tie.value`` where a tie has no
+        finite value at the nominal point
     """
 
     parameters: tuple[Parameter, ...] = field(default=())
@@ -104,6 +124,7 @@ class ParameterSet:
         with errors.catch():
             self._check_ties()
         errors.raise_if_any()
+        self.jets(np.zeros(len(self.free)))
 
     def _check_names(self) -> None:
         for i, p in enumerate(self.parameters):
@@ -118,7 +139,7 @@ class ParameterSet:
                         "tie.unknown",
                         f"the tie of {p.name} names '{name}', which is no parameter",
                         where=p.where,
-                        hint=did_you_mean(name, self.names),
+                        hint=did_you_mean(name, (other for other in self.names if other != p.name)),
                     )
         _ = self._order
 
@@ -179,7 +200,7 @@ class ParameterSet:
         return self.normalise(p.mean for p in self.free), np.array([p.sd for p in self.free]) / self.scale
 
     def jets(self, x: NDArray) -> dict[str, Jet]:
-        """Values of all parameters with exact gradient and Hessian in x."""
+        """Values of all parameters with exact gradient and Hessian in x (error ``tie.value``)."""
         free = jet.variables(x) * self.scale + self.nominal
         values = {p.name: free[i] for i, p in enumerate(self.free)}
         for p in self._order:
