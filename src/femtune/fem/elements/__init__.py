@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from femtune.fem.contribution import Contribution
+from femtune.fem.elements.bar import bar
+from femtune.fem.elements.bush import bush
+from femtune.fem.elements.discrete import scalar_mass, spring
+from femtune.fem.elements.point_mass import concentrated_mass, general_mass
+from femtune.fem.elements.rod import rod
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
 
-KERNELS: dict[str, ElementKernel] = {}
+KERNELS: dict[str, ElementKernel] = {
+    "bar": bar,
+    "rod": rod,
+    "spring": spring,
+    "bush": bush,
+    "scalar-mass": scalar_mass,
+    "concentrated-mass": concentrated_mass,
+    "general-mass": general_mass,
+}
 """Kernel of each batch kind."""
 
 

@@ -1,0 +1,119 @@
+"""Where an element sits: its axes, its lever arms, and the displacement frames of its nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Where
+from femtune.fem.structure import ElementBatch, Structure
+
+Reals = NDArray[np.float64]
+
+# the sine of the angle between a bar and its orientation vector below which plane 1 is not defined
+PARALLEL = 1e-6
+
+
+def element_error(batch: ElementBatch, i: int, code: str, what: str, hint: str) -> FemtuneError:
+    """An error that names one element of a batch."""
+    return FemtuneError(code, what, where=Where(record=f"{batch.card} {batch.ids[i]}"), hint=hint)
+
+
+def node_positions(batch: ElementBatch, structure: Structure, k: int) -> Reals:
+    """(e, 3) coordinates of every element's node k; the origin for a grounded one."""
+    at = batch.nodes[:, k]
+    return np.where(at[:, None] >= 0, structure.nodes.xyz[at], 0.0)
+
+
+def node_frames(batch: ElementBatch, structure: Structure, k: int) -> Reals:
+    """(e, 3, 3) displacement frames of every element's node k; the basic frame for a grounded one."""
+    at = batch.nodes[:, k]
+    return np.where((at >= 0)[:, None, None], structure.nodes.frames[at], np.eye(3))
+
+
+def line_axes(batch: ElementBatch, start: Reals, end: Reals) -> tuple[Reals, Reals]:
+    """Unit vectors from start to end, (e, 3), and the lengths, (e,).
+
+    Raises
+    ------
+    FemtuneError : ``element.zero-length``
+    """
+    span = end - start
+    length = np.linalg.norm(span, axis=1)
+    # coordinates of size s carry rounding of about 1e-16 s
+    size = np.maximum(np.abs(start).max(axis=1, initial=0.0), np.abs(end).max(axis=1, initial=0.0))
+    for i in np.flatnonzero(length <= 1e-12 * size):
+        what = "the element's two ends are at the same place"
+        raise element_error(batch, int(i), "element.zero-length", what, "move a grid point or an offset, or delete it")
+    return span / length[:, None], length
+
+
+def oriented_axes(batch: ElementBatch, x: Reals, v: Reals) -> Reals:
+    """(e, 3, 3) element axes as columns: x along the element, plane x-y holds v, z = x × y.
+
+    Raises
+    ------
+    FemtuneError : ``element.orientation`` where v is zero or along x
+    """
+    z = np.cross(x, v)
+    height, size = np.linalg.norm(z, axis=1), np.linalg.norm(v, axis=1)
+    for i in np.flatnonzero(height <= PARALLEL * size):
+        what = f"the orientation vector {np.array2string(v[i], precision=6)} does not define a plane with the axis"
+        raise element_error(batch, int(i), "element.orientation", what, "give a vector that is not along the element")
+    z = z / height[:, None]
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def any_axes(x: Reals) -> Reals:
+    """(e, 3, 3) axes as columns whose first is x; the other two do not matter."""
+    helper = np.eye(3)[np.argmin(np.abs(x), axis=1)]
+    y = np.cross(helper, x)
+    y /= np.linalg.norm(y, axis=1)[:, None]
+    return np.stack([x, y, np.cross(x, y)], axis=2)
+
+
+def arm_transform(axes: Reals, arm: Reals, frames: Reals) -> Reals:
+    """(e, 6, 6) from a node's displacements to those of a rigid arm's end along given axes.
+
+    The end moves by u + θ × arm. `axes` (e, 3, 3) are columns in the basic frame, `arm` (e, 3) is in the basic
+    frame, `frames` (e, 3, 3) are the displacement frames of the nodes.
+    """
+    out = np.zeros((len(axes), 6, 6))
+    turn = np.swapaxes(axes, 1, 2)
+    out[:, :3, :3] = out[:, 3:, 3:] = turn @ frames
+    if arm.any():
+        out[:, :3, 3:] = -turn @ cross_matrix(arm) @ frames
+    return out
+
+
+def cross_matrix(r: Reals) -> Reals:
+    """(e, 3, 3) matrices of r × from vectors (e, 3)."""
+    out = np.zeros((len(r), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
+    return np.asarray(out - np.swapaxes(out, 1, 2))
+
+
+def join_ends(a: Reals, b: Reals) -> Reals:
+    """(e, 12, 12) block-diagonal transformation from those of the two ends."""
+    out = np.zeros((len(a), 12, 12))
+    out[:, :6, :6], out[:, 6:, 6:] = a, b
+    return out
+
+
+def outer(g: Reals, h: Reals | None = None) -> Reals:
+    """g gᵀ, or the symmetric g hᵀ + h gᵀ, of vectors (e, d)."""
+    if h is None:
+        return np.asarray(g[:, :, None] * g[:, None, :])
+    both = g[:, :, None] * h[:, None, :]
+    return np.asarray(both + np.swapaxes(both, 1, 2))
+
+
+def carry(transform: Reals, matrix: Reals) -> Reals:
+    """Tᵀ m T for every element, exactly symmetric."""
+    out = np.swapaxes(transform, 1, 2) @ matrix @ transform
+    return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
+
+
+def nominal(batch: ElementBatch, structure: Structure, role: str) -> Reals:
+    """(e,) values that a role has in the deck."""
+    return np.asarray(structure.values.values[batch.roles[role]])
