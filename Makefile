@@ -1,0 +1,93 @@
+# GNU make and a Python of 3.11 or newer are all that a fresh machine needs.
+# Every target makes the environment .venv that it wants; stamp files follow pyproject.toml.
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+SHELL := /bin/bash
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+CANDIDATES := python3.13 python3.12 python3.11 python3 python
+PYTEST_ARGS ?=
+EXAMPLES := $(sort $(wildcard examples/*/run.py))
+
+# The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
+# behind it, so each is tried.
+FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
+	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
+
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
+
+demo: $(VENV)/.stamp-test  ## update the benchmark building from its deck and test; the last line names the report
+	@$(BIN)/python examples/01_building/make_inputs.py
+	@$(BIN)/femtune run examples/01_building/study.toml
+
+test: $(VENV)/.stamp-test  ## the quick tests
+	@$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+
+test-slow: $(VENV)/.stamp-test  ## the slow tests
+	@$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
+
+check-all: $(VENV)/.stamp-test  ## all tests, quick and slow
+	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.stamp-lint  ## ruff: rules and format
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+format: $(VENV)/.stamp-lint  ## put the code into the house's format
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+types: $(VENV)/.stamp-lint  ## mypy
+	@$(BIN)/mypy -p femtune
+
+contract: $(VENV)/.stamp-lint  ## the floors: imports only point down
+	@$(BIN)/lint-imports
+
+docs: $(VENV)/.stamp-docs  ## the documentation, warnings are errors
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+evidence: $(VENV)/.stamp-test  ## the full examples; they write the tables that the documentation shows
+	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(BIN)/python $$example --evidence docs/evidence; done
+
+examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
+	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(BIN)/python $$example --quick; done
+
+browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in headless Chromium and check the page
+	@$(BIN)/python .ci/check_page.py $(REPORT)
+
+bench: $(VENV)/.stamp-test  ## speed
+	@set -e; for bench in $(sort $(wildcard benchmarks/*.py)); do echo "== $$bench"; $(BIN)/python $$bench; done
+
+clean:  ## remove what can be made again, the environment too
+	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/bin/python:
+	@python="$$($(FIND_PYTHON))"; \
+	if [ -z "$$python" ]; then \
+	  echo "femtune needs Python 3.11 or newer; none of these is: $(PYTHON) $(CANDIDATES)." >&2; \
+	  echo "hint: install one, or name it: make PYTHON=/path/to/python3.12 <target>" >&2; exit 1; fi; \
+	echo "making $(VENV) with $$("$$python" --version)"; \
+	"$$python" -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "hint: this Python cannot make environments; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+
+$(VENV)/.stamp-test: pyproject.toml | $(VENV)/bin/python
+	@echo "installing femtune and its test tools into $(VENV)"
+	@$(PIP) -e '.[fast,test]'
+	@touch $@
+
+$(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
+	@echo "installing ruff, mypy and import-linter into $(VENV)"
+	@$(PIP) -e '.[lint]'
+	@touch $@
+
+$(VENV)/.stamp-docs: pyproject.toml $(VENV)/.stamp-test
+	@echo "installing the documentation tools into $(VENV)"
+	@$(PIP) -e '.[docs]'
+	@touch $@
