@@ -1,0 +1,16 @@
+"""Universal File Format: tests in and out."""
+
+from femtune.files.uff.functions import FunctionHeader, MeasuredFunction
+from femtune.files.uff.mode_records import ModeRecord
+from femtune.files.uff.read import UffContent, read_uff
+from femtune.files.uff.scan import DataSet, scan_uff
+
+__all__ = [
+    "DataSet",
+    "FunctionHeader",
+    "MeasuredFunction",
+    "ModeRecord",
+    "UffContent",
+    "read_uff",
+    "scan_uff",
+]

@@ -1,0 +1,200 @@
+"""Data set 58 and 58b: functions at nodal DOFs.
+
+pyuff reads the values; header, counts and kinds are checked here, because pyuff turns unreadable header fields
+into zeros and returns the padding behind the declared points as data. The double-precision binary form with
+uneven spacing is refused: writers disagree about the precision of its abscissa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import DIRECTIONS, Dof
+from femtune.errors import Notice, Where
+from femtune.files.uff.fields import as_float, as_int, check_count, fixed, line_at, with_e_exponents
+from femtune.files.uff.scan import DataSet
+from femtune.files.uff.through_pyuff import through_pyuff
+
+_HEADER_LINES = 11
+_REAL, _COMPLEX, _SINGLE = (2, 4), (5, 6), (2, 5)
+
+
+@dataclass(frozen=True)
+class FunctionHeader:
+    """What the header of a data set 58 says; `kinds` are the specific data types of abscissa, ordinate
+    numerator and denominator, `unit_labels` their texts."""
+
+    id_lines: tuple[str, ...]
+    function_type: int
+    response: tuple[int, int]
+    reference: tuple[int, int]
+    value_type: int
+    points: int
+    even: bool
+    start: float
+    step: float
+    kinds: tuple[int, int, int]
+    unit_labels: tuple[str, str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredFunction:
+    """One data set 58: `x` (k,) and `values` (k,) in the file's units, as many as its header declares."""
+
+    header: FunctionHeader
+    x: NDArray[np.float64]
+    values: NDArray
+    where: Where
+
+
+def read_functions(sets: Iterable[DataSet]) -> tuple[tuple[MeasuredFunction, ...], tuple[Notice, ...]]:
+    """All functions of a file.
+
+    Raises
+    ------
+    FemtuneError : ``uff.truncated`` for fewer points than declared, ``uff.count`` for more (zeros behind the
+        declared points are padding), ``uff.value``, ``uff.unreadable``
+    """
+    functions, padded = [], []
+    for data_set in (one for one in sets if one.number == 58):
+        header = read_header(data_set)
+        found = _stored(data_set, header)
+        functions.append(_function(data_set, header, found))
+        if found > _wanted(header):
+            padded.append(data_set)
+    return tuple(functions), _padding_notice(padded)
+
+
+def _padding_notice(padded: list[DataSet]) -> tuple[Notice, ...]:
+    if not padded:
+        return ()
+    what = f"{len(padded)} functions are padded behind the points that they declare: the padding is left out"
+    return (Notice("uff.padding", what, padded[0].where(), "info"),)
+
+
+def read_header(data_set: DataSet) -> FunctionHeader:
+    """The eleven header lines, strictly (errors ``uff.value``, ``uff.truncated``)."""
+    line_at(data_set, _HEADER_LINES - 1)
+    names = fixed(data_set.lines[5], [5, 10, 5, 10, 11, 10, 4, 11, 10, 4])
+    function_type, response, response_at, reference, reference_at = (
+        as_int(names[k], data_set, 5, blank=0) for k in (0, 5, 6, 8, 9)
+    )
+    form = fixed(data_set.lines[6], [10, 10, 10, 13, 13, 13])
+    value_type, points, spacing = (as_int(text, data_set, 6) for text in form[:3])
+    start, step = (as_float(text or "0", data_set, 6) for text in form[3:5])
+    axes = [fixed(data_set.lines[i], [10, 5, 5, 5, 21, 21]) for i in (7, 8, 9)]
+    kinds = [as_int(axis[0], data_set, 7 + k) for k, axis in enumerate(axes)]
+    header = FunctionHeader(
+        tuple(line.strip() for line in data_set.lines[:5]),
+        function_type,
+        (response, response_at),
+        (reference, reference_at),
+        value_type,
+        points,
+        spacing == 1,
+        start,
+        step,
+        (kinds[0], kinds[1], kinds[2]),
+        (axes[0][5], axes[1][5], axes[2][5]),
+    )
+    _check_header(data_set, header, spacing)
+    return header
+
+
+def _check_header(data_set: DataSet, header: FunctionHeader, spacing: int) -> None:
+    if header.value_type not in _REAL + _COMPLEX or spacing not in (0, 1) or header.points < 1:
+        values = {"type": header.value_type, "points": header.points, "spacing": spacing}
+        raise data_set.error(
+            "uff.value",
+            "the data form of a function must be type 2, 4, 5 or 6, spacing 0 or 1, with at least one point",
+            6,
+            values=values,
+            hint="the columns of this line may be shifted: export the file again",
+        )
+
+
+def _wanted(header: FunctionHeader) -> int:
+    """How many numbers the declared points take."""
+    each = (2 if header.value_type in _COMPLEX else 1) + (0 if header.even else 1)
+    return each * header.points
+
+
+def _stored(data_set: DataSet, header: FunctionHeader) -> int:
+    """How many numbers the data set holds; at least as many as it declares, and only padding behind them."""
+    wanted = _wanted(header)
+    if data_set.binary:
+        return _stored_binary(data_set, header, wanted)
+    numbers = _numbers(data_set, header)
+    last = len(data_set.lines) - 1
+    if len(numbers) < wanted:
+        _check_points(data_set, header, wanted, len(numbers), last)
+    if any(numbers[wanted:]):
+        _check_points(data_set, header, wanted, len(numbers), last)
+    return len(numbers)
+
+
+def _check_points(data_set: DataSet, header: FunctionHeader, wanted: int, found: int, i: int) -> None:
+    each = wanted // header.points
+    check_count(data_set, "points", header.points, found // each, i)
+    check_count(data_set, "numbers", wanted, found, i)
+
+
+def _columns(header: FunctionHeader) -> list[int]:
+    if header.value_type in _SINGLE:
+        return [13] * 6
+    if header.even:
+        return [20] * 4
+    return [13, 20, 20] if header.value_type == 6 else [13, 20, 13, 20]
+
+
+def _numbers(data_set: DataSet, header: FunctionHeader) -> list[float]:
+    """Every number of an ASCII body; only the last line may hold fewer than its columns."""
+    columns, numbers = _columns(header), []
+    last = len(data_set.lines) - 1
+    for i, line in enumerate(data_set.lines[_HEADER_LINES:], start=_HEADER_LINES):
+        texts = fixed(with_e_exponents(line), columns)
+        texts = [text for text in texts if text] if i == last else texts
+        numbers += [as_float(text, data_set, i) for text in texts]
+        if len(line) > sum(columns):
+            check_count(data_set, "columns of a line", sum(columns), len(line), i)
+    return numbers
+
+
+def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> int:
+    if as_int(data_set.head[13:19], data_set, 0) != 2 or data_set.head[7:13].strip() not in ("1", "2"):
+        what = "the binary numbers are not IEEE 754 of known byte order"
+        raise data_set.error("uff.value", what, hint="export the file in ASCII")
+    if header.value_type not in _SINGLE and not header.even:
+        what = "the binary form with double precision and uneven spacing is ambiguous"
+        raise data_set.error("uff.value", what, hint="export the file in ASCII, or with even spacing")
+    check_count(data_set, "header lines", _HEADER_LINES, len(data_set.lines), 0)
+    size = 4 if header.value_type in _SINGLE else 8
+    found, rest = divmod(len(data_set.payload), size)
+    if found < wanted or data_set.payload[size * wanted :].strip(b"\x00\r\n") or (rest and found == wanted):
+        check_count(data_set, "bytes of its points", size * wanted, len(data_set.payload), 6)
+    return found
+
+
+def _function(data_set: DataSet, header: FunctionHeader, stored: int) -> MeasuredFunction:
+    raw = through_pyuff(data_set)
+    x, values = np.asarray(raw["x"], dtype=float), np.asarray(raw["data"])
+    each = _wanted(header) // header.points
+    if not len(x) == len(values) == stored // each:
+        check_count(data_set, "points that pyuff returns", stored // each, min(len(x), len(values)))
+    x, values = x[: header.points], values[: header.points]
+    if not (np.isfinite(x).all() and np.isfinite(values).all()):
+        bad = int(np.flatnonzero(~np.isfinite(x) | ~np.isfinite(values))[0])
+        what = f"point {bad + 1} of the function is not a finite number"
+        raise data_set.error("uff.value", what, hint="export the function again")
+    return MeasuredFunction(header, x, values, data_set.where())
+
+
+def dof_of(node: int, direction: int) -> Dof | None:
+    """The DOF of a response or reference, or None for node 0 and unknown directions."""
+    if node <= 0 or abs(direction) > 6:
+        return None
+    return Dof(node, DIRECTIONS[abs(direction)], -1 if direction < 0 else 1)

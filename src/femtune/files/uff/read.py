@@ -1,0 +1,187 @@
+"""Universal Files in: one test with its geometry, modes and FRFs, in the units of the study."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from femtune.dofs import Dof
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.uff.frfs import frf_sets
+from femtune.files.uff.functions import MeasuredFunction, read_functions
+from femtune.files.uff.geometry import read_geometry
+from femtune.files.uff.mode_records import ModeRecord, mode_set, read_mode_records
+from femtune.files.uff.scan import DataSet, scan_uff
+from femtune.files.uff.unit_records import file_unit_system
+from femtune.modal import FrfSet, ModeSet
+from femtune.testdata import ModalTest, WireFrame, convert_frfs, convert_units, sensors_at
+from femtune.units import UnitSystem
+
+READ = (15, 18, 55, 58, 82, 151, 164, 2411, 2412, 2420)
+"""The data sets that are understood."""
+
+_REASONS = {
+    1858: "qualifiers of functions: what femtune needs stands in data set 58",
+    2400: "names of a finite element model: not test data",
+    2414: "results of an analysis: not test data",
+    2429: "groups of nodes and elements",
+    2467: "groups of nodes and elements",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class UffContent:
+    """All that was read from a Universal File.
+
+    Parameters
+    ----------
+    test : geometry, sensors, modes and FRFs in the units asked for
+    frf_sets : one for each kind and set of frequency lines; ``test.frfs`` is the only one, or None
+    functions : every data set 58 as it stands in the file, in the file's units
+    mode_records : every data set 55 that was read, likewise
+    file_units : the system of the file
+    data_sets : how many of each number the file has
+    notices : everything remarkable, data sets left out among it
+    """
+
+    test: ModalTest
+    frf_sets: tuple[FrfSet, ...]
+    functions: tuple[MeasuredFunction, ...]
+    mode_records: tuple[ModeRecord, ...]
+    file_units: UnitSystem
+    data_sets: dict[int, int]
+    notices: tuple[Notice, ...]
+
+
+def read_uff(
+    path: str | Path,
+    *,
+    units: UnitSystem,
+    file_units: UnitSystem | None = None,
+    records: str | None = None,
+    name: str = "",
+) -> UffContent:
+    """Read a Universal File (UFF, UNV) with data sets 15, 18, 55, 58, 58b, 82, 151, 164, 2411, 2412, 2420.
+
+    Parameters
+    ----------
+    units : the system that the test is converted to
+    file_units : the system of the file where it has no data set 164
+    records : read only the modes whose ID lines contain this word
+    name : of the test; else `records`, else the name of the file
+
+    Raises
+    ------
+    FemtuneError : ``uff.no-units``, ``uff.units-contradict``, ``uff.truncated``, ``uff.nothing-usable`` and
+        the other codes ``uff.…`` of the data sets
+    """
+    sets = scan_uff(path)
+    with np.errstate(all="ignore"):  # overflow becomes infinity, which the checks refuse by name
+        return _content(sets, str(path), units, file_units, records, name or records or Path(path).stem)
+
+
+def _content(
+    sets: Sequence[DataSet],
+    source: str,
+    units: UnitSystem,
+    file_units: UnitSystem | None,
+    records: str | None,
+    name: str,
+) -> UffContent:
+    _refuse_useless(sets, source)
+    own, unit_notices = file_unit_system(sets, file_units, source)
+    geometry, geometry_notices = read_geometry(sets)
+    mode_records, record_notices = read_mode_records(sets, records)
+    modes, mode_notices = mode_set(mode_records, source)
+    functions, function_notices = read_functions(sets)
+    frfs, frf_notices = frf_sets(functions, own, source)
+    notices = (
+        *_ignored(sets),
+        *unit_notices,
+        *geometry_notices,
+        *record_notices,
+        *mode_notices,
+        *function_notices,
+        *frf_notices,
+        *_several(frfs, source),
+        *_unplaced(geometry, modes, frfs, source),
+    )
+    test = ModalTest(
+        name,
+        own,
+        geometry,
+        sensors_at(geometry, _dofs(modes, frfs)),
+        modes,
+        frfs[0] if len(frfs) == 1 else None,
+        _conditions(sets),
+        source,
+        notices,
+    )
+    return UffContent(
+        convert_units(test, units),
+        tuple(convert_frfs(one, own, units) for one in frfs),
+        functions,
+        mode_records,
+        own,
+        dict(Counter(one.number for one in sets)),
+        notices,
+    )
+
+
+def _refuse_useless(sets: Iterable[DataSet], source: str) -> None:
+    numbers = Counter(one.number for one in sets)
+    if not set(numbers) & {15, 55, 58, 2411}:
+        raise FemtuneError(
+            "uff.nothing-usable",
+            "the file has neither nodes nor modes nor functions of a test",
+            where=Where(source),
+            values={"data sets": _listed(numbers)},
+            hint="export the geometry (15 or 2411), modes (55) or FRFs (58) of the test",
+        )
+
+
+def _listed(numbers: Counter[int]) -> str:
+    return ", ".join(f"{number} ({count} times)" for number, count in sorted(numbers.items()))
+
+
+def _ignored(sets: Iterable[DataSet]) -> Iterable[Notice]:
+    groups: dict[int, list[DataSet]] = {}
+    for one in sets:
+        if one.number not in READ:
+            groups.setdefault(one.number, []).append(one)
+    for number, members in sorted(groups.items()):
+        reason = _REASONS.get(number, "not understood")
+        what = f"data set {number} ({reason}) stands {len(members)} times: not read"
+        yield Notice("uff.ignored", what, members[0].where(), "info" if number in _REASONS else "warning")
+
+
+def _several(frfs: Sequence[FrfSet], source: str) -> Iterable[Notice]:
+    if len(frfs) > 1:
+        kinds = ", ".join(f"{len(one.responses)} {one.kind} at {len(one.freq_hz)} lines" for one in frfs)
+        what = f"the FRFs differ in kind or frequency lines ({kinds}): none is taken as the test's"
+        yield Notice("uff.several-frf-sets", what, Where(source))
+
+
+def _dofs(modes: ModeSet | None, frfs: Iterable[FrfSet]) -> list[Dof]:
+    dofs = [] if modes is None else list(modes.dofs)
+    for one in frfs:
+        dofs += [*one.responses, *one.references]
+    return dofs
+
+
+def _unplaced(geometry: WireFrame, modes: ModeSet | None, frfs: Iterable[FrfSet], source: str) -> Iterable[Notice]:
+    lost = sorted({dof.node for dof in _dofs(modes, frfs)} - set(geometry.nodes.tolist()))
+    if lost:
+        what = f"{len(lost)} measured nodes have no coordinates in the file: {lost[:8]}"
+        yield Notice("uff.no-position", what, Where(source))
+
+
+def _conditions(sets: Iterable[DataSet]) -> tuple[tuple[str, str], ...]:
+    """Model name, description and program of data set 151, in words."""
+    headers = [one.lines for one in sets if one.number == 151]
+    names = ("model", "description", "program")
+    return tuple((name, line.strip()) for lines in headers[:1] for name, line in zip(names, lines))

@@ -1,0 +1,227 @@
+"""Walk through a Universal File: which data sets it has, where, and whether they are whole.
+
+The library that reads the values (pyuff) passes over damage in silence, so the frame of the file is checked
+here first: delimiters, data set numbers, declared lengths of binary blocks, and text outside data sets. A file
+that ends between two data sets cannot be told from a shorter whole file.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from femtune.errors import FemtuneError, Where
+
+_BLANK = b" \t\r\n\x00\x1a"
+_NUMBER_LINE = re.compile(r" {0,5}(\d{1,6})([bB]?)(?:\s.*)?")
+_BINARY_FIELDS = ((7, 13), (13, 19), (19, 31), (31, 43))
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """One data set as it stands in the file.
+
+    Parameters
+    ----------
+    file : its file
+    number : 55, 58, 2411 …
+    line : line number of its opening delimiter
+    head : the line that holds the number
+    lines : the text lines that follow, without line ends and trailing blanks
+    payload : the bytes of a binary data set, else empty
+    binary : True for 58b and its kin
+    """
+
+    file: str
+    number: int
+    line: int
+    head: str
+    lines: tuple[str, ...]
+    payload: bytes = b""
+    binary: bool = False
+
+    def where(self, i: int | None = None) -> Where:
+        """The place of text line `i`, or of the data set."""
+        line = self.line if i is None else self.line + 2 + i
+        return Where(self.file, line, f"data set {self.number}{'b' if self.binary else ''}")
+
+    def error(
+        self, code: str, what: str, i: int | None = None, *, hint: str = "", values: dict[str, Any] | None = None
+    ) -> FemtuneError:
+        """An error at text line `i` of this data set."""
+        return FemtuneError(code, what, where=self.where(i), values=values, hint=hint)
+
+
+class _Reader:
+    """A position in the bytes of a file, and its line number."""
+
+    def __init__(self, data: bytes, file: str) -> None:
+        self.data, self.file, self.position, self.line = data, file, 0, 0
+
+    def more(self) -> bool:
+        return self.position < len(self.data)
+
+    def take(self) -> bytes:
+        end = self.data.find(b"\n", self.position)
+        end = len(self.data) if end < 0 else end
+        text = self.data[self.position : end]
+        self.position, self.line = end + 1, self.line + 1
+        return text
+
+    def where(self, record: str = "") -> Where:
+        return Where(self.file, self.line, record)
+
+
+def scan_uff(path: str | Path) -> tuple[DataSet, ...]:
+    """The data sets of a Universal File in their order.
+
+    Raises
+    ------
+    FemtuneError : ``uff.no-file``, ``uff.not-uff``, ``uff.outside``, ``uff.syntax``, ``uff.truncated``,
+        ``uff.binary-length``
+    """
+    reader = _Reader(_bytes(Path(path)), str(path))
+    if not any(map(_is_delimiter, reader.data.splitlines())):
+        raise FemtuneError(
+            "uff.not-uff",
+            "this is no Universal File: it has no line that is '    -1' in columns 1 to 6",
+            where=Where(str(path)),
+            hint="export the test as Universal File (UFF, UNV) again",
+        )
+    found = []
+    while reader.more():
+        line = reader.take()
+        if _is_delimiter(line):
+            found.append(_data_set(reader))
+        elif line.strip(_BLANK):
+            raise _outside(reader, line)
+    return tuple(found)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise FemtuneError(
+            "uff.no-file",
+            f"the file cannot be read: {problem.strerror}",
+            where=Where(str(path)),
+            hint="check the path and the permission to read",
+        ) from problem
+    return data if b"\n" in data else data.replace(b"\r", b"\n")
+
+
+def _is_delimiter(line: bytes) -> bool:
+    return line[:6] == b"    -1" and not line[6:].strip(_BLANK)
+
+
+def _outside(reader: _Reader, line: bytes) -> FemtuneError:
+    return FemtuneError(
+        "uff.outside",
+        "there is text outside the data sets: a delimiter '    -1' before it is missing or damaged",
+        where=reader.where(),
+        values={"text": repr(_text(line)[:60])},
+        hint="export the file again, or delete the text if it does not belong to the file",
+    )
+
+
+def _text(line: bytes) -> str:
+    return line.decode("utf-8", errors="replace").rstrip(" \r\n\x00\x1a")
+
+
+def _data_set(reader: _Reader) -> DataSet:
+    opened = reader.line
+    head = _text(reader.take()) if reader.more() else ""
+    match = _NUMBER_LINE.fullmatch(head)
+    if match is None:
+        raise _no_number(reader, opened, head)
+    start = DataSet(reader.file, int(match[1]), opened, head, (), b"", bool(match[2]))
+    return _binary(reader, start) if start.binary else _ascii(reader, start)
+
+
+def _no_number(reader: _Reader, opened: int, head: str) -> FemtuneError:
+    where = Where(reader.file, opened)
+    if not reader.more():
+        what = "the file ends where a data set begins"
+        return FemtuneError("uff.truncated", what, where=where, hint=_AGAIN)
+    return FemtuneError(
+        "uff.syntax",
+        "a delimiter '    -1' is not followed by the number of a data set",
+        where=where,
+        values={"found": repr(head[:60])},
+        hint="a delimiter before this line is missing or stands twice: export the file again",
+    )
+
+
+_AGAIN = "the file was cut: export or copy it again"
+
+
+def _ascii(reader: _Reader, start: DataSet) -> DataSet:
+    lines: list[str] = []
+    while reader.more():
+        line = reader.take()
+        if _is_delimiter(line):
+            return _with(start, lines)
+        lines.append(_text(line))
+    raise _cut(_with(start, lines), "its closing delimiter", {"expected": "'    -1'", "found": "end of file"})
+
+
+def _with(start: DataSet, lines: list[str], payload: bytes = b"") -> DataSet:
+    return DataSet(start.file, start.number, start.line, start.head, tuple(lines), payload, start.binary)
+
+
+def _cut(part: DataSet, missing: str, values: dict[str, Any]) -> FemtuneError:
+    last = max(len(part.lines) - 1, 0)
+    what = f"the file ends inside data set {part.number}, which began at line {part.line}: {missing} is missing"
+    return part.error("uff.truncated", what, last, hint=_AGAIN, values={**values, **_declared(part)})
+
+
+def _declared(part: DataSet) -> dict[str, Any]:
+    """How many points a cut data set 58 declares, where its header is still whole."""
+    text = part.lines[6][10:20].strip() if part.number == 58 and len(part.lines) > 6 else ""
+    return {"points declared": int(text)} if text.isdecimal() else {}
+
+
+def _binary(reader: _Reader, start: DataSet) -> DataSet:
+    header_lines, length = _binary_lengths(start)
+    lines = [_text(reader.take()) for _ in range(header_lines) if reader.more()]
+    payload = reader.data[reader.position : reader.position + length]
+    whole = _with(start, lines, payload)
+    if len(lines) < header_lines or len(payload) < length:
+        raise _cut(whole, "a part of its bytes", {"bytes expected": length, "bytes found": len(payload)})
+    reader.position += length
+    _close_binary(reader, whole)
+    return whole
+
+
+def _close_binary(reader: _Reader, whole: DataSet) -> None:
+    length = len(whole.payload)
+    reader.line += whole.payload.count(b"\n")
+    rest = reader.data[reader.position : reader.position + 8]
+    gap = len(rest) - len(rest.lstrip(b"\r\n"))
+    reader.position += gap
+    if not reader.more():
+        raise _cut(whole, "its closing delimiter", {"expected": "'    -1'", "found": "end of file"})
+    if not _is_delimiter(line := reader.take()):
+        if b"\n" not in reader.data[reader.position - 1 :] and b"    -1".startswith(line[:6]):
+            raise _cut(whole, "its closing delimiter", {"expected": "'    -1'", "found": repr(line[:6])})
+        raise whole.error(
+            "uff.binary-length",
+            "the bytes of a binary data set are not followed by the delimiter '    -1'",
+            values={"bytes declared": length},
+            hint="the declared length is wrong or the file was changed by a text transfer: export it again",
+        )
+
+
+def _binary_lengths(start: DataSet) -> tuple[int, int]:
+    texts = [start.head[a:b].strip() for a, b in _BINARY_FIELDS]
+    if not all(text.isdecimal() for text in texts) or int(texts[2]) > 100:
+        raise start.error(
+            "uff.syntax",
+            "the head of a binary data set must give byte order, format, lines and bytes",
+            values={"found": repr(start.head[:60])},
+            hint="export the file again, in ASCII if the program cannot write the binary form rightly",
+        )
+    return int(texts[2]), int(texts[3])

@@ -1,0 +1,100 @@
+"""Data set 164: the units of a file are facts; they are checked against what the user says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.uff.fields import as_float, as_int, fixed, line_at
+from femtune.files.uff.scan import DataSet
+from femtune.files.uff.through_pyuff import through_pyuff
+from femtune.units import UnitSystem
+
+_TOLERANCE = 1e-3
+_LBF, _FT, _KGF = 4.4482216152605, 0.3048, 9.80665
+_CODES = {
+    1: (1.0, 1.0),
+    2: (_FT, _LBF),
+    3: (1.0, _KGF),
+    4: (_FT, 0.45359237 * _FT),
+    5: (1e-3, 1e-3),
+    6: (1e-2, 1e-2),
+    7: (_FT / 12, _LBF),
+    8: (1e-3, _KGF),
+}
+"""Metres and newtons in one unit of length and force, by the unit code of record 1 (9 is user-defined)."""
+
+
+def file_unit_system(
+    sets: Iterable[DataSet], file_units: UnitSystem | None, path: str | Path
+) -> tuple[UnitSystem, tuple[Notice, ...]]:
+    """The system that the numbers of a file are in: from data set 164, or else as the user says.
+
+    Raises
+    ------
+    FemtuneError : ``uff.no-units`` when neither says it, ``uff.units-contradict`` when they disagree or the
+        file holds two systems
+    """
+    records = [one for one in sets if one.number == 164]
+    systems = [(one, _system(one)) for one in records]
+    if not systems:
+        if file_units is None:
+            raise _no_units(path)
+        return file_units, ()
+    data_set, system = systems[0]
+    for other_set, other in systems[1:]:
+        _check_same(other_set, other, system, "another data set 164 of this file")
+    if file_units is not None:
+        _check_same(data_set, system, file_units, f"the study, which says {file_units.name}")
+    return system, tuple(_code_notices(data_set, system))
+
+
+def _no_units(path: str | Path) -> FemtuneError:
+    return FemtuneError(
+        "uff.no-units",
+        "the file does not say in which units its numbers are (it has no data set 164)",
+        where=Where(str(path)),
+        hint='say it: file_units = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)',
+    )
+
+
+def _system(data_set: DataSet) -> UnitSystem:
+    for i, text in enumerate((line_at(data_set, 1) + " " + line_at(data_set, 2)).split()):
+        as_float(text, data_set, 1 + i // 3)
+    values = through_pyuff(data_set)
+    length, force = values["length"], values["force"]
+    if not all(math.isfinite(factor) and 1e-12 < factor < 1e12 for factor in (length, force)):
+        found = {"length": length, "force": force}
+        raise data_set.error("uff.value", "a unit factor must be a positive number", 1, values=found)
+    # "divide by the factor to get SI": one unit of length is 1/length metres.
+    name = f"{values['units_description']} of data set 164".strip()
+    return UnitSystem(name, 1.0 / length, length / force)
+
+
+def _differ(a: float, b: float) -> bool:
+    return abs(a / b - 1.0) > _TOLERANCE
+
+
+def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, who: str) -> None:
+    if _differ(found.length, other.length) or _differ(found.force, other.force):
+        raise data_set.error(
+            "uff.units-contradict",
+            f"the units of data set 164 contradict {who}",
+            values={
+                "length in data set 164": f"{found.length:.6g} m",
+                "length otherwise": f"{other.length:.6g} m",
+                "force in data set 164": f"{found.force:.6g} N",
+                "force otherwise": f"{other.force:.6g} N",
+            },
+            hint="leave file_units out if the file is right, or correct data set 164",
+        )
+
+
+def _code_notices(data_set: DataSet, system: UnitSystem) -> Iterator[Notice]:
+    code = as_int(fixed(line_at(data_set, 0), [10])[0], data_set, 0)
+    length, force = _CODES.get(code, (system.length, system.force))
+    if _differ(system.length, length) or _differ(system.force, force):
+        what = f"unit code {code} means {length:g} m and {force:g} N, the factors say {system.length:g} m and"
+        yield Notice("uff.units-code", f"{what} {system.force:g} N: the factors are used", data_set.where(0))
