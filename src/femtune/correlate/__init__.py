@@ -1,1 +1,29 @@
-"""TBD."""
+"""Test against model: sensors on nodes, modes in pairs, and how well they agree."""
+
+from femtune.correlate.correlation import Correlation, correlate, paired_shapes
+from femtune.correlate.criteria import CRITERIA, Criterion, Outcome, Verdict, assess
+from femtune.correlate.noise import NoiseShare
+from femtune.correlate.pairing import ClusterMatch, Pair, Pairing, Unpaired, pair_modes
+from femtune.correlate.reasons import no_pairs
+from femtune.correlate.reduced_mass import NotTested, ReducedMass, reduce_mass
+
+__all__ = [
+    "CRITERIA",
+    "ClusterMatch",
+    "Correlation",
+    "Criterion",
+    "NoiseShare",
+    "NotTested",
+    "Outcome",
+    "Pair",
+    "Pairing",
+    "ReducedMass",
+    "Unpaired",
+    "Verdict",
+    "assess",
+    "correlate",
+    "no_pairs",
+    "pair_modes",
+    "paired_shapes",
+    "reduce_mass",
+]

@@ -1,0 +1,148 @@
+"""Mass and stiffness reduced to the sensors by static condensation, for cross-orthogonality."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csc_matrix, sparray, spmatrix
+from scipy.sparse.linalg import splu
+
+from femtune.modal import ModeSet
+from femtune.modal.mac import mac_where_defined
+
+Reals = NDArray[np.float64]
+Sparse: TypeAlias = spmatrix | sparray
+Solve = Callable[[Reals], Reals]
+
+_INDEPENDENT = 1e-10
+_SHIFT = 1e-2
+_SAME_SHAPE = 0.8
+
+
+@dataclass(frozen=True)
+class NotTested:
+    """A comparison that was not made, and why."""
+
+    reason: str
+
+    def __str__(self) -> str:
+        return f"not tested: {self.reason}"
+
+
+@dataclass(frozen=True)
+class ReducedMass:
+    """Mass at the sensors and how well the reduction repeats the full model.
+
+    Parameters
+    ----------
+    mass, stiffness : (s, s)
+    frequency_error : (m,) (reduced − full)/full of each model mode; NaN where no reduced mode resembles it
+    labels : (m,) names of the model modes
+    """
+
+    mass: Reals
+    stiffness: Reals
+    frequency_error: Reals
+    labels: tuple[str, ...]
+
+
+def reduce_mass(
+    K: Sparse, M: Sparse, C: Sparse | Reals, model: ModeSet, *, solve: Solve | None = None
+) -> ReducedMass | NotTested:
+    """Static reduction on what the sensors see: T = A⁻¹Cᵀ(C A⁻¹Cᵀ)⁻¹, M_s = TᵀMT, K_s = TᵀKT, with C T = 1.
+
+    A is K; for a structure with rigid-body modes K + αM with α a hundredth of the lowest elastic eigenvalue.
+
+    Parameters
+    ----------
+    K, M : (f, f) sparse symmetric, on the free DOFs
+    C : (s, f) from free DOFs to sensors
+    model : the model's modes at the s sensors (their frequencies and shapes say how good the reduction is)
+    solve : solves A x = b for (f, s) right-hand sides where A is factorised already; only without rigid-body modes
+
+    Returns
+    -------
+    ReducedMass, or NotTested with the reason in words: a sensor that cannot move, sensors that depend on each
+    other (more sensors on a rigid body than it has motions), no elastic mode to set the shift
+
+    Source: Guyan (1965), generalised to sensors that are combinations of DOFs.
+    """
+    rows = csc_matrix(C)
+    shift = _shift(model)
+    if shift is None:
+        return NotTested("the model has rigid-body modes only")
+    still = [label for label, size in zip(model.dofs.labels(), abs(rows).sum(axis=1).A1) if size == 0.0]
+    if still:
+        return NotTested(f"sensors that cannot move in the model: {', '.join(still)}")
+    static = _static_shapes(K, M, rows, shift, solve)
+    if static is None:
+        return NotTested("the stiffness matrix is singular: a part of the model is a mechanism")
+    flexibility = rows @ static
+    dependent = _dependence(0.5 * (flexibility + flexibility.T), model)
+    return dependent or _reduced(K, M, np.linalg.solve(flexibility.T, static.T).T, model)
+
+
+def _shift(model: ModeSet) -> float | None:
+    """0 for a supported structure; a small positive number where rigid-body modes exist; None without others."""
+    eigenvalues = np.sort(model.eigenvalues)
+    elastic = eigenvalues[eigenvalues > 1e-6 * eigenvalues.max(initial=0.0)]
+    if not len(elastic):
+        return None
+    return _SHIFT * float(elastic[0]) if len(elastic) < len(eigenvalues) else 0.0
+
+
+def _static_shapes(K: Sparse, M: Sparse, rows: csc_matrix, shift: float, solve: Solve | None) -> Reals | None:
+    right = rows.T.toarray()
+    if solve is not None and shift == 0.0:
+        return solve(right)
+    try:
+        A = csc_matrix(K + shift * M)
+        x = splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(right)
+    except RuntimeError:  # SuperLU's word for a zero pivot
+        return None
+    return x if np.isfinite(x).all() else None
+
+
+def _dependence(flexibility: Reals, model: ModeSet) -> NotTested | None:
+    """Refuse sensors whose motions are not independent, naming those in the missing combination."""
+    diagonal = np.diag(flexibility)
+    if (diagonal <= 0.0).any():
+        return NotTested("the stiffness matrix is not positive definite at the sensors")
+    scale = 1.0 / np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(scale[:, None] * flexibility * scale)
+    missing = int(np.sum(values < _INDEPENDENT * values[-1]))
+    if not missing:
+        return None
+    weight = np.max(np.abs(vectors[:, :missing]), axis=1)
+    names = [label for label, w in zip(model.dofs.labels(), weight) if w > 0.05]
+    return NotTested(
+        f"{len(values)} sensors show only {len(values) - missing} independent motions of the model "
+        f"(dependent among {', '.join(names[:12])}{' …' if len(names) > 12 else ''})"
+    )
+
+
+def _reduced(K: Sparse, M: Sparse, T: Reals, model: ModeSet) -> ReducedMass | NotTested:
+    mass, stiffness = T.T @ (M @ T), T.T @ (K @ T)
+    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+    if np.linalg.eigvalsh(mass)[0] <= 0.0:
+        return NotTested("the mass matrix reduced to the sensors is not positive definite: some carry no mass")
+    return ReducedMass(mass, stiffness, _frequency_error(stiffness, mass, model), model.labels)
+
+
+def _frequency_error(stiffness: Reals, mass: Reals, model: ModeSet) -> Reals:
+    """Reduced against full frequencies, matched by shape in the reduced mass; rigid-body modes count as exact."""
+    eigenvalues, vectors = eigh(stiffness, mass)
+    likeness = np.nan_to_num(mac_where_defined(model.shapes, vectors, mass))
+    error = np.full(len(model), np.nan)
+    full = model.eigenvalues
+    for i, j in zip(*linear_sum_assignment(likeness, maximize=True)):
+        if likeness[i, j] >= _SAME_SHAPE:
+            elastic = full[i] > 1e-6 * full.max()
+            error[i] = np.sqrt(max(eigenvalues[j], 0.0) / full[i]) - 1.0 if elastic else 0.0
+    return error
