@@ -33,12 +33,15 @@ class IntegerList:
     every: bool = False
 
     def __contains__(self, number: int) -> bool:
-        return self.every or number in self.singles or any(number in span for span in self.spans)
+        return self.every or number in self.singles or self._in_span(number)
+
+    def _in_span(self, number: int) -> bool:
+        return any(number in span for span in self.spans)
 
     def among(self, numbers: Iterable[int]) -> tuple[int, ...]:
         """Those of `numbers` that are in the list, in ascending order."""
         singles = frozenset(self.singles)
-        chosen = (n for n in set(numbers) if n in singles or n in self)
+        chosen = (n for n in set(numbers) if n in singles or self.every or self._in_span(n))
         return tuple(sorted(chosen))
 
     def expand(self, most: int = 1_000_000) -> tuple[int, ...]:

@@ -207,9 +207,21 @@ def _unfinished(source: SourceFile, number: int, what: str) -> FemtuneError:
     )
 
 
+def plain_path(written: str) -> str:
+    """A path as the deck spells it, with forward slashes, and in UTF-8 where its bytes are UTF-8."""
+    try:
+        text = written.encode(ENCODING).decode("utf-8")
+    except UnicodeDecodeError:
+        text = written
+    return text.replace("\\", "/")
+
+
 def _target(file: str, written: str) -> str:
     """Path of an included file, relative to the folder of the file that includes it."""
-    return os.path.normpath(os.path.join(os.path.dirname(file), written.replace("\\", "/")))
+    joined = os.path.join(os.path.dirname(file), plain_path(written))
+    normal = os.path.normpath(joined)
+    # "folder/../x" is not "x" where the folder is a symbolic link
+    return normal if os.path.realpath(normal) == os.path.realpath(joined) else joined
 
 
 def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> None:
