@@ -19,10 +19,10 @@ from pathlib import Path
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # No network: whatever the page asks for fails and shows up on the console.
-_FLAGS = (
-    "--headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --no-first-run --disable-extensions "
-    "--virtual-time-budget=8000 --enable-logging=stderr --window-size=1200,1600"
-).split()
+_FLAGS = [
+    *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"),
+    *("--disable-extensions", "--virtual-time-budget=8000", "--enable-logging=stderr", "--window-size=1200,1600"),
+]
 _NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND"
 _LOADS = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src", "object": "data"}
 _BLANK_PNG_BYTES = 12_000

@@ -1,0 +1,68 @@
+"""How the documentation is built: `make docs`, without network, warnings are errors."""
+
+from __future__ import annotations
+
+import pkgutil
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+import femtune
+
+project = "femtune"
+author = "the femtune developers"
+project_copyright = "2026, the femtune developers"
+version = release = femtune.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "plain_docstrings"]
+exclude_patterns = ["_build", "_ext"]
+html_theme = "furo"
+html_title = f"femtune {release}"
+html_math_renderer = "mathml"
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+napoleon_google_docstring = False
+napoleon_use_param = False
+napoleon_use_rtype = False
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_default_options = {"members": True, "show-inheritance": False}
+toc_object_entries = False
+# A class is documented where it lives and named again where it is imported from.
+suppress_warnings = ["ref.python", "toc.empty_glob"]
+
+_API = Path(__file__).parent / "api"
+
+
+def _modules() -> dict[str, bool]:
+    """Names of the public modules, and whether each is a package."""
+    found = {m.name: m.ispkg for m in pkgutil.walk_packages(femtune.__path__, "femtune.")}
+    return {name: found[name] for name in sorted(found) if "._" not in name}
+
+
+def _write_api_pages() -> None:
+    """One page a package, so that a new module is documented without anybody's listing it."""
+    _API.mkdir(exist_ok=True)
+    pages: dict[str, list[str]] = {}
+    for name, is_package in _modules().items():
+        pages.setdefault(name.split(".")[1], []).append(_section(name, is_package))
+    for stale in _API.glob("*.md"):
+        if stale.stem not in (*pages, "index"):
+            stale.unlink()
+    for package, sections in pages.items():
+        text = f"# femtune.{package}\n" + "".join(sections)
+        page = _API / f"{package}.md"
+        if not page.exists() or page.read_text() != text:
+            page.write_text(text)
+
+
+def _section(name: str, is_package: bool) -> str:
+    """What a package imports from its modules is described there."""
+    heading = f"\n## {name}\n" if name.count(".") > 1 else ""
+    members = "   :no-members:\n" if is_package else ""
+    return f"{heading}\n```{{eval-rst}}\n.. automodule:: {name}\n{members}```\n"
+
+
+_write_api_pages()
