@@ -1,0 +1,310 @@
+"""SensorMap: from the displacements of the model to what the sensors of a test measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from femtune.correlate.generalised import GeneralisedSensor
+from femtune.correlate.nearest import Near, NodeSearch
+from femtune.dofs import Dof, DofSet
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.structure import NodeTable, Structure
+from femtune.testdata import ModalTest, Sensor
+
+Reals = NDArray[np.float64]
+Row = dict[int, float]
+"""Coefficients of g-set DOFs."""
+
+_UNKNOWN = np.full(3, np.nan)
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where a sensor sits in the model.
+
+    `how` is "nearest", "by id", "given" or "combination"; `node` is None for a combination; `distance` is NaN
+    where the test gives no position.
+    """
+
+    label: Dof
+    node: int | None
+    distance: float
+    how: str
+
+
+@dataclass(frozen=True)
+class Unmatched:
+    """A sensor without node within the tolerance, and the nearest one all the same (None if the model has none)."""
+
+    label: Dof
+    position: tuple[float, ...]
+    nearest: int | None
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMap:
+    """From model to sensors.
+
+    Parameters
+    ----------
+    matrix : (s, n_g) sparse, from g-set displacements (in the nodes' displacement frames) to sensors
+    dofs : labels of the s sensors; the rows hold for these signs
+    matches : one a sensor
+    unmatched : sensors that were left out because no node is near
+    notices : ties, far nodes, test nodes that share a node of the model
+    """
+
+    matrix: csr_matrix
+    dofs: DofSet
+    matches: tuple[Match, ...]
+    unmatched: tuple[Unmatched, ...] = ()
+    notices: tuple[Notice, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """What the user asked for, as one bundle."""
+
+    nodes: NodeTable
+    search: NodeSearch
+    tolerance: float
+    by_id: bool
+    given: Mapping[int, int]
+    combinations: Mapping[tuple[int, str], GeneralisedSensor]
+
+
+def map_sensors(
+    test: ModalTest,
+    structure: Structure,
+    *,
+    tolerance: float,
+    by_id: bool = False,
+    given: Mapping[int, int] | None = None,
+    combinations: Sequence[GeneralisedSensor] = (),
+    leave_unmatched: bool = False,
+) -> SensorMap:
+    """Put every sensor of a test on the model.
+
+    A combination comes first, then a node given by hand, then equal numbers if `by_id`, else the nearest node. DOFs
+    of the test's modes without geometry need one of the first three; their directions are taken in the basic frame.
+
+    Parameters
+    ----------
+    test : in the units and axes of the model
+    tolerance : largest distance of a node from its sensor, in the model's unit of length
+    by_id : test nodes carry the numbers of the model's
+    given : model node for some of the test nodes
+    combinations : sensors that are combinations of model DOFs, see `rigid_motion_sensor`
+    leave_unmatched : leave sensors without node out, listed in the result, instead of raising
+
+    Raises
+    ------
+    FemtuneError : ``sensor.unmatched``, ``sensor.no-position``, ``sensor.given-unknown``,
+        ``sensor.combination-unused``, ``sensor.tolerance``, ``model.unknown-node``; all that apply together
+    """
+    table = {(c.dof.node, c.dof.direction): c for c in combinations}
+    request = _Request(
+        structure.nodes, NodeSearch(structure.nodes, tolerance), tolerance, by_id, dict(given or {}), table
+    )
+    sensors = _sensors(test)
+    _check_requests(sensors, request, combinations)
+    errors = ErrorCollector()
+    placed: list[tuple[Match, Row]] = []
+    unmatched: list[Unmatched] = []
+    for sensor in sensors:
+        with errors.catch():
+            found = _place(sensor, request)
+            unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+    if unmatched and not leave_unmatched:
+        errors.errors.append(_unmatched_error(unmatched, len(sensors), request))
+    errors.raise_if_any()
+    return _build(placed, tuple(unmatched), sensors, request)
+
+
+def _sensors(test: ModalTest) -> tuple[Sensor, ...]:
+    """The placed sensors, then DOFs of the modes that have no place."""
+    known = DofSet(s.label for s in test.sensors)
+    extra = [d for d in (test.modes.dofs if test.modes else ()) if d not in known]
+    return (*test.sensors, *(Sensor(d, _UNKNOWN, _basic_direction(d)) for d in extra))
+
+
+def _basic_direction(dof: Dof) -> Reals:
+    return dof.sign * np.eye(3)[(dof.component - 1) % 3]
+
+
+def _check_requests(sensors: Sequence[Sensor], request: _Request, combinations: Sequence[GeneralisedSensor]) -> None:
+    errors = ErrorCollector()
+    with errors.catch():
+        _check_tolerance(request.tolerance)
+    with errors.catch():
+        _check_given({s.label.node for s in sensors}, request.given)
+    with errors.catch():
+        _check_combinations(DofSet(s.label for s in sensors), DofSet(c.dof for c in combinations))
+    errors.raise_if_any()
+
+
+def _check_tolerance(tolerance: float) -> None:
+    if not 0.0 < tolerance < np.inf:
+        raise FemtuneError(
+            "sensor.tolerance",
+            "the tolerance of sensor positions must be a positive length",
+            values={"tolerance": tolerance},
+            hint="a fraction of the mesh size, in the model's unit of length",
+        )
+
+
+def _check_given(test_nodes: set[int], given: Mapping[int, int]) -> None:
+    unknown = sorted(set(given) - test_nodes)
+    if unknown:
+        raise FemtuneError(
+            "sensor.given-unknown",
+            "nodes were given by hand for test nodes that have no sensor",
+            values={"test nodes": ", ".join(map(str, unknown[:10]))},
+            hint="give test node = model node, in this order",
+        )
+
+
+def _check_combinations(labels: DofSet, wanted: DofSet) -> None:
+    unknown = [str(d) for d in wanted if d not in labels]
+    if unknown:
+        raise FemtuneError(
+            "sensor.combination-unused",
+            "combinations of model DOFs are labelled with DOFs that the test does not have",
+            values={"labels": ", ".join(unknown[:10])},
+            hint="label a combination with the DOF that the test's modes use for it",
+        )
+
+
+def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
+    """Match and row of one sensor."""
+    label, nodes = sensor.label, request.nodes
+    combination = request.combinations.get((label.node, label.direction))
+    if combination is not None:
+        return Match(label, None, np.nan, "combination"), _combined(label, combination, nodes)
+    if label.node in request.given:
+        return _at_node(sensor, request.given[label.node], "given", nodes)
+    if request.by_id and (nodes.has_grid(label.node) or label.direction == "S"):
+        return _at_node(sensor, label.node, "by id", nodes)
+    return _nearest(sensor, request)
+
+
+def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
+    if not np.isfinite(sensor.position).all():
+        raise _no_position(sensor, request.by_id)
+    near = request.search.near(sensor.position)
+    if request.by_id or near.distance > request.tolerance:
+        return Unmatched(sensor.label, tuple(map(float, sensor.position)), near.node or None, near.distance)
+    match, row = _at_node(sensor, near.node, "nearest", request.nodes)
+    return replace(match, distance=near.distance), row
+
+
+def _no_position(sensor: Sensor, by_id: bool) -> FemtuneError:
+    tail = " and the model has no grid point of that number" if by_id else ""
+    return FemtuneError(
+        "sensor.no-position",
+        f"the test does not say where {sensor.label} is{tail}",
+        hint="add the node's coordinates to the test, match by number, or give its model node by hand",
+    )
+
+
+def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
+    if sensor.label.direction == "S":
+        return Match(sensor.label, node, np.nan, how), {nodes.dof(node, 0): float(sensor.label.sign)}
+    i = nodes.position(node)
+    distance = float(np.linalg.norm(nodes.xyz[i] - sensor.position))
+    # u_basic = frame @ u, and the sensor sees direction · u_basic
+    seen = nodes.frames[i].T @ sensor.direction
+    first = 6 * i + (3 if sensor.is_rotation else 0)
+    return Match(sensor.label, node, distance, how), {first + k: float(c) for k, c in enumerate(seen) if abs(c) > 1e-14}
+
+
+def _combined(label: Dof, combination: GeneralisedSensor, nodes: NodeTable) -> Row:
+    row: Row = {}
+    for node, component, coefficient in combination.terms:
+        at = nodes.dof(node, component)
+        row[at] = row.get(at, 0.0) + label.sign * combination.dof.sign * coefficient
+    return row
+
+
+def _build(
+    placed: Sequence[tuple[Match, Row]],
+    unmatched: tuple[Unmatched, ...],
+    sensors: Sequence[Sensor],
+    request: _Request,
+) -> SensorMap:
+    entries = [(r, c, value) for r, (_, row) in enumerate(placed) for c, value in row.items()]
+    rows, columns, values = zip(*entries) if entries else ((), (), ())
+    shape = (len(placed), request.nodes.n_dofs)
+    matches = tuple(match for match, _ in placed)
+    notices = (*_ties(matches, sensors, request), *_far(matches, request.tolerance), *_shared(matches))
+    if unmatched:
+        names = ", ".join(str(u.label) for u in unmatched)
+        notices += (Notice("sensor.left-out", f"sensors without a node near them are left out: {names}"),)
+    matrix = csr_matrix((np.array(values, float), (rows, columns)), shape=shape)
+    return SensorMap(matrix, DofSet(match.label for match in matches), matches, unmatched, notices)
+
+
+def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
+    """Sensors with several equally near nodes, one notice a test node."""
+    place = {(s.label.node, s.label.direction): s.position for s in sensors}
+    found: dict[int, Near] = {}
+    for match in matches:
+        if match.how == "nearest" and match.label.node not in found:
+            found[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
+    return tuple(_tie(test_node, near) for test_node, near in found.items() if near.others)
+
+
+def _tie(test_node: int, near: Near) -> Notice:
+    others = ", ".join(map(str, near.others))
+    text = f"grid points {near.node} and {others} are equally near to test node {test_node}; {near.node} is taken"
+    return Notice("sensor.tie", f"{text}; give the node by hand to choose another")
+
+
+def _far(matches: Sequence[Match], tolerance: float) -> tuple[Notice, ...]:
+    far = {m.label.node: m for m in matches if m.distance > tolerance}
+    return tuple(_far_notice(match, tolerance) for match in far.values())
+
+
+def _far_notice(match: Match, tolerance: float) -> Notice:
+    place = f"test node {match.label.node} is put on grid point {match.node} ({match.how})"
+    return Notice("sensor.far-from-node", f"{place}, {match.distance:.4g} away; the tolerance is {tolerance:.4g}")
+
+
+def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
+    """Model nodes that stand for several test nodes: their sensors cannot differ in the model."""
+    users: dict[int, set[int]] = {}
+    for match in matches:
+        if match.node is not None:
+            users.setdefault(match.node, set()).add(match.label.node)
+    return tuple(
+        Notice("sensor.shared-node", f"test nodes {', '.join(map(str, sorted(who)))} all fall on grid point {node}")
+        for node, who in users.items()
+        if len(who) > 1
+    )
+
+
+def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
+    values = {str(u.label): _distance_in_words(u) for u in unmatched[:20]}
+    if len(unmatched) > 20:
+        values["…"] = f"and {len(unmatched) - 20} more"
+    why = "number in the model" if request.by_id else f"node within the tolerance of {request.tolerance:.4g}"
+    guess = request.search.looks_like(np.array([u.position for u in unmatched])) if len(unmatched) == total else ""
+    return FemtuneError(
+        "sensor.unmatched",
+        f"{len(unmatched)} of {total} sensors have no {why}",
+        values=values,
+        hint=guess or "check the test's units and axes, widen the tolerance, or give the nodes by hand",
+    )
+
+
+def _distance_in_words(u: Unmatched) -> str:
+    place = f"({', '.join(f'{x:.6g}' for x in u.position)})"
+    if u.nearest is None:
+        return f"at {place}, the model has no grid points"
+    return f"at {place}, nearest grid point {u.nearest}, distance {u.distance:.4g}"
