@@ -1,0 +1,181 @@
+"""Records about the model: cards, mass, supports, checks, sensors, and its modes."""
+
+from __future__ import annotations
+
+from femtune.study.results_base import Alert, Record, Stage, Vector3, VerdictWord
+
+
+class CardCount(Record):
+    """A kind of card that was read and used."""
+
+    name: str
+    """Name of the card: "CBAR"."""
+    count: int
+    """How many there are."""
+
+
+class IgnoredCard(Record):
+    """A kind of card that was not used."""
+
+    name: str
+    """Name of the card."""
+    count: int
+    """How many there are."""
+    first_file: str
+    """File of the first one."""
+    first_line: int
+    """Line of the first one, from 1."""
+    reason: str
+    """Why it was not used."""
+
+
+class DeckParameter(Record):
+    """A PARAM of the deck."""
+
+    name: str
+    """Name: "WTMASS"."""
+    value: str
+    """Value as the deck writes it."""
+    understood: bool
+    """True where it acts as in Nastran; false where it was ignored."""
+    remark: str = ""
+    """What it did, or why it was ignored."""
+
+
+class HeldDof(Record):
+    """A DOF that AUTOSPC held because nothing stiffens it."""
+
+    dof: str
+    """Node and direction: "101RZ+"."""
+    reason: str
+    """Why it was held."""
+
+
+class GroundedDof(Record):
+    """A DOF where a rigid motion meets a force: a hidden connection to ground."""
+
+    dof: str
+    """Node and direction."""
+    force: float
+    """Force or moment at it in the worst of the six unit motions, in units of the study."""
+
+
+class RigidBodyCheck(Record):
+    """Strain energy of six rigid motions of the model without its supports."""
+
+    strain_energies: tuple[float, ...]
+    """Of unit translations X, Y, Z and rotations RX, RY, RZ (1 rad), in units of the study."""
+    relative_energies: tuple[float, ...]
+    """The same, each over the sum of the absolute values of its parts (no unit); zero is perfect."""
+    grounded: bool | None
+    """True where at least one motion strains the model; None where not tested."""
+    verdict: VerdictWord
+    """Outcome."""
+    sentence: str
+    """Outcome in words, or why it was not tested."""
+    worst_dofs: tuple[GroundedDof, ...] = ()
+    """Where the largest forces are, largest first."""
+
+
+class ModelConfiguration(Record):
+    """The model in one configuration."""
+
+    configuration: str
+    """Name of the configuration."""
+    grids: int
+    """Number of grid and scalar points."""
+    free_dofs: int
+    """Number of DOFs that are solved for."""
+    supports: tuple[str, ...]
+    """Supports and constraint sets that act, in words."""
+    held_dofs: tuple[HeldDof, ...]
+    """Every DOF held by AUTOSPC."""
+    mass: float
+    """Mass of the model, in the study's unit of mass."""
+    centre_of_gravity: Vector3
+    """In the basic system, in the study's unit of length."""
+    inertia: tuple[Vector3, Vector3, Vector3]
+    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²."""
+    weighed_mass: float | None
+    """Mass that was weighed, in the study's unit of mass; None where the study gives none."""
+    mass_difference_percent: float | None
+    """(model − weighed)/weighed in %; None where nothing was weighed."""
+    rigid_body_check: RigidBodyCheck
+    """Strain energy of rigid motions."""
+    overlay: tuple[str, ...] = ()
+    """What this configuration changes in the deck, in words: elements off, masses added, supports."""
+
+
+class ModelFacts(Record):
+    """What was read from the deck, and the model that came of it."""
+
+    cards_read: tuple[CardCount, ...]
+    """Cards that were used."""
+    cards_ignored: tuple[IgnoredCard, ...]
+    """Cards that were not used."""
+    deck_parameters: tuple[DeckParameter, ...]
+    """PARAMs, understood and ignored."""
+    notices: tuple[Alert, ...]
+    """Findings while reading."""
+    configurations: tuple[ModelConfiguration, ...]
+    """One record a configuration."""
+
+
+class MatchedSensor(Record):
+    """A measured DOF and the model's DOF that answers for it."""
+
+    test_dof: str
+    """Label in the test: "12X+"."""
+    test_node: int
+    """Node of the test."""
+    model_node: int | None
+    """Grid of the model; None where the sensor is a combination of several."""
+    distance: float | None
+    """Between the two, in the study's unit of length; None where matched without coordinates."""
+    how: str
+    """How it was matched, in words: "nearest grid", "same number", "by hand", "combination of 2 DOFs"."""
+
+
+class UnmatchedSensor(Record):
+    """A measured DOF that takes no part in the comparison."""
+
+    test_dof: str
+    """Label in the test."""
+    reason: str
+    """Why, in words."""
+
+
+class SensorResults(Record):
+    """Sensors of one configuration."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_file: str
+    """File of the test."""
+    tolerance: float | None
+    """Largest distance allowed, in the study's unit of length; None where matched otherwise."""
+    matched: tuple[MatchedSensor, ...]
+    """Sensors that are compared, generalised ones among them."""
+    unmatched: tuple[UnmatchedSensor, ...]
+    """Sensors left aside."""
+
+
+class ModelModes(Record):
+    """Solved modes of one configuration at one stage."""
+
+    configuration: str
+    """Name of the configuration."""
+    stage: Stage
+    """"before", "after" or "after as written"."""
+    freq_hz: tuple[float, ...]
+    """Natural frequencies in Hz, rising, rigid-body modes first as 0."""
+    rigid_body_modes: int
+    """How many of them are rigid-body motions."""
+    sturm_shift_hz: float | None
+    """Frequency in Hz of the Sturm check; None where not tested."""
+    sturm_count: int | None
+    """Number of eigenvalues below that shift by the signs of the factorisation; None where not tested."""
+    modes_below_shift: int | None
+    """Number of solved modes below that shift; equal to sturm_count where no mode was missed."""
+    sturm_sentence: str = ""
+    """Outcome in words, or why it was not tested."""

@@ -1,0 +1,229 @@
+"""Records about parameters: which ones the data determine, their values, and what was written back."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from femtune.study.results_base import Citation, Record
+
+BoundState = Literal["", "lower", "upper"]
+DeterminedBy = Literal["determined by the data", "half by the data", "not by these data"]
+
+
+class ParameterFacts(Record):
+    """A parameter as the study describes it."""
+
+    name: str
+    """Name."""
+    fields: tuple[str, ...]
+    """Fields of the deck that it sets, "PBAR 1 I1"; empty where there is none."""
+    unit: str
+    """Unit of its values; "" for a factor."""
+    nominal: float
+    """Start value, in `unit`."""
+    lower: float | None
+    """Lower bound, in `unit`; None for a tied parameter."""
+    upper: float | None
+    """Upper bound, in `unit`; None for a tied parameter."""
+    prior_mean: float | None
+    """Mean of the prior, in `unit`; None for a tied parameter."""
+    prior_sd: float | None
+    """Standard deviation of the prior, in `unit`; None for a tied parameter."""
+    tie: str = ""
+    """Expression of other parameters that it follows; "" for a free parameter."""
+
+
+class Share(Record):
+    """A parameter's share in a combination."""
+
+    parameter: str
+    """Name of the parameter."""
+    coefficient: float
+    """Coefficient in the unit vector of normalised parameters (no unit)."""
+
+
+class Combination(Record):
+    """A combination of parameters, a right singular vector of the scaled Jacobian."""
+
+    singular_value: float
+    """Its singular value (no unit); 0 where the data say nothing about it."""
+    sentence: str
+    """In words: "column_1_EI rises while column_2_EI falls by as much: no measured mode changes"."""
+    shares: tuple[Share, ...]
+    """Coefficients by parameter."""
+
+
+class Identifiability(Record):
+    """What the data say about one parameter."""
+
+    parameter: str
+    """Name of the parameter."""
+    sd_ratio: float | None
+    """Posterior over prior standard deviation, 0 to 1 (no unit); None where not tested."""
+    verdict: DeterminedBy | Literal["not tested"]
+    """In words."""
+    sentence: str = ""
+    """Explanation in words."""
+
+
+class SelectionResults(Record):
+    """Which parameters and combinations the data determine."""
+
+    jacobian_key: str | None
+    """Key of the scaled Jacobian ∂residual/∂(normalised parameter), shape (residuals, parameters); no unit."""
+    row_labels: tuple[str, ...]
+    """Residuals: "BC mode 1 frequency"."""
+    column_labels: tuple[str, ...]
+    """Free parameters."""
+    singular_values: tuple[float, ...]
+    """Of the scaled Jacobian, falling (no unit)."""
+    rank: int
+    """How many combinations the data determine."""
+    rank_threshold: float
+    """Singular values below this count as zero (no unit)."""
+    undetermined: tuple[Combination, ...]
+    """Combinations that no residual depends on."""
+    weakly_determined: tuple[Combination, ...]
+    """Combinations that the prior determines more than the data."""
+    correlation_key: str | None
+    """Key of the correlation matrix of the parameters, posterior, shape (parameters, parameters); None: not tested."""
+    parameters: tuple[Identifiability, ...]
+    """One record a free parameter."""
+
+
+class PairingEvent(Record):
+    """A change of pairing between two iterations."""
+
+    iteration: int
+    """Iteration after which it happened."""
+    configuration: str
+    """Name of the configuration."""
+    sentence: str
+    """What changed, in words."""
+
+
+class Iteration(Record):
+    """One point of the update's history."""
+
+    iteration: int
+    """Number, 0 at the start."""
+    objective_percent: float
+    """Weighted mean error √(Σr²/Σw²) in %."""
+    step_length: float | None
+    """Norm of the step in normalised parameters (no unit); None at the start."""
+    damping: float | None
+    """Damping of the step (no unit); None where there is none."""
+    parameters: tuple[float, ...]
+    """Values of the free parameters, each in its unit, in the order of UpdateResults.history_parameters."""
+    active_bounds: tuple[str, ...] = ()
+    """Names of parameters at a bound."""
+
+
+class WrittenValue(Record):
+    """A parameter's value in one field of the deck."""
+
+    field: str
+    """The field: "PBAR 1 I1"."""
+    value: float
+    """The value as its text reads, in units of the deck."""
+
+
+class ParameterResult(Record):
+    """A parameter after the update."""
+
+    name: str
+    """Name."""
+    value: float
+    """Final value, in the unit of the parameter."""
+    sd: float | None
+    """Its standard deviation, in the unit of the parameter; None with a reason beside it."""
+    sd_reason: str
+    """Why there is no sd: "at bound, σ not given"; "" where there is one."""
+    change_percent: float | None
+    """(final − nominal)/|nominal| in %; None where the nominal value is zero."""
+    at_bound: BoundState
+    """"lower", "upper" or "" (inside)."""
+    written: tuple[WrittenValue, ...] = ()
+    """What stands in the updated deck."""
+
+
+class ResidualCount(Record):
+    """How many residuals of one kind went in."""
+
+    kind: str
+    """"frequency", "mode shape", …"""
+    count: int
+    """How many."""
+
+
+class UpdateResults(Record):
+    """How the parameters were found."""
+
+    status: str
+    """Name of the status: "CONVERGED_AT_BOUNDS"."""
+    message: str
+    """What happened, in a sentence."""
+    ok: bool
+    """True where the result is an optimum."""
+    method: str
+    """Name of the solver, in words."""
+    objective_before_percent: float
+    """Weighted mean error √(Σr²/Σw²) at the start, in %."""
+    objective_after_percent: float
+    """The same at the end, in %."""
+    objective_as_written_percent: float | None
+    """The same for the values written to the deck, in %; None where nothing was written."""
+    history_parameters: tuple[str, ...]
+    """Names of the columns of Iteration.parameters."""
+    history: tuple[Iteration, ...]
+    """One record an iteration, the start first."""
+    parameters: tuple[ParameterResult, ...]
+    """Free and tied parameters after the update."""
+    pairing_events: tuple[PairingEvent, ...]
+    """Changes of pairing; empty where there were none."""
+    regularisation: str
+    """Name of the regularisation; "none" where there is none."""
+    regularisation_weight: float | None
+    """Its weight (no unit)."""
+    residual_counts: tuple[ResidualCount, ...]
+    """Residuals by kind."""
+    citations: tuple[Citation, ...] = ()
+    """Publications behind what ran in the update."""
+
+
+class EditedField(Record):
+    """A field of the deck that was changed."""
+
+    card: str
+    """Card and identification: "PBAR 1"."""
+    field: str
+    """Name of the field: "I1"."""
+    file: str
+    """File that holds it, relative to the run folder."""
+    line: int
+    """Line in that file, from 1."""
+    old_text: str
+    """Text before."""
+    new_text: str
+    """Text after."""
+    value: float
+    """Value of the update, before rounding, in units of the deck."""
+    rounded_value: float
+    """Value that the new text reads as, in units of the deck."""
+    parameter: str = ""
+    """Parameter that sets it."""
+
+
+class WriteBackResults(Record):
+    """What was written to the updated deck."""
+
+    files: tuple[str, ...]
+    """Files written, relative to the run folder."""
+    edits: tuple[EditedField, ...]
+    """Changed fields."""
+    splits: tuple[str, ...]
+    """Cards split because elements that are not updated share them, a sentence each."""
+    without_field: tuple[str, ...]
+    """Parameters that have no field, a sentence each."""
+    includes_changed: tuple[str, ...]
+    """INCLUDE lines whose path had to change, a sentence each."""

@@ -1,0 +1,190 @@
+"""The run folder: ``results.json`` and ``arrays.npz``, written whole or not at all, read without trust."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from femtune.errors import FemtuneError, Where
+from femtune.study.results import SCHEMA_VERSION, Results
+
+RESULTS_FILE = "results.json"
+ARRAYS_FILE = "arrays.npz"
+
+
+def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Path:
+    """Write `results` and `arrays` into `folder` (made if absent); returns the path of ``results.json``.
+
+    Each file appears whole: it is written beside its place and renamed. The arrays come first, so that
+    ``results.json`` never refers to what is not there.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``; ``run.arrays`` where a key has no array, or an array holds Python objects
+    """
+    folder = Path(folder)
+    _check_arrays(folder, results, arrays)
+    text = json.dumps(results.model_dump(mode="json"), indent=1, ensure_ascii=False, allow_nan=False)
+    packed = _pack(arrays)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _replace(folder / ARRAYS_FILE, packed)
+        _replace(folder / RESULTS_FILE, text.encode())
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    return folder / RESULTS_FILE
+
+
+def read_results(folder: Path | str) -> tuple[Results, dict[str, NDArray[Any]]]:
+    """Read what `write_results` wrote: the results and their arrays by key.
+
+    Raises
+    ------
+    FemtuneError : ``run.missing``, ``run.damaged``, ``run.version`` or ``run.arrays``
+    """
+    folder = Path(folder)
+    results = _read_json(folder / RESULTS_FILE)
+    arrays = _read_arrays(folder / ARRAYS_FILE)
+    _check_arrays(folder, results, arrays)
+    return results, arrays
+
+
+def check_writable(folder: Path | str) -> None:
+    """Make `folder` and prove that a file can be written there, before hours of work.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
+def _unwritable(folder: Path, error: OSError) -> FemtuneError:
+    return FemtuneError(
+        "run.unwritable",
+        f"the run folder cannot be written: {error.strerror or error}",
+        where=Where(str(folder)),
+        hint="choose another folder, or give yourself the right to write there",
+    )
+
+
+def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """An .npz archive in memory; `_check_arrays` has refused arrays of objects."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for key in sorted(arrays):
+            # a fixed date keeps the archive of equal arrays equal, byte by byte
+            with archive.open(zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0)), "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asanyarray(arrays[key]), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write beside `path`, flush to the disk, rename: readers see the old file or the new one."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        # mkstemp makes private files; a result is an ordinary one
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _read_json(path: Path) -> Results:
+    try:
+        data = json.loads(_read_bytes(path))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, str(error)) from error
+    _check_version(path, data)
+    try:
+        return Results.model_validate_json(json.dumps(data))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise _damaged(path, f"{first['msg']} ({error.error_count()} problems)", place) from error
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FemtuneError(
+            "run.missing",
+            f"this is no run folder: {path.name} cannot be read ({error.strerror or error})",
+            where=Where(str(path)),
+            hint="name a folder that `femtune run` wrote",
+        ) from error
+
+
+def _check_version(path: Path, data: Any) -> None:
+    version = data.get("schema_version") if isinstance(data, dict) else None
+    if not isinstance(version, str):
+        raise _damaged(path, "it has no schema_version")
+    if version != SCHEMA_VERSION:
+        raise FemtuneError(
+            "run.version",
+            f"the results are of schema version {version}; this femtune reads version {SCHEMA_VERSION}",
+            where=Where(str(path), record="schema_version"),
+            hint="read them with the version of femtune that wrote them, or run the study again",
+        )
+
+
+def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    content = _read_bytes(path)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            return {key: archive[key] for key in archive.files}
+    # what numpy and zlib raise on damaged archives; a lone .npy has no `files`
+    except (ValueError, OSError, EOFError, KeyError, AttributeError, TypeError, NotImplementedError) as error:
+        raise _damaged(path, str(error)) from error
+    except zipfile.BadZipFile as error:
+        raise _damaged(path, str(error)) from error
+
+
+def _damaged(path: Path, why: str, record: str = "") -> FemtuneError:
+    return FemtuneError(
+        "run.damaged",
+        f"{path.name} is damaged: {why}",
+        where=Where(str(path), record=record),
+        hint="run the study again into this folder",
+    )
+
+
+def _check_arrays(folder: Path, results: Results, arrays: Mapping[str, NDArray[Any]]) -> None:
+    missing = [key for key in results.array_keys() if key not in arrays]
+    objects = [key for key, array in arrays.items() if np.asanyarray(array).dtype.hasobject]
+    if missing or objects:
+        raise FemtuneError(
+            "run.arrays",
+            "the results refer to arrays that are not there, or arrays hold Python objects",
+            where=Where(str(folder / ARRAYS_FILE)),
+            values={"missing": ", ".join(missing) or "none", "objects": ", ".join(objects) or "none"},
+            hint="run the study again into this folder",
+        )
