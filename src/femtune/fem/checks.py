@@ -1,0 +1,166 @@
+"""Checks of a structure before it is solved: rigid-body motions, mass properties, strain-free motion, grounding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.dofs import DIRECTIONS, Dof
+from femtune.fem.assemble import nominal_matrices
+from femtune.fem.elements import contributions
+from femtune.fem.elements.placement import arm_transform
+from femtune.fem.structure import NodeTable, Structure
+
+Reals = NDArray[np.float64]
+
+# a force that rigid motion leaves at a DOF, relative to the forces that cancel there
+STRAIN_FREE = 1e-8
+# masses felt in two directions that differ by less count as one
+SAME_MASS = 1e-9
+
+
+def rigid_body_modes(nodes: NodeTable, about: Reals | None = None) -> Reals:
+    """(n_g, 6) displacements of unit translations and rotations about a point, in the displacement frames.
+
+    Scalar points do not move.
+    """
+    point = np.zeros(3) if about is None else np.asarray(about, float)
+    out = np.zeros((nodes.n_dofs, 6))
+    n = len(nodes.ids)
+    basic = np.tile(np.eye(3), (n, 1, 1))
+    out[: 6 * n] = arm_transform(nodes.frames, nodes.xyz - point, basic).reshape(6 * n, 6)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Mass properties of a structure (what PARAM GRDPNT asks for), in the basic frame.
+
+    Parameters
+    ----------
+    about : (3,) the point of reference
+    mass : mean of the masses felt in the three directions
+    directional_mass : (3,) mass felt in x, y and z; they differ where scalar masses act in some directions only
+    centre : (3,) centre of gravity
+    inertia : (3, 3) inertia tensor about `about`
+    central_inertia : (3, 3) inertia tensor about the centre of gravity
+    matrix : (6, 6) rigid-body mass matrix about `about`
+    """
+
+    about: Reals
+    mass: float
+    directional_mass: Reals
+    centre: Reals
+    inertia: Reals
+    central_inertia: Reals
+    matrix: Reals
+
+    @property
+    def is_directional(self) -> bool:
+        """True where the structure's mass depends on the direction."""
+        return bool(np.ptp(self.directional_mass) > SAME_MASS * np.abs(self.directional_mass).max(initial=0.0))
+
+
+def mass_properties(nodes: NodeTable, mass: sp.csr_array, about: Reals | None = None) -> MassProperties:
+    """Mass, centre of gravity and inertia from the g-set mass matrix (n_g, n_g) and six rigid motions."""
+    point = np.zeros(3) if about is None else np.asarray(about, float)
+    motions = rigid_body_modes(nodes, point)
+    matrix = motions.T @ (mass @ motions)
+    matrix = 0.5 * (matrix + matrix.T)
+    directional = np.diag(matrix)[:3].copy()
+    shift = _centre(matrix)
+    move = arm_transform(np.eye(3)[None], -shift[None], np.eye(3)[None])[0]
+    central = (move.T @ matrix @ move)[3:, 3:]
+    return MassProperties(
+        point, float(directional.mean()), directional, point + shift, matrix[3:, 3:].copy(), central, matrix
+    )
+
+
+def _centre(matrix: Reals) -> Reals:
+    """Centre of gravity from the static moments; each coordinate is seen by the two masses across it."""
+    out = np.zeros(3)
+    for axis in range(3):
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        # mass along j times its arm about k, and mass along k times its arm about j
+        moment, mass = matrix[j, 3 + k] - matrix[k, 3 + j], matrix[j, j] + matrix[k, k]
+        out[axis] = moment / mass if mass else 0.0
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotionCheck:
+    """What one rigid motion costs.
+
+    Parameters
+    ----------
+    motion : "X" to "RZ"
+    energy : ½ rᵀKr for a unit motion
+    relative_energy : the energy over the sum of the magnitudes of its terms
+    relative_force : largest force left at a DOF over the sum of the magnitudes that cancel there
+    worst : DOFs with the largest relative forces, and these, at most ten, only those above the threshold
+    """
+
+    motion: str
+    energy: float
+    relative_energy: float
+    relative_force: float
+    worst: tuple[tuple[Dof, float], ...]
+
+    @property
+    def passed(self) -> bool:
+        """True where the motion is strain-free: relative force not above STRAIN_FREE."""
+        return self.relative_force <= STRAIN_FREE
+
+
+def rigid_motion_checks(
+    nodes: NodeTable, stiffness: sp.csr_array, about: Reals | None = None
+) -> tuple[RigidMotionCheck, ...]:
+    """Strain energy and left-over forces of the six rigid motions of the unconstrained structure (n_g, n_g)."""
+    motions = rigid_body_modes(nodes, about)
+    forces, sizes = stiffness @ motions, abs(stiffness) @ np.abs(motions)
+    return tuple(_motion_check(nodes, i, motions[:, i], forces[:, i], sizes[:, i]) for i in range(6))
+
+
+def _motion_check(nodes: NodeTable, i: int, r: Reals, force: Reals, size: Reals) -> RigidMotionCheck:
+    relative = np.divide(np.abs(force), size, out=np.zeros_like(force), where=size > 0.0)
+    energy, scale = 0.5 * float(r @ force), 0.5 * float(np.abs(r) @ size)
+    order = np.argsort(-relative, kind="stable")[:10]
+    worst = tuple((nodes.describe(int(k)), float(relative[k])) for k in order if relative[k] > STRAIN_FREE)
+    largest = float(relative.max(initial=0.0))
+    return RigidMotionCheck(DIRECTIONS[1 + i], energy, energy / scale if scale else 0.0, largest, worst)
+
+
+@dataclass(frozen=True)
+class GroundingElement:
+    """An element that strains in a rigid motion: its energy for a unit motion, and that over its terms' magnitudes."""
+
+    card: str
+    id: int
+    motion: str
+    energy: float
+    relative_energy: float
+
+
+def grounding_elements(structure: Structure, about: Reals | None = None) -> tuple[GroundingElement, ...]:
+    """Elements that rigid motions strain (springs to ground, bushes and springs across a gap), largest energy first."""
+    motions = rigid_body_modes(structure.nodes, about)
+    found = []
+    for batch in structure.batches:
+        known = np.where(batch.dofs[:, :, None] >= 0, motions[batch.dofs], 0.0)
+        energy, scale = np.zeros((2, len(batch), 6))
+        for term in contributions(batch, structure):
+            if term.matrix == "stiffness":
+                m, r = nominal_matrices(batch, structure, term), known[term.at]
+                energy[term.at] += 0.5 * np.einsum("eim,eim->em", r, m @ r)
+                scale[term.at] += 0.5 * np.einsum("eim,eim->em", np.abs(r), np.abs(m) @ np.abs(r))
+        relative = np.divide(energy, scale, out=np.zeros_like(energy), where=scale > 0.0)
+        found += [
+            GroundingElement(
+                batch.card, int(batch.ids[e]), DIRECTIONS[1 + i], float(energy[e, i]), float(relative[e, i])
+            )
+            for e, i in np.argwhere(relative > STRAIN_FREE)
+        ]
+    return tuple(sorted(found, key=lambda g: -g.energy))

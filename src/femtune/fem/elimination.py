@@ -1,0 +1,161 @@
+"""Elimination: from the free DOFs to the whole g-set, u_g = T u_free, for any chain of constraint equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from femtune.dofs import Dof
+from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.fem.structure import ConstraintRows
+
+Integers = NDArray[np.int64]
+Describe = Callable[[int], Dof]
+
+# singular value of a loop of equations, relative to the largest, below which the loop has no solution
+SINGULAR = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """u_g = T u_free: `T` (n_g, n_free) csr; `free` (n_free,) g-set DOFs of its columns, ascending."""
+
+    T: sp.csr_array
+    free: Integers
+
+
+def eliminate(n_dofs: int, rows: ConstraintRows, held: Iterable[int], describe: Describe) -> Elimination:
+    """Solve the constraint equations for their dependent DOFs and set the held ones to zero.
+
+    Parameters
+    ----------
+    n_dofs : size of the g-set
+    rows : equations, one dependent DOF each, in any order; dependents may lean on other dependents
+    held : g-set DOFs that do not move
+    describe : name of a g-set DOF, for messages
+
+    Raises
+    ------
+    FemtuneError : ``constraint.dependent-twice``, ``constraint.dependent-held``, ``constraint.zero-coefficient``,
+        ``constraint.circular``; several are collected
+    """
+    fixed = np.unique(np.fromiter(held, dtype=np.int64))
+    matrix = sp.csr_array((rows.coefficient, (rows.row, rows.dof)), shape=(len(rows), n_dofs))
+    _check(rows, matrix, fixed, describe)
+    free = np.setdiff1d(np.arange(n_dofs), np.concatenate([rows.dependent, fixed]))
+    follow = _solve(matrix[:, rows.dependent], matrix[:, free], rows, describe)
+    identity = sp.csr_array((np.ones(len(free)), (free, np.arange(len(free)))), shape=(n_dofs, len(free)))
+    place = sp.csr_array((np.ones(len(rows)), (rows.dependent, np.arange(len(rows)))), shape=(n_dofs, len(rows)))
+    T = sp.csr_array(identity + place @ follow)
+    T.eliminate_zeros()
+    T.sort_indices()
+    return Elimination(T, free)
+
+
+def _owner(rows: ConstraintRows, i: int) -> str:
+    return f"rigid element {rows.owner[i]}" if rows.owner[i] else "MPC"
+
+
+def _name(dof: Dof) -> str:
+    return f"component {dof.component} of node {dof.node}"
+
+
+def _check(rows: ConstraintRows, matrix: sp.csr_array, fixed: Integers, describe: Describe) -> None:
+    errors = ErrorCollector()
+    order = np.argsort(rows.dependent, kind="stable")
+    repeated = np.flatnonzero(np.diff(rows.dependent[order]) == 0)
+    for i in repeated:
+        with errors.catch():
+            raise _twice(rows, int(order[i]), int(order[i + 1]), describe)
+    for i in np.flatnonzero(np.isin(rows.dependent, fixed)):
+        with errors.catch():
+            raise _held(rows, int(i), describe)
+    own = matrix[np.arange(len(rows)), rows.dependent] if len(rows) else np.zeros(0)
+    for i in np.flatnonzero(np.asarray(own) == 0.0):
+        with errors.catch():
+            raise _no_coefficient(rows, int(i), describe)
+    errors.raise_if_any()
+
+
+def _twice(rows: ConstraintRows, first: int, second: int, describe: Describe) -> FemtuneError:
+    return FemtuneError(
+        "constraint.dependent-twice",
+        f"{_name(describe(int(rows.dependent[first])))} is dependent in two equations",
+        where=Where(record=_owner(rows, second)),
+        values={"also dependent in": _owner(rows, first)},
+        hint="make it dependent in one of them; the other may use it as independent",
+    )
+
+
+def _held(rows: ConstraintRows, i: int, describe: Describe) -> FemtuneError:
+    return FemtuneError(
+        "constraint.dependent-held",
+        f"{_name(describe(int(rows.dependent[i])))} is dependent in an equation and held by a support",
+        where=Where(record=_owner(rows, i)),
+        hint="hold an independent DOF of the equation instead, or take this one out of it",
+    )
+
+
+def _no_coefficient(rows: ConstraintRows, i: int, describe: Describe) -> FemtuneError:
+    return FemtuneError(
+        "constraint.zero-coefficient",
+        f"the equation for {_name(describe(int(rows.dependent[i])))} has a zero coefficient there",
+        where=Where(record=_owner(rows, i)),
+        hint="give its dependent DOF a coefficient that is not zero",
+    )
+
+
+def _solve(among: sp.csr_array, on: sp.csr_array, rows: ConstraintRows, describe: Describe) -> sp.csr_array:
+    """−among⁻¹ on: dependents from free DOFs; chains by substitution, loops by factorisation."""
+    if not len(rows):
+        return sp.csr_array(on.shape)
+    inverse = sp.diags_array(1.0 / among.diagonal())
+    step = sp.csr_array(sp.eye_array(len(rows)) - inverse @ among)
+    step.setdiag(0.0)
+    step.eliminate_zeros()
+    if _check_loops(among, step, rows, describe):
+        return _factorised(among, on)
+    follow = sp.csr_array(-(inverse @ on))
+    # (1 − N)⁻¹ = (1 + N)(1 + N²)(1 + N⁴) …, finite because chains end
+    while step.nnz:
+        follow, step = sp.csr_array(follow + step @ follow), sp.csr_array(step @ step)
+        step.eliminate_zeros()
+    return follow
+
+
+def _factorised(among: sp.csr_array, on: sp.csr_array) -> sp.csr_array:
+    columns = np.unique(on.indices)
+    solved = splu(among.tocsc()).solve(-on[:, columns].toarray())
+    spread = sp.csr_array(
+        (np.ones(len(columns)), (np.arange(len(columns)), columns)), shape=(len(columns), on.shape[1])
+    )
+    return sp.csr_array(sp.csr_array(solved) @ spread)
+
+
+def _check_loops(among: sp.csr_array, step: sp.csr_array, rows: ConstraintRows, describe: Describe) -> bool:
+    """True where equations lean on each other in a loop; error if a loop has no solution."""
+    count, label = connected_components(step, directed=True, connection="strong")
+    sizes = np.bincount(label, minlength=count)
+    for group in np.flatnonzero(sizes > 1):
+        at = np.flatnonzero(label == group)
+        _, s, vt = np.linalg.svd(among[at][:, at].toarray())
+        if s[-1] <= SINGULAR * s[0]:
+            raise _circular(rows, int(at[np.argmax(np.abs(vt[-1]))]), at, describe)
+    return bool((sizes > 1).any())
+
+
+def _circular(rows: ConstraintRows, i: int, loop: Integers, describe: Describe) -> FemtuneError:
+    names = sorted({_owner(rows, int(j)) for j in loop})
+    return FemtuneError(
+        "constraint.circular",
+        f"{_name(describe(int(rows.dependent[i])))} depends on itself through a loop of equations",
+        where=Where(record=_owner(rows, i)),
+        values={"equations in the loop": ", ".join(names[:5]) + (" …" if len(names) > 5 else "")},
+        hint="choose another dependent DOF in one of the loop's equations",
+    )

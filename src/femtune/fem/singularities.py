@@ -1,0 +1,62 @@
+"""DOFs without stiffness, found node by node as Nastran's AUTOSPC does."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.fem.structure import NodeTable
+
+Integers = NDArray[np.int64]
+Reals = NDArray[np.float64]
+
+# smallest principal stiffness of a node, relative to the largest entry of its block (Nastran's EPZERO)
+RATIO = 1e-8
+
+
+def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, ratio: float = RATIO) -> Integers:
+    """g-set DOFs to hold: those nearest to the directions in which a node has no stiffness of its own.
+
+    Parameters
+    ----------
+    stiffness : (n, n) symmetric, on the free DOFs
+    free : (n,) g-set DOFs of its rows
+    nodes : to tell a node's translations and rotations
+    ratio : principal stiffness below which a direction counts as free, relative to the block's largest entry
+
+    A mechanism of several nodes is not found here.
+    """
+    n_grid = 6 * len(nodes.ids)
+    blocks, present = _blocks(stiffness, free, n_grid)
+    largest = np.abs(blocks).max(axis=(1, 2), initial=0.0)
+    empty = present & (largest == 0.0)[:, None]
+    found = [np.flatnonzero(empty.ravel())]
+    checked = np.flatnonzero(largest > 0.0)
+    padded = blocks[checked] + np.eye(3) * (~present[checked] * largest[checked, None])[:, None, :]
+    values, vectors = np.linalg.eigh(padded)
+    null = values <= ratio * largest[checked, None]
+    for k in np.flatnonzero(null.any(axis=1)):
+        found.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
+    scalar = free >= n_grid
+    found.append(free[scalar & (stiffness.diagonal() == 0.0)])
+    return np.unique(np.concatenate(found)).astype(np.int64)
+
+
+def _blocks(stiffness: sp.csr_array, free: Integers, n_grid: int) -> tuple[Reals, NDArray[np.bool_]]:
+    """Diagonal 3 × 3 blocks of all grid points' translations and rotations, and which of their DOFs are free."""
+    entries = stiffness.tocoo()
+    row, col = free[entries.row], free[entries.col]
+    own = (row // 3 == col // 3) & (row < n_grid)
+    blocks = np.zeros((n_grid // 3, 3, 3))
+    np.add.at(blocks, (row[own] // 3, row[own] % 3, col[own] % 3), entries.data[own])
+    present = np.zeros(n_grid, bool)
+    present[free[free < n_grid]] = True
+    return blocks, present.reshape(-1, 3)
+
+
+def _nearest(null: Reals) -> Integers:
+    """As many components as there are null directions (3, k), those in which they are largest."""
+    *_, pivots = scipy.linalg.qr(null.T, pivoting=True)
+    return np.asarray(pivots[: null.shape[1]], dtype=np.int64)
