@@ -124,7 +124,8 @@ def _part_of(projected: ProjectedTerm, c: Jet | None, part: tuple[int, ...] | No
     if c is None:
         return projected.spread @ np.ones(1) if not part else 0.0
     values = {0: c.value, 1: c.grad, 2: c.hess}[len(part or ())]
-    return projected.spread @ values[(slice(None), *(part or ()))]
+    chosen = values[(..., *(part or ()))]
+    return np.asarray(projected.spread @ chosen)
 
 
 def configure(model: ParametricModel, configuration: Configuration) -> ConfiguredModel:

@@ -65,7 +65,8 @@ def parametric_model(
         ``parameter.zero-nominal``; several are shown together
     """
     assignments = tuple(assignments)
-    errors, placed = ErrorCollector(), []
+    errors = ErrorCollector()
+    placed: list[tuple[str, int, bool]] = []
     for assignment in assignments:
         with errors.catch():
             structure, position = _place(structure, parameters, assignment, placed)

@@ -55,7 +55,7 @@ def compile_terms(structure: Structure, touched: set[int]) -> tuple[Term, ...]:
 
 def _terms_of(part: Contribution, batch: ElementBatch, structure: Structure, touched: set[int]) -> list[Term]:
     at = np.stack([batch.roles[role][part.at] for role in part.roles], axis=1)
-    moves = np.isin(at, list(touched)).any(axis=1)
+    moves = np.asarray(np.isin(at, list(touched)).any(axis=1))
     terms = [_constant(part, batch, structure, at, ~moves), _variable(part, batch, at, moves)]
     return [term for term in terms if term is not None]
 

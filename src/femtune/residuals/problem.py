@@ -1,0 +1,172 @@
+"""UpdateProblem: configurations, residuals and parameters; no algorithm in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.correlate import no_pairs
+from femtune.errors import FemtuneError
+from femtune.model import subspace_derivative
+from femtune.parameters import ParameterSet
+from femtune.residuals.aligned import align
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import (
+    CaseState,
+    Group,
+    ModalCase,
+    groups_of,
+    keep_paired,
+    pair_case,
+    solve_case,
+    track,
+)
+from femtune.residuals.frequency import frequency_residual
+from femtune.residuals.shape import mac_residual, shape_difference
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ResidualRules:
+    """What is compared, and how well it is known.
+
+    Parameters
+    ----------
+    frequency_sd : relative standard deviation of frequencies (of eigenvalues in that form); "test" takes the test's
+    shape_sd : standard deviation of the entries of scaled shapes, or of the MAC form; 0 leaves shapes out
+    frequency_form : "frequency" or "eigenvalue"
+    shape_form : "difference" or "mac"
+    shape_scaling : "unit-norm" or "largest-entry", of differences
+    """
+
+    frequency_sd: float | Literal["test"] = 0.01
+    shape_sd: float = 0.0
+    frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
+    shape_form: Literal["difference", "mac"] = "difference"
+    shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Residuals at one point, with the states that they were taken at."""
+
+    x: Reals
+    states: tuple[CaseState, ...]
+    blocks: tuple[ResidualBlock, ...]
+
+    @property
+    def residuals(self) -> Reals:
+        """(n,) all blocks."""
+        return np.concatenate([b.values for b in self.blocks]) if self.blocks else np.zeros(0)
+
+    @property
+    def jacobian(self) -> Reals:
+        """(n, k) all blocks."""
+        return np.concatenate([b.jacobian for b in self.blocks]) if self.blocks else np.zeros((0, len(self.x)))
+
+    @property
+    def objective(self) -> float:
+        """½ rᵀr."""
+        return 0.5 * float(self.residuals @ self.residuals)
+
+    @property
+    def mean_error(self) -> float:
+        """√(Σ e²/σ² / Σ 1/σ²) over all comparisons: if every misfit e has one size, this is it."""
+        weights = sum(b.sd**-2 for b in self.blocks)
+        return float(np.sqrt(2.0 * self.objective / weights)) if weights else float("nan")
+
+
+@dataclass(frozen=True)
+class UpdateProblem:
+    """Cases that share parameters, and the rules by which they are compared."""
+
+    cases: tuple[ModalCase, ...]
+    parameters: ParameterSet
+    rules: ResidualRules = ResidualRules()
+
+    def start(self, x: Reals) -> Evaluation:
+        """Solve and pair afresh.
+
+        Raises
+        ------
+        FemtuneError : ``correlate.no-pairs`` where no test mode finds a partner
+        """
+        states = []
+        for case in self.cases:
+            solution = solve_case(case, x)
+            states.append(CaseState(case, solution, groups_of(pair_case(case, solution))))
+        if not any(s.groups for s in states):
+            raise _no_pairs(states)
+        return self.assess(x, states)
+
+    def follow(self, x: Reals, before: Evaluation) -> Evaluation:
+        """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""
+        states = []
+        for state in before.states:
+            solution = solve_case(state.case, x)
+            states.append(CaseState(state.case, solution, track(state.groups, state.solution, solution)))
+        return self.assess(x, states)
+
+    def pair_again(self, at: Evaluation) -> Evaluation:
+        """The same point, paired afresh; modes that were paired stay so unless something better claims the partner."""
+        states = []
+        for s in at.states:
+            fresh = groups_of(pair_case(s.case, s.solution))
+            states.append(CaseState(s.case, s.solution, keep_paired(s.groups, fresh)))
+        same = all(a.groups == b.groups for a, b in zip(states, at.states))
+        return at if same else self.assess(at.x, states)
+
+    def assess(self, x: Reals, states: Sequence[CaseState]) -> Evaluation:
+        """Residual blocks of given states."""
+        blocks = [b for s in states for group in s.groups for b in self._blocks(s, group)]
+        return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks))
+
+    def _blocks(self, state: CaseState, group: Group) -> list[ResidualBlock]:
+        tests, models = group
+        case = state.case
+        derivative = subspace_derivative(state.solution, models, case.sensors)
+        test = case.test.shapes[:, list(tests)]
+        aligned = align(derivative, test)
+        out = []
+        for a, i in enumerate(tests):
+            sd = self._frequency_sd(case, i)
+            pair = frequency_residual(
+                float(aligned.eigenvalues[a]),
+                aligned.eigenvalue_gradients[a],
+                float(case.test.freq_hz[i]),
+                sd,
+                self.rules.frequency_form,
+            )
+            out.append(ResidualBlock("frequency", case.name, case.test.labels[i], *pair, sd))
+            if self.rules.shape_sd:
+                pair = self._shape(aligned.shapes[:, a], aligned.shape_gradients[:, a], test[:, a])
+                out.append(ResidualBlock("shape", case.name, case.test.labels[i], *pair, self.rules.shape_sd))
+        return out
+
+    def _shape(self, shape: Reals, gradient: Reals, test: Reals) -> tuple[Reals, Reals]:
+        if self.rules.shape_form == "mac":
+            return mac_residual(shape, gradient, test, self.rules.shape_sd)
+        return shape_difference(shape, gradient, test, self.rules.shape_sd, self.rules.shape_scaling)
+
+    def _frequency_sd(self, case: ModalCase, i: int) -> float:
+        if self.rules.frequency_sd != "test":
+            return self.rules.frequency_sd
+        if case.test.freq_sd_hz is None or not case.test.freq_sd_hz[i] > 0.0:
+            raise FemtuneError(
+                "residual.no-scatter",
+                f"configuration {case.name}: the test gives no scatter for mode {case.test.labels[i]}",
+                hint="give frequency_sd a number",
+            )
+        return float(case.test.freq_sd_hz[i] / case.test.freq_hz[i])
+
+
+def _no_pairs(states: Sequence[CaseState]) -> FemtuneError:
+    """The error that no test mode found a partner, for the first configuration that has a test."""
+    state = states[0]
+    reasons = {u.test: u.reason for u in pair_case(state.case, state.solution).unpaired_test}
+    return no_pairs(state.case.test, reasons, f"configuration {state.case.name}")

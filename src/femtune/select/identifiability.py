@@ -1,0 +1,111 @@
+"""Which parameters, and which combinations of them, the data determine.
+
+Scaled Jacobian S = ∂r/∂x · diag(prior sd), with r in units of its own standard deviation: a singular value of one is
+a combination that the data know as well as the prior does. Posterior covariance (Bayes, linear):
+(SᵀS + I)⁻¹ in prior standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.float64]
+
+NULL = 1e-7
+"""Singular values below this fraction of the largest are exact zeros blurred by round-off."""
+WEAK = 0.5
+"""A combination whose posterior is wider than this fraction of its prior is weakly determined."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction in parameter space, unit length in prior standard deviations.
+
+    `reduction` is posterior sd / prior sd along it: 1 where the data say nothing.
+    """
+
+    coefficients: Reals
+    singular_value: float
+    reduction: float
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a Jacobian says about k parameters.
+
+    Parameters
+    ----------
+    scaled_jacobian : (n, k) in prior standard deviations
+    singular_values : (k,) descending, zeros appended where there are fewer residuals
+    rank : number of singular values above NULL of the largest
+    undetermined : combinations that the data do not touch at all, as sparse as they can be made
+    weak : further combinations that the data determine worse than WEAK
+    reduction : (k,) posterior sd / prior sd of each parameter
+    correlation : (k, k) of the posterior
+    sensitivity : (k,) length of each parameter's column: its effect over one prior sd, in residual sds
+    """
+
+    names: tuple[str, ...]
+    scaled_jacobian: Reals
+    singular_values: Reals
+    rank: int
+    undetermined: tuple[Combination, ...]
+    weak: tuple[Combination, ...]
+    reduction: Reals
+    correlation: Reals
+    sensitivity: Reals
+
+
+def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) -> Identifiability:
+    """Singular values and vectors, posterior to prior ratios and correlations.
+
+    Parameters
+    ----------
+    jacobian : (n, k) ∂r/∂x of residuals in units of their standard deviation
+    prior_sd : (k,) of x
+    names : of the k parameters
+    """
+    S = jacobian * prior_sd
+    k = S.shape[1]
+    _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
+    null = s <= NULL * max(s[0], 1e-300) if k else np.zeros(0, bool)
+    covariance = (vt.T / (1.0 + np.where(null, 0.0, s) ** 2)) @ vt
+    sd = np.sqrt(np.diag(covariance))
+    undetermined = [Combination(v, 0.0, 1.0) for v in sparse_basis(vt[null])]
+    ratio = 1.0 / np.sqrt(1.0 + s**2)
+    weak = [
+        Combination(_signed(vt[i]), float(s[i]), float(ratio[i])) for i in range(k) if ratio[i] > WEAK and not null[i]
+    ]
+    return Identifiability(
+        names, S, s, int((~null).sum()), tuple(undetermined), tuple(weak), sd,
+        covariance / np.outer(sd, sd), np.linalg.norm(S, axis=0),
+    )  # fmt: skip
+
+
+def sparse_basis(vectors: Reals) -> Reals:
+    """Rotate orthonormal rows (m, k) so that each touches as few parameters as it can (varimax).
+
+    A null space is known only as a space; any basis is right, and the sparsest is the one that can be read.
+    """
+    m, k = vectors.shape
+    if not m:
+        return vectors
+    turn, last = np.eye(m), 0.0
+    for _ in range(200):
+        L = vectors.T @ turn
+        u, s, vt = np.linalg.svd(vectors @ (L**3 - L * (L**2).sum(axis=0) / k))
+        turn = u @ vt
+        if s.sum() <= last * (1.0 + 1e-12):
+            break
+        last = s.sum()
+    basis = turn.T @ vectors
+    basis[np.abs(basis) < 1e-6] = 0.0
+    return np.array([_signed(row) for row in basis])
+
+
+def _signed(v: Reals) -> Reals:
+    """The sign that makes the largest coefficient positive."""
+    return v * (np.sign(v[np.argmax(np.abs(v))]) or 1.0)

@@ -1,0 +1,74 @@
+"""Identifiability in sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.select.identifiability import Combination, Identifiability
+
+_WELL, _PARTLY, _SMALL = 0.2, 0.7, 0.1
+
+
+def verdict(reduction: float) -> str:
+    """What a posterior to prior ratio means for one parameter."""
+    if reduction < _WELL:
+        return "determined by the data"
+    if reduction < _PARTLY:
+        return "partly determined: the bounds or the prior still matter"
+    return "not determined by these data"
+
+
+def combination_text(names: tuple[str, ...], combination: Combination) -> str:
+    """Such as ``+0.71 Icx2 −0.50 Ibx1``, small coefficients left out, in prior standard deviations."""
+    c: NDArray = combination.coefficients
+    order = [i for i in np.argsort(-np.abs(c)) if abs(c[i]) >= _SMALL * np.abs(c).max()]
+    return " ".join(f"{'+' if c[i] > 0 else '−'}{abs(c[i]):.2f} {names[i]}" for i in order)
+
+
+def sentences(result: Identifiability) -> list[str]:
+    """What the data determine, undetermined combinations first."""
+    k, m = len(result.names), len(result.undetermined)
+    if not k:
+        return ["There is no free parameter."]
+    out = [
+        f"The data leave {_count(m)} of the {k} free parameters undetermined."
+        if m
+        else f"The data determine all {k} free parameters, some better than others."
+    ]
+    out += [_undetermined(result, c) for c in result.undetermined]
+    out += [_weak(result, c) for c in result.weak]
+    return out + [_parameter(result, i) for i in range(k) if result.reduction[i] >= _WELL]
+
+
+def _count(m: int) -> str:
+    return "one combination" if m == 1 else f"{m} combinations"
+
+
+def _undetermined(result: Identifiability, c: Combination) -> str:
+    together = [
+        result.names[i] for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL * np.abs(c.coefficients).max())
+    ]
+    if len(together) == 1:
+        return f"{together[0]} changes nothing that was measured: fix it, or measure where it acts."
+    return (
+        f"Moving {_listed(together)} together ({combination_text(result.names, c)}) changes nothing that was "
+        f"measured: fix one of them, tie two, or measure something else."
+    )
+
+
+def _weak(result: Identifiability, c: Combination) -> str:
+    return (
+        f"The combination {combination_text(result.names, c)} is weakly determined: "
+        f"its spread only falls to {100 * c.reduction:.0f} % of the prior's."
+    )
+
+
+def _parameter(result: Identifiability, i: int) -> str:
+    return (
+        f"{result.names[i]}: {verdict(result.reduction[i])} (spread {100 * result.reduction[i]:.0f} % of the prior's)."
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]])

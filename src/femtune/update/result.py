@@ -1,0 +1,77 @@
+"""UpdateResult: what an update found, how it went, and how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.parameters import ParameterSet
+from femtune.residuals import Evaluation
+from femtune.status import Status
+from femtune.update.covariance import ParameterCovariance
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One accepted point.
+
+    Parameters
+    ----------
+    objective : ½ rᵀr with the side constraints
+    mean_error : weighted mean error of the comparisons, see `Evaluation.mean_error`
+    x : normalised parameters
+    step : largest change of a parameter in this iteration
+    damping : of the accepted step
+    at_bound : names of parameters at a bound
+    events : pairing changes that followed
+    """
+
+    number: int
+    objective: float
+    mean_error: float
+    x: Reals
+    step: float
+    damping: float
+    at_bound: tuple[str, ...]
+    events: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class UpdateResult:
+    """Outcome of an update.
+
+    `x` are normalised free parameters; `covariance` is of x.
+    """
+
+    parameters: ParameterSet
+    status: Status
+    x: Reals
+    before: Evaluation
+    after: Evaluation
+    history: tuple[Iteration, ...]
+    covariance: ParameterCovariance
+    citations: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Updated values of all parameters, tied ones too."""
+        return self.parameters.values(self.x)
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviations of all parameters; NaN where none is given. Tied ones by linear propagation."""
+        jets = self.parameters.jets(self.x)
+        return {name: self._sd(jets[name].grad) for name in self.parameters.names}
+
+    def _sd(self, gradient: Reals) -> float:
+        used = np.flatnonzero(gradient)
+        return float(np.sqrt(gradient[used] @ self.covariance.matrix[np.ix_(used, used)] @ gradient[used]))
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """All pairing changes."""
+        return tuple(f"iteration {i.number}: {text}" for i in self.history for text in i.events)

@@ -1,0 +1,221 @@
+"""The sensitivity method with bounds inside the step: damped Gauss-Newton on modal residuals.
+
+Source: Mottershead, Link and Friswell (2011); damping after Levenberg and Marquardt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.residuals import Evaluation, UpdateProblem, describe_change
+from femtune.select import identifiability
+from femtune.status import Status
+from femtune.update.covariance import parameter_covariance
+from femtune.update.regularise import Regularisation
+from femtune.update.result import Iteration, UpdateResult
+from femtune.update.trust import bounded_step, projected_gradient
+
+Reals = NDArray[np.float64]
+Report = Callable[[Iteration], None]
+
+_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-12, 1e12
+_MANY_PAIRING_CHANGES = 6
+
+
+@dataclass(frozen=True)
+class SensitivityMethod:
+    """Settings of the iteration.
+
+    Parameters
+    ----------
+    max_iterations : accepted steps at most
+    tolerance : largest change of a normalised parameter that counts as none
+    regularisation : side constraints
+    """
+
+    max_iterations: int = 50
+    tolerance: float = 1e-8
+    regularisation: Regularisation = field(default_factory=Regularisation)
+
+
+@dataclass(frozen=True)
+class _Point:
+    evaluation: Evaluation
+    residuals: Reals
+    jacobian: Reals
+
+    @property
+    def objective(self) -> float:
+        return 0.5 * float(self.residuals @ self.residuals)
+
+    @property
+    def x(self) -> Reals:
+        return self.evaluation.x
+
+
+def update(
+    problem: UpdateProblem, method: SensitivityMethod = SensitivityMethod(), report: Report = lambda i: None
+) -> UpdateResult:
+    """Move the parameters inside their bounds until model and test agree as well as they can.
+
+    `report` is called with every iteration.
+
+    Raises
+    ------
+    FemtuneError : ``correlate.no-pairs``, and what the first eigen-solution raises; later failures end in a status
+    """
+    before = problem.start(np.zeros(len(problem.parameters.free)))
+    point = _point(problem, method, before)
+    history = [_iteration(problem, 0, point, 0.0, 0.0, ())]
+    report(history[0])
+    status, damping = None, _DAMPING_START
+    while status is None:
+        if len(history) > method.max_iterations:
+            status = Status.MAX_ITERATIONS
+            break
+        trial, damping, failure = _step(problem, method, point, damping)
+        if trial is None:
+            status = failure
+            break
+        moved = float(np.abs(trial.x - point.x).max(initial=0.0))
+        paired = _point(problem, method, problem.pair_again(trial.evaluation))
+        events = _events(trial.evaluation, paired.evaluation)
+        history.append(_iteration(problem, len(history), paired, moved, damping, events))
+        report(history[-1])
+        status = _judge(problem, method, point, paired, history)
+        point = paired
+    return _result(problem, method, before, point, status, history)
+
+
+def _point(problem: UpdateProblem, method: SensitivityMethod, evaluation: Evaluation) -> _Point:
+    extra, rows = method.regularisation.rows(problem.parameters, evaluation.x)
+    return _Point(
+        evaluation,
+        np.concatenate([evaluation.residuals, extra]),
+        np.vstack([evaluation.jacobian, rows]),
+    )
+
+
+def _step(
+    problem: UpdateProblem, method: SensitivityMethod, point: _Point, damping: float
+) -> tuple[_Point | None, float, Status | None]:
+    """The next accepted point and its damping, or the status that ends the iteration."""
+    lower, upper = problem.parameters.bounds
+    failed = False
+    while damping <= _DAMPING_MOST:
+        d = bounded_step(point.residuals, point.jacobian, damping, lower - point.x, upper - point.x)
+        if np.abs(d).max(initial=0.0) <= method.tolerance:
+            return None, damping, _end(problem, point, failed)
+        trial = _try(problem, method, point, d)
+        failed = failed or trial is None
+        gain = _gain(point, d, trial)
+        if trial is not None and gain > 1e-4:
+            return trial, _relaxed(damping, gain), None
+        damping = max(10.0 * damping, 1e-6)
+    return None, damping, Status.SOLVE_FAILED if failed else Status.STALLED
+
+
+def _try(problem: UpdateProblem, method: SensitivityMethod, point: _Point, d: Reals) -> _Point | None:
+    lower, upper = problem.parameters.bounds
+    try:
+        return _point(problem, method, problem.follow(np.clip(point.x + d, lower, upper), point.evaluation))
+    except FemtuneError:
+        # A trial point may be unsolvable (a mechanism at an extreme value); a shorter step is tried instead.
+        return None
+
+
+def _gain(point: _Point, d: Reals, trial: _Point | None) -> float:
+    """Actual over predicted decrease of the objective."""
+    if trial is None:
+        return -1.0
+    linear = point.residuals + point.jacobian @ d
+    predicted = point.objective - 0.5 * float(linear @ linear)
+    actual = point.objective - trial.objective
+    if predicted <= 1e-14 * point.objective:
+        return 1.0 if actual >= 0.0 else -1.0
+    return actual / predicted
+
+
+def _relaxed(damping: float, gain: float) -> float:
+    if gain > 0.75:
+        return max(0.1 * damping, _DAMPING_LEAST)
+    return damping if gain > 0.25 else 4.0 * damping
+
+
+def _end(problem: UpdateProblem, point: _Point, failed: bool) -> Status:
+    if failed:
+        return Status.SOLVE_FAILED
+    return _optimum(problem, point)
+
+
+def _judge(
+    problem: UpdateProblem, method: SensitivityMethod, old: _Point, new: _Point, history: list[Iteration]
+) -> Status | None:
+    """Whether the iteration is over."""
+    if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
+        return Status.PAIRING_CYCLES
+    if history[-1].events:
+        return None
+    lower, upper = problem.parameters.bounds
+    gradient = projected_gradient(new.jacobian.T @ new.residuals, new.x, lower, upper)
+    size = np.linalg.norm(new.jacobian, axis=0) * np.linalg.norm(new.residuals)
+    flat = (np.abs(gradient) <= 1e-10 * np.maximum(size, 1e-300)).all()
+    same = history[-1].step <= method.tolerance and old.objective - new.objective <= 1e-12 * old.objective
+    return _optimum(problem, new) if flat or same or new.objective < 1e-24 else None
+
+
+def _optimum(problem: UpdateProblem, point: _Point) -> Status:
+    bound = _at_bound(problem, point.x)
+    free = ~bound
+    _, sd = problem.parameters.prior
+    names = tuple(p.name for p in problem.parameters.free)
+    known = identifiability(point.jacobian[:, free], sd[free], tuple(n for n, f in zip(names, free) if f))
+    if known.undetermined:
+        return Status.UNDETERMINED
+    if bound.any():
+        return Status.CONVERGED_AT_BOUNDS
+    return Status.EXACT if point.objective < 1e-16 else Status.CONVERGED
+
+
+def _at_bound(problem: UpdateProblem, x: Reals) -> NDArray[np.bool_]:
+    lower, upper = problem.parameters.bounds
+    near = 1e-9 * (upper - lower)
+    return np.asarray((x <= lower + near) | (x >= upper - near))
+
+
+def _events(before: Evaluation, after: Evaluation) -> tuple[str, ...]:
+    return tuple(
+        text for a, b in zip(before.states, after.states) for text in describe_change(a.case, a.groups, b.groups)
+    )
+
+
+def _iteration(
+    problem: UpdateProblem, number: int, point: _Point, moved: float, damping: float, events: tuple[str, ...]
+) -> Iteration:
+    bound = _at_bound(problem, point.x)
+    names = tuple(p.name for p, at in zip(problem.parameters.free, bound) if at)
+    return Iteration(number, point.objective, point.evaluation.mean_error, point.x, moved, damping, names, events)
+
+
+def _result(
+    problem: UpdateProblem,
+    method: SensitivityMethod,
+    before: Evaluation,
+    point: _Point,
+    status: Status | None,
+    history: list[Iteration],
+) -> UpdateResult:
+    assert status is not None
+    at = point.evaluation
+    _, rows = method.regularisation.rows(problem.parameters, at.x)
+    prior = rows if method.regularisation.kind == "prior" else rows[:0]
+    bound = _at_bound(problem, at.x)
+    measured = problem.rules.frequency_sd == "test"
+    covariance = parameter_covariance(at.residuals, at.jacobian, prior, bound, measured)
+    cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
+    return UpdateResult(problem.parameters, status, at.x, before, at, tuple(history), covariance, cited)
