@@ -1,0 +1,174 @@
+"""From the cards of a deck to a Structure, with what was read, what was not, and where each value stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.structure import ElementBatch, Structure
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.bars import read_bars
+from femtune.files.nastran.building import Building, FieldPlace, duplicate
+from femtune.files.nastran.bushes import read_bushes
+from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT
+from femtune.files.nastran.control import (
+    EigenMethod,
+    check_selected,
+    coupled_mass,
+    eigen_methods,
+    hold_singular,
+    ignored_params,
+    real_param,
+)
+from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
+from femtune.files.nastran.inventory import (
+    MISSING,
+    CardCount,
+    ignored_notices,
+    matrix_input,
+    missing_error,
+    missing_notice,
+    take_inventory,
+)
+from femtune.files.nastran.masses import read_masses
+from femtune.files.nastran.materials import read_materials
+from femtune.files.nastran.multipoint import read_multipoint_sets
+from femtune.files.nastran.rigid import read_rigid
+from femtune.files.nastran.rods import read_rods
+from femtune.files.nastran.springs import read_scalars
+from femtune.files.nastran.supports import read_supports
+
+_MOST_SHOWN = 20
+
+
+@dataclass(frozen=True)
+class BuiltModel:
+    """A structure and how it came from its deck.
+
+    Parameters
+    ----------
+    deck : the deck
+    structure : the model
+    notices : what the user should know, those of the deck first
+    cards : every card name with its count, the place of the first and what became of it
+    fields : place in the deck of each value
+    element_cards : index in `Deck.cards` of each element's card, by element number
+    eigen_method : modes that the selected EIGR or EIGRL card asks for, None where none is selected
+    mass_reference : grid point of PARAM GRDPNT (0: origin of the basic frame), None without it
+    """
+
+    deck: Deck
+    structure: Structure
+    notices: tuple[Notice, ...]
+    cards: tuple[CardCount, ...]
+    fields: Mapping[FieldRef, FieldPlace]
+    element_cards: Mapping[int, int]
+    eigen_method: EigenMethod | None
+    mass_reference: int | None
+
+
+def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
+    """The structure that a deck describes.
+
+    Parameters
+    ----------
+    deck : a deck that was read
+    allow_missing : True leaves out elements and constraints that are not understood, with a warning
+
+    Raises
+    ------
+    FemtuneError : what is wrong with the deck, all that was found together (codes ``deck.…``)
+    """
+    building = Building(deck)
+    cards = take_inventory(deck)
+    _report_cards(building, cards, allow_missing)
+    element_cards = _element_cards(building)
+    structure = _structure(building, element_cards)
+    method = _eigen_method(building)
+    reference = _mass_reference(building)
+    raise_distinct(building.errors)
+    notices = (*deck.notices, *building.notices)
+    return BuiltModel(deck, structure, notices, cards, building.places, element_cards, method, reference)
+
+
+def _report_cards(building: Building, cards: tuple[CardCount, ...], allow_missing: bool) -> None:
+    building.notices += [*ignored_notices(cards), *ignored_params(building.deck)]
+    missing = [count for count in cards if count.use == MISSING]
+    if allow_missing:
+        building.notices += [missing_notice(count) for count in missing]
+    else:
+        building.errors.errors += [*map(missing_error, missing), *matrix_input(building.deck)]
+
+
+def _structure(building: Building, element_cards: Mapping[int, int]) -> Structure:
+    deck = building.deck
+    grids = read_grids(building)
+    batches = _batches(building, grids)
+    supports = read_supports(building, grids)
+    multipoint = read_multipoint_sets(building, grids)
+    case = deck.case_control
+    check_selected(building, "SPC", case.spc, supports)
+    check_selected(building, "MPC", case.mpc, multipoint)
+    return Structure(
+        nodes=grids.table,
+        values=building.values.table(),
+        batches=tuple(batches),
+        rigid=read_rigid(building, grids),
+        multipoint_sets=multipoint,
+        support_sets=supports,
+        permanent=permanent_constraints(building, grids),
+        default_support_set=case.spc,
+        default_multipoint_set=case.mpc,
+        mass_factor=real_param(building, "WTMASS", 1.0),
+        consistent_mass=coupled_mass(building),
+        hold_singular=hold_singular(building),
+        element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
+    )
+
+
+def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
+    materials = read_materials(building)
+    return [
+        *read_bars(building, grids, materials),
+        *read_rods(building, grids, materials),
+        *read_scalars(building, grids),
+        *read_bushes(building, grids),
+        *read_masses(building, grids),
+    ]
+
+
+def _element_cards(building: Building) -> dict[int, int]:
+    """Card of each element; element numbers are unique over all kinds of elements."""
+    found: dict[int, int] = {}
+    for record in building.records(*(k.name for k in CATALOGUE.values() if k.role == ELEMENT)):
+        with building.errors.catch():
+            number = record.integer("EID")
+            if number in found:
+                raise duplicate(record.card, f"element {number}", building.deck.cards[found[number]])
+            found[number] = record.card.position
+    return found
+
+
+def _eigen_method(building: Building) -> EigenMethod | None:
+    methods = eigen_methods(building)
+    selected = building.deck.case_control.method
+    check_selected(building, "METHOD", selected, methods)
+    return None if selected is None else methods.get(selected)
+
+
+def _mass_reference(building: Building) -> int | None:
+    value = real_param(building, "GRDPNT", -1.0)
+    return int(value) if value >= 0 else None
+
+
+def raise_distinct(errors: ErrorCollector) -> None:
+    """Raise each problem once, and at most twenty of them."""
+    distinct = list({str(error): error for error in errors.errors}.values())
+    shown = distinct[:_MOST_SHOWN]
+    if len(distinct) > len(shown):
+        rest = len(distinct) - len(shown)
+        shown.append(FemtuneError("deck.more-problems", f"{rest} more problems are not shown",
+                                  hint="mend the first ones and read the deck again"))  # fmt: skip
+    ErrorCollector(shown).raise_if_any()

@@ -1,0 +1,134 @@
+"""What is gathered while a structure is built from cards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.structure import ElementBatch
+from femtune.fem.values import FieldRef, ValueTableBuilder
+from femtune.files.nastran.card import Card
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.record import Record, records_of
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class FieldPlace:
+    """Where a value stands: index of the card in `Deck.cards` and indices of the fields (all hold the same value)."""
+
+    card: int
+    fields: tuple[int, ...]
+
+
+@dataclass
+class Building:
+    """Deck, value table, places of the values, errors and notices of one build."""
+
+    deck: Deck
+    values: ValueTableBuilder = field(default_factory=ValueTableBuilder)
+    places: dict[FieldRef, FieldPlace] = field(default_factory=dict)
+    errors: ErrorCollector = field(default_factory=ErrorCollector)
+    notices: list[Notice] = field(default_factory=list)
+
+    def records(self, *names: str, defaults: Record | None = None) -> list[Record]:
+        """All entries of the cards of some names."""
+        return [record for name in names for card in self.deck.by_name(name) for record in records_of(card, defaults)]
+
+    def defaults(self, name: str) -> Record | None:
+        """The GRDSET, BAROR or BEAMOR card; the deck may hold one of each."""
+        cards = self.deck.by_name(name)
+        if len(cards) > 1:
+            with self.errors.catch():
+                raise duplicate(cards[1], f"a second {name} card", cards[0])
+        return Record(cards[0], CATALOGUE[name].fields) if cards else None
+
+    def value(
+        self, record: Record, id: int, name: str, default: float = 0.0, also: tuple[int, ...] = ()
+    ) -> int:  # fmt: skip
+        """Position in the value table of a field of a card; a blank field is an entry with the default."""
+        ref = FieldRef(record.name, id, name)
+        if ref not in self.places:
+            self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also))
+        return self.values.add(ref, record.real(name, default))
+
+    def by_number(self, records: list[Record], what: str) -> dict[int, Record]:
+        """Records by their number, the first field; a number that stands twice is an error."""
+        found: dict[int, Record] = {}
+        for record in records:
+            with self.errors.catch():
+                number = record.card.integer(record.start)
+                if number in found:
+                    raise duplicate(record.card, f"{what} {number}", found[number].card)
+                found[number] = record
+        return found
+
+
+def duplicate(card: Card, what: str, first: Card) -> FemtuneError:
+    """A number that was given before."""
+    return card.error(
+        "deck.duplicate-id",
+        f"{what} is defined twice; the first stands at {first.where()}",
+        hint="remove one of the two cards or give it another number",
+    )
+
+
+@dataclass
+class Library(Generic[T]):
+    """Results by number, each made when it is first asked for; what failed fails again with the same error."""
+
+    make: Callable[[int, Record], T]
+    _known: dict[int, T | FemtuneError] = field(default_factory=dict)
+
+    def get(self, number: int, user: Record) -> T:
+        """The result of a number, asked for by a card."""
+        if number not in self._known:
+            try:
+                self._known[number] = self.make(number, user)
+            except FemtuneError as error:
+                self._known[number] = error
+        found = self._known[number]
+        if isinstance(found, FemtuneError):
+            raise found
+        return found
+
+
+@dataclass
+class BatchRows:
+    """Elements of one batch, row by row."""
+
+    kind: str
+    card: str
+    ids: list[int] = field(default_factory=list)
+    nodes: list[list[int]] = field(default_factory=list)
+    dofs: list[list[int]] = field(default_factory=list)
+    roles: dict[str, list[int]] = field(default_factory=dict)
+    facts: dict[str, list[NDArray]] = field(default_factory=dict)
+
+    def add(
+        self, id: int, nodes: list[int], dofs: list[int], roles: Mapping[str, int], facts: Mapping[str, NDArray]
+    ) -> None:  # fmt: skip
+        """One element more."""
+        self.ids.append(id)
+        self.nodes.append(nodes)
+        self.dofs.append(dofs)
+        for name, position in roles.items():
+            self.roles.setdefault(name, []).append(position)
+        for name, fact in facts.items():
+            self.facts.setdefault(name, []).append(fact)
+
+    def batches(self) -> list[ElementBatch]:
+        """The batch, or nothing where no element was added."""
+        if not self.ids:
+            return []
+        ids, nodes, dofs = (np.array(x, dtype=np.int64) for x in (self.ids, self.nodes, self.dofs))
+        roles = {name: np.array(at, dtype=np.int64) for name, at in self.roles.items()}
+        facts = {name: np.array(rows) for name, rows in self.facts.items()}
+        return [ElementBatch(self.kind, self.card, ids, nodes, dofs, roles, facts)]

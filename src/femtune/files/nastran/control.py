@@ -1,0 +1,109 @@
+"""What case control and PARAM cards choose: sets, eigenvalue method, mass factor, coupled mass, AUTOSPC."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.deck import Deck, DeckParameter
+from femtune.files.nastran.reals import parse_integer, parse_real
+from femtune.files.nastran.record import Record
+
+UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC")
+
+
+@dataclass(frozen=True)
+class EigenMethod:
+    """Modes that an EIGR or EIGRL card asks for: range in Hz and number; None where the card leaves it open."""
+
+    id: int
+    card: str
+    lower_hz: float | None
+    upper_hz: float | None
+    wanted: int | None
+
+
+def eigen_methods(building: Building) -> dict[int, EigenMethod]:
+    """Methods by number."""
+    return {n: _method(r, n) for n, r in building.by_number(building.records("EIGRL", "EIGR"), "METHOD").items()}
+
+
+def _method(record: Record, number: int) -> EigenMethod:
+    low, high = ("V1", "V2") if record.name == "EIGRL" else ("F1", "F2")
+    # with the old inverse power method NE is an estimate; ND is what is wanted in all
+    return EigenMethod(
+        number, record.name, record.real(low, None), record.real(high, None), record.integer("ND", None)
+    )  # fmt: skip
+
+
+def check_selected(building: Building, kind: str, number: int | None, known: Collection[int]) -> None:
+    """The set that case control selects must exist (error ``deck.missing-set``)."""
+    if number is not None and number not in known:
+        with building.errors.catch():
+            raise _missing(building.deck, kind, number, known)
+
+
+def _missing(deck: Deck, kind: str, number: int, known: Collection[int]) -> FemtuneError:
+    cards = {"SPC": "SPC, SPC1 or SPCADD", "MPC": "MPC or MPCADD", "METHOD": "EIGR or EIGRL"}[kind]
+    shown = ", ".join(map(str, sorted(known)[:10]))
+    return FemtuneError(
+        "deck.missing-set",
+        f"case control selects {kind} = {number}, but no {cards} card has that number",
+        where=Where(str(deck.path), record=kind),
+        hint=f"select one that exists: {shown}" if shown else f"add the {cards} card or remove the line",
+    )
+
+
+def real_param(building: Building, name: str, default: float) -> float:
+    """Value of a PARAM that is a number (error ``deck.param``)."""
+    given = building.deck.params.get(name)
+    if given is None or not given.value:
+        return default
+    value = parse_real(given.value) if "." in given.value else parse_integer(given.value)
+    if value is not None:
+        return float(value)
+    with building.errors.catch():
+        raise _bad_param(name, given, "a number")
+    return default
+
+
+def coupled_mass(building: Building) -> bool:
+    """PARAM COUPMASS: 1 or YES is consistent mass; blank, −1 or NO is lumped."""
+    return _switch(building, "COUPMASS", {"1": True, "YES": True, "-1": False, "0": False, "NO": False}, False)
+
+
+def hold_singular(building: Building) -> bool:
+    """AUTOSPC of case control, else PARAM AUTOSPC; YES without either, as in normal modes."""
+    words = {"YES": True, "NO": False, "1": True, "0": False, "-1": False}
+    for command in building.deck.case_control.others:
+        word = command.value.upper()
+        if command.name == "AUTOSPC" and word in words:
+            return words[word]
+    return _switch(building, "AUTOSPC", words, True)
+
+
+def _switch(building: Building, name: str, words: dict[str, bool], default: bool) -> bool:
+    given = building.deck.params.get(name)
+    if given is None or not given.value:
+        return default
+    if given.value.upper() in words:
+        return words[given.value.upper()]
+    with building.errors.catch():
+        raise _bad_param(name, given, " or ".join(words))
+    return default
+
+
+def _bad_param(name: str, given: DeckParameter, expected: str) -> FemtuneError:
+    return given.card.error("deck.param", f"PARAM {name} should be {expected}", index=1,
+                            hint="correct the value or remove the card")  # fmt: skip
+
+
+def ignored_params(deck: Deck) -> list[Notice]:
+    """PARAM cards that have no meaning here."""
+    return [
+        Notice("deck.ignored-param", f"PARAM {name} = {given.value} is ignored", given.card.where(), "info")
+        for name, given in deck.params.items()
+        if name not in UNDERSTOOD_PARAMS
+    ]

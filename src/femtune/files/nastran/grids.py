@@ -1,0 +1,188 @@
+"""Grid points and scalar points: GRID, GRDSET, SPOINT, with the coordinate systems that they refer to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Notice
+from femtune.fem.structure import NodeTable
+from femtune.files.nastran.building import Building, Library, duplicate
+from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
+from femtune.files.nastran.lists import read_list
+from femtune.files.nastran.record import Record
+
+
+@dataclass
+class Grids:
+    """Grid points by number with their coordinate systems; `table` is their node table once it is complete."""
+
+    records: Mapping[int, Record]
+    system_records: Mapping[int, Record]
+    systems: CoordinateSystems = field(init=False)
+    _locations: Library[NDArray[np.float64]] = field(init=False)
+    table: NodeTable = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.systems = CoordinateSystems(self.system_records, self.location)
+        self._locations = Library(self._locate)
+
+    def location(self, number: int, user: Record) -> NDArray[np.float64]:
+        """Basic coordinates of a grid point, asked for by a card.
+
+        Raises
+        ------
+        FemtuneError : ``deck.unknown-grid`` and what is wrong with the grid point's coordinate system
+        """
+        return self._locations.get(number, user) if number in self.records else self._unknown(number, user)
+
+    def _unknown(self, number: int, user: Record) -> NDArray[np.float64]:
+        raise unknown_grid(number, user)
+
+    def _locate(self, number: int, user: Record) -> NDArray[np.float64]:
+        record = self.records[number]
+        system = self.systems.get(record.integer("CP", 0), record)
+        return system.point(np.array(record.reals("X1", "X2", "X3")))
+
+    def displacement_system(self, number: int) -> CoordinateSystem:
+        """System of a grid point's displacements."""
+        record = self.records[number]
+        cd = record.integer("CD", 0)
+        if cd == -1:
+            raise record.error("deck.fluid-point", f"grid point {number} is a fluid point", at="CD",
+                               hint="take fluid points out of the deck; structures are read only")  # fmt: skip
+        return self.systems.get(cd, record)
+
+    def row(self, number: int, user: Record) -> int:
+        """Row of the node table (error ``deck.unknown-grid``)."""
+        if not self.table.has_grid(number):
+            raise unknown_grid(number, user)
+        return self.table.position(number)
+
+    def dofs(self, row: int) -> list[int]:
+        """The six g-set DOFs of a row of the node table, −1 for ground."""
+        return [6 * row + i for i in range(6)] if row >= 0 else [-1] * 6
+
+    def dof(self, number: int, component: int, user: Record) -> int:
+        """g-set DOF of a component of a grid point or scalar point."""
+        try:
+            return self.table.dof(number, component, user.where)
+        except FemtuneError as error:
+            if error.code == "model.unknown-node":
+                raise unknown_grid(number, user) from error
+            raise
+
+    def vector(self, row: int, components: list[float]) -> NDArray[np.float64]:
+        """A vector given in the displacement frame of a grid point, in the basic frame."""
+        return self.table.frames[row] @ np.array(components)
+
+
+def unknown_grid(number: int, user: Record) -> FemtuneError:
+    """A card refers to a grid point that is not there."""
+    return user.error("deck.unknown-grid", f"grid point {number} does not exist",
+                      hint="correct the number or add the GRID card")  # fmt: skip
+
+
+def read_grids(building: Building) -> Grids:
+    """Grid points, scalar points and coordinate systems of the deck."""
+    systems = building.records("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
+    records = _grid_records(building)
+    grids = Grids(records, building.by_number(systems, "coordinate system"))
+    _check_systems(building, grids)
+    grids.table = _node_table(building, grids)
+    return grids
+
+
+def _check_systems(building: Building, grids: Grids) -> None:
+    for number, record in grids.system_records.items():
+        with building.errors.catch():
+            grids.systems.get(number, record)
+
+
+def _grid_records(building: Building) -> dict[int, Record]:
+    """Grid points by number; Nastran accepts a repeated one that is the same."""
+    found: dict[int, Record] = {}
+    for record in building.records("GRID", defaults=building.defaults("GRDSET")):
+        with building.errors.catch():
+            number = _positive(record)
+            if number not in found:
+                found[number] = record
+            elif _same(record, found[number]):
+                building.notices.append(_repeated(record, number))
+            else:
+                raise duplicate(record.card, f"grid point {number}", found[number].card)
+    return found
+
+
+def _positive(record: Record) -> int:
+    number: int = record.integer("ID")
+    if number <= 0:
+        raise record.error("deck.field-value", "numbers of grid points are positive", at="ID",
+                           hint="give it a number from 1 to 99999999")  # fmt: skip
+    return number
+
+
+def _same(a: Record, b: Record) -> bool:
+    numbers = all(a.real(x, 0.0) == b.real(x, 0.0) for x in ("X1", "X2", "X3"))
+    return numbers and all(a.text(x, "0") == b.text(x, "0") for x in ("CP", "CD", "PS"))
+
+
+def _repeated(record: Record, number: int) -> Notice:
+    what = f"grid point {number} is given again with the same data; one is used, as Nastran does"
+    return Notice("deck.repeated-grid", what, record.where, level="info")
+
+
+def _node_table(building: Building, grids: Grids) -> NodeTable:
+    ids = np.array(sorted(grids.records), dtype=np.int64)
+    xyz = np.full((len(ids), 3), np.nan)
+    frames = np.tile(np.eye(3), (len(ids), 1, 1))
+    for row, number in enumerate(ids.tolist()):
+        with building.errors.catch():
+            xyz[row] = grids.location(number, grids.records[number])
+            frames[row] = grids.displacement_system(number).frame(xyz[row])
+    return NodeTable(ids, xyz, frames, _scalar_points(building, grids.records))
+
+
+def _scalar_points(building: Building, grids: Mapping[int, Record]) -> NDArray[np.int64]:
+    found: set[int] = set()
+    for record in building.records("SPOINT"):
+        with building.errors.catch():
+            found |= _spoint_numbers(record, grids)
+    return np.array(sorted(found | _implied_scalars(building, grids)), dtype=np.int64)
+
+
+def _spoint_numbers(record: Record, grids: Mapping[int, Record]) -> set[int]:
+    try:
+        numbers = set(read_list(record.card.fields, record.where).expand())
+    except ValueError as error:
+        raise record.error("deck.field-value", "SPOINT lists more than a million points",
+                           hint="list the points that the model uses") from error  # fmt: skip
+    both = sorted(numbers & set(grids))
+    if both:
+        raise duplicate(record.card, f"point {both[0]}", grids[both[0]].card)
+    return numbers
+
+
+def _implied_scalars(building: Building, grids: Mapping[int, Record]) -> set[int]:
+    """Points that scalar elements name without a component: Nastran makes them scalar points."""
+    found = set()
+    for record in building.records("CELAS1", "CELAS2", "CMASS1", "CMASS2"):
+        with building.errors.catch():
+            for end in "12":
+                number = record.integer("G" + end, 0)
+                if number > 0 and number not in grids and record.component("C" + end, "0") == "0":
+                    found.add(number)
+    return found
+
+
+def permanent_constraints(building: Building, grids: Grids) -> NDArray[np.int64]:
+    """g-set DOFs held by field PS of GRID and GRDSET."""
+    held = []
+    for number, record in grids.records.items():
+        with building.errors.catch():
+            row = grids.table.position(number)
+            held += [6 * row + int(c) - 1 for c in record.component("PS") if c != "0"]
+    return np.array(sorted(held), dtype=np.int64)

@@ -1,0 +1,109 @@
+"""What becomes of each card: read, not needed for normal modes, not understood, or an element that is missing."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.deck import Deck
+
+READ, NOT_NEEDED, IGNORED, MISSING = "read", "not needed for normal modes", "not understood", "missing element"
+
+# Loads, tables, dynamics, aeroelasticity, heat, optimisation, output: they leave K, M and the constraints alone.
+_NOT_NEEDED_NAMES = """
+    ACCEL ACCEL1 DAREA DEFORM DELAY DLOAD DPHASE FORCE FORCE1 FORCE2 FORCEAX GRAV LOAD LOADCYH LOADCYN LSEQ MOMENT
+    MOMENT1 MOMENT2 MOMAX PLOAD PLOAD1 PLOAD2 PLOAD4 PLOADX1 PRESAX RANDPS RANDT1 RFORCE RLOAD1 RLOAD2 SLOAD SPCD
+    TEMP TEMPD TEMPRB TEMPP1 TEMPP3 TEMPAX TLOAD1 TLOAD2 TIC USET USET1 SPCR DYNRED NOLIN1 NOLIN2 NOLIN3 NOLIN4 TF
+    FREQ FREQ1 FREQ2 FREQ3 FREQ4 FREQ5 TSTEP TSTEPNL NLPARM NLPCI EIGB EIGC EIGP EPOINT EXTRN
+    TABDMP1 TABLED1 TABLED2 TABLED3 TABLED4 TABLEM1 TABLEM2 TABLEM3 TABLEM4 TABLES1 TABLEST TABRND1 TABRNDG DTI DTABLE
+    AEDW AEFACT AEFORCE AELINK AELIST AEPARM AEPRESS AERO AEROS AESTAT AESURF AESURFS CAERO1 CAERO2 CAERO3 CAERO4
+    CAERO5 CSSCHD DIVERG FLFACT FLUTTER GUST MKAERO1 MKAERO2 PAERO1 PAERO2 PAERO3 PAERO4 PAERO5 SET1 SET2 SET3 SPLINE1
+    SPLINE2 SPLINE3 SPLINE4 SPLINE5 SPLINE6 SPLINE7 TRIM UXVEC
+    BCONP BFRIC BLSEG BOUTPUT CHBDYE CHBDYG CHBDYP CONV CONVM MAT4 MAT5 PCONV PCONVM PHBDY QBDY1 QBDY2 QBDY3 QHBDY
+    QVECT QVOL RADBC RADM RADMT RADSET TEMPBC VIEW VIEW3D
+    DCONADD DCONSTR DDVAL DEQATN DESVAR DLINK DOPTPRM DRESP1 DRESP2 DRESP3 DSCREEN DVCREL1 DVCREL2 DVGRID DVMREL1
+    DVMREL2 DVPREL1 DVPREL2 DVBSHAP DVSHAP TOPVAR
+    BAROR BEAMOR CBARAO PLOTEL PLOTEL3 PLOTEL4 MONPNT1 MONPNT2 MONPNT3 MDLPRM HDF5OUT ECHOON ECHOOFF SEQGP MFLUID
+    CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CVISC PDAMP PDAMP5 PVISC PBUSHT PELAST PDAMPT SUPORT SUPORT1 SUPORT6
+    SEEXCLD SELABEL SETREE SESET CSUPER CMETHOD BGSET BCTSET BSURF BSURFS
+"""
+_NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
+
+# Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
+_ELEMENT_NAMES = "RBAR1 RBE1 RBE3 RJOINT RROD RSPLINE RSSCON RTRPLT RTRPLT1 RBE2A GENEL DMIAX"
+_ELEMENTS = frozenset(_ELEMENT_NAMES.split())
+_MATRIX_INPUT = ("K2GG", "M2GG", "K2PP", "M2PP", "NSM")
+_ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
+_NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
+
+
+@dataclass(frozen=True)
+class CardCount:
+    """Cards of one name: how many, the place of the first, and what became of them."""
+
+    name: str
+    count: int
+    where: Where
+    use: str
+
+
+def take_inventory(deck: Deck) -> tuple[CardCount, ...]:
+    """Every card name of the deck, in the order in which they occur."""
+    return tuple(
+        CardCount(name, len(cards), cards[0].where(), use_of(name)) for name, cards in deck.names.items()
+    )  # fmt: skip
+
+
+def use_of(name: str) -> str:
+    """What becomes of a card."""
+    if name in CATALOGUE:
+        return READ
+    if name in _NOT_NEEDED:
+        return NOT_NEEDED
+    element = _ELEMENT_NAME.fullmatch(name) and not name.startswith(_NO_ELEMENTS)
+    return MISSING if element or name in _ELEMENTS else IGNORED
+
+
+def ignored_notices(counts: tuple[CardCount, ...]) -> list[Notice]:
+    """A notice for each card name that is not read."""
+    levels = {NOT_NEEDED: "info", IGNORED: "warning"}
+    return [
+        Notice("deck.ignored-cards", f"{_cards(c)} ignored: {c.use}", c.where, levels[c.use])
+        for c in counts
+        if c.use in levels
+    ]
+
+
+def missing_error(count: CardCount) -> FemtuneError:
+    """An element or constraint that is not read."""
+    return FemtuneError(
+        "deck.unsupported-element",
+        f"{_cards(count)} not understood; without {'it' if count.count == 1 else 'them'} the modes would be wrong",
+        where=count.where,
+        hint="take them out of the model, or allow missing elements if they do not matter",
+    )
+
+
+def missing_notice(count: CardCount) -> Notice:
+    """The same as a warning, where missing elements are allowed."""
+    return Notice("deck.unsupported-element", f"{_cards(count)} left out of the model: not understood", count.where)
+
+
+def _cards(count: CardCount) -> str:
+    return f"{count.count} {count.name} card{'s are' if count.count > 1 else ' is'}"
+
+
+def matrix_input(deck: Deck) -> list[FemtuneError]:
+    """Case control that adds matrices or mass which are not read."""
+    return [
+        FemtuneError(
+            "deck.unsupported-element",
+            f"case control selects {command.name} = {command.value}, which adds matrices or mass that are not read",
+            where=command.where,
+            hint="take the line out, or allow missing elements if it does not matter",
+        )
+        for command in deck.case_control.others
+        if command.name in _MATRIX_INPUT
+    ]
