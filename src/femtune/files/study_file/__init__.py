@@ -1,0 +1,58 @@
+"""The study file: a TOML text that describes a whole study, read strictly."""
+
+from femtune.files.study_file.configuration import (
+    ConfigurationEntry,
+    LeaveOutEntry,
+    MassEntry,
+    PairEntry,
+    SingleTest,
+    TestKeys,
+    overlay,
+    supports,
+    switched_off,
+)
+from femtune.files.study_file.kinds import element_list
+from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.reading import read_study_file, study_from_text
+from femtune.files.study_file.steps import (
+    CorrelateTable,
+    ModesTable,
+    OutputTable,
+    ResidualsTable,
+    RigidFloorEntry,
+    SensorEntry,
+    SensorsTable,
+    SensorTerm,
+    StudyTable,
+    UpdateTable,
+    WriteTable,
+)
+from femtune.files.study_file.study import StudyFile
+
+__all__ = [
+    "ConfigurationEntry",
+    "CorrelateTable",
+    "LeaveOutEntry",
+    "MassEntry",
+    "ModesTable",
+    "OutputTable",
+    "PairEntry",
+    "ParameterEntry",
+    "ResidualsTable",
+    "RigidFloorEntry",
+    "SensorEntry",
+    "SensorTerm",
+    "SensorsTable",
+    "SingleTest",
+    "StudyFile",
+    "StudyTable",
+    "TestKeys",
+    "UpdateTable",
+    "WriteTable",
+    "element_list",
+    "overlay",
+    "read_study_file",
+    "study_from_text",
+    "supports",
+    "switched_off",
+]

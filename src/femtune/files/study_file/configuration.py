@@ -1,0 +1,127 @@
+"""[[configuration]] and [test]: states of the structure and the tests that belong to them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from femtune.files.study_file.kinds import (
+    ElementsOff,
+    Inertia,
+    NotNegative,
+    Number,
+    Positive,
+    Rotation,
+    Support,
+    Text,
+    Units,
+    Vector,
+    off_list,
+    support,
+)
+from femtune.files.study_file.table import Table
+from femtune.model.configuration import AddedMass, Configuration
+
+UNCHANGED: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class MassEntry(Table):
+    """A mass that the state adds to a grid point."""
+
+    node: Number
+    mass: NotNegative
+    offset: Vector = (0.0, 0.0, 0.0)
+    inertia: Inertia = (0.0, 0.0, 0.0)
+    label: str = ""
+
+    @property
+    def inertia_matrix(self) -> tuple[Vector, ...]:
+        """(3, 3) about the centre of gravity, basic frame."""
+        rows = [row if isinstance(row, tuple) else (row, row, row) for row in self.inertia]
+        diagonal = not isinstance(self.inertia[0], tuple)
+        matrix = [[float(x) * (i == j or not diagonal) for j, x in enumerate(row)] for i, row in enumerate(rows)]
+        return tuple((row[0], row[1], row[2]) for row in matrix)
+
+
+class LeaveOutEntry(Table):
+    """A test mode that is left out, named by its label or by its frequency, and why."""
+
+    mode: Text | None = None
+    hz: Positive | None = None
+    reason: Text
+
+
+class PairEntry(Table):
+    """A pair fixed by hand: label of the test mode, number of the model mode from 1."""
+
+    test: Text
+    model: Annotated[int, Field(ge=1)]
+
+
+class TestKeys(Table):
+    """How a test is read and compared."""
+
+    __test__ = False
+
+    records: Text | None = None
+    mode_labels: tuple[Text, ...] | None = None
+    rotation: Rotation = UNCHANGED
+    origin: Vector = (0.0, 0.0, 0.0)
+    leave_out: tuple[LeaveOutEntry, ...] = ()
+    pairs: tuple[PairEntry, ...] = ()
+
+
+class SingleTest(TestKeys):
+    """[test]: the only test of a study without [[configuration]]."""
+
+    file: Text
+    units: Units | None = None
+
+
+class ConfigurationEntry(TestKeys):
+    """[[configuration]]: overlays on the deck, and the test of that state."""
+
+    name: Text
+    test: Text | None = None
+    test_units: Units | None = None
+    elements_off: ElementsOff = ()
+    spc: Number | None = None
+    mpc: Number | None = None
+    supports_added: tuple[Support, ...] = ()
+    supports_removed: tuple[Support, ...] = ()
+    masses: tuple[MassEntry, ...] = ()
+    weighed_mass: Positive | None = None
+    use: Literal["update", "validation"] = "update"
+
+
+def switched_off(entry: ConfigurationEntry) -> frozenset[int]:
+    """Numbers of the elements that the state switches off."""
+    return off_list(entry.elements_off)
+
+
+def supports(texts: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
+    """(node, components) pairs of a list of supports."""
+    return tuple(pair for text in texts for pair in support(text))
+
+
+def overlay(entry: ConfigurationEntry) -> Configuration:
+    """The state as the model takes it."""
+    return Configuration(
+        name=entry.name,
+        elements_off=switched_off(entry),
+        support_set=entry.spc,
+        multipoint_set=entry.mpc,
+        supports_added=supports(entry.supports_added),
+        supports_removed=supports(entry.supports_removed),
+        masses=tuple(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses),
+        weighed_mass=entry.weighed_mass,
+    )
+
+
+def only_configuration(test: SingleTest | None) -> ConfigurationEntry:
+    """The state of a study without [[configuration]]: the structure as the deck has it."""
+    if test is None:
+        return ConfigurationEntry(name="as the deck")
+    shared = {name: getattr(test, name) for name in TestKeys.model_fields}
+    return ConfigurationEntry(name="as the deck", test=test.file, test_units=test.units, **shared)

@@ -1,0 +1,159 @@
+"""Kinds of values in a study file: lists of elements, supports, degrees of freedom, units, rotations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, TypeVar
+
+from pydantic import AfterValidator, Field, PlainValidator, StringConstraints
+from pydantic_core import PydanticCustomError
+
+from femtune.dofs import parse_dof
+from femtune.errors import FemtuneError, Where
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.parameters import parse_expression
+from femtune.testdata.convert import place
+from femtune.testdata.modal_test import ModalTest
+from femtune.units import SI, unit_system
+
+T = TypeVar("T")
+
+_MOST_SUPPORTS = 100_000
+_COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
+_FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7}) +([0-9]{1,18}) +([A-Z][A-Z0-9]{0,15})")
+
+
+def checked(check: Callable[[Any], object]) -> AfterValidator:
+    """A validator that runs `check` and hands its FemtuneError on to the collected list."""
+    return AfterValidator(_guarded(lambda value: (check(value), value)[1]))
+
+
+def read_by(read: Callable[[Any], object]) -> PlainValidator:
+    """As `checked`, where `read` judges the type too."""
+    return PlainValidator(_guarded(lambda value: (read(value), value)[1]))
+
+
+def _guarded(function: Callable[[T], T]) -> Callable[[T], T]:
+    def run(value: T) -> T:
+        try:
+            return function(value)
+        except FemtuneError as error:
+            raise PydanticCustomError("femtune", "{error}", {"error": error}) from error
+
+    return run
+
+
+def is_integer(value: object) -> bool:
+    """True for an integer of TOML; its booleans are integers in Python and not meant."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> bool:
+    """True for an integer or float of TOML, whatever its size."""
+    return is_integer(value) or isinstance(value, float)
+
+
+def element_list(value: str | tuple[int, ...]) -> IntegerList:
+    """Elements from text with THRU, BY and EXCEPT, or from a list of numbers.
+
+    Raises
+    ------
+    FemtuneError : ``study.list`` for a list that cannot be read, ``study.type``
+    """
+    if isinstance(value, tuple | list) and all(is_integer(n) for n in value):
+        return _positive(IntegerList(tuple(value)), value)
+    if not isinstance(value, str):
+        hint = 'write text such as "201 THRU 208, 301", or a list of whole numbers'
+        raise FemtuneError("study.type", "element numbers are wanted here", hint=hint)
+    try:
+        return _positive(read_list(re.split(r"[,\s]+", value), Where()), value)
+    except FemtuneError as error:
+        raise FemtuneError("study.list", error.what, hint=error.hint) from error
+
+
+def _positive(numbers: IntegerList, value: object) -> IntegerList:
+    if not value or min((*numbers.singles, *(s.numbers.start for s in numbers.spans)), default=1) < 1:
+        raise FemtuneError("study.list", "the list is empty or holds numbers below 1", hint="element numbers are 1 up")
+    return numbers
+
+
+def off_list(value: str | tuple[int, ...]) -> frozenset[int]:
+    """Numbers that are switched off, written out (error ``study.list``, also for ALL)."""
+    if not isinstance(value, str) and not value:
+        return frozenset()
+    try:
+        return frozenset(element_list(value).expand())
+    except ValueError as error:
+        raise FemtuneError("study.list", str(error), hint="name the elements that are switched off") from error
+
+
+def support(text: str) -> tuple[tuple[int, str], ...]:
+    """``13 THRU 15:3`` -> ((13, "3"), (14, "3"), (15, "3")); components 1 to 6, or 0 for a scalar point.
+
+    Raises
+    ------
+    FemtuneError : ``study.support``
+    """
+    nodes, colon, components = text.rpartition(":")
+    if not colon or not _COMPONENTS.fullmatch(components.strip()):
+        raise _bad_support(text)
+    try:
+        numbers = _positive(read_list(re.split(r"[,\s]+", nodes), Where()), nodes.strip())
+        return tuple((node, components.strip()) for node in numbers.expand(_MOST_SUPPORTS))
+    except (FemtuneError, ValueError) as error:
+        raise _bad_support(text) from error
+
+
+def _bad_support(text: str) -> FemtuneError:
+    hint = 'write nodes, a colon and components (1 to 6, each once): "12:123" or "13 THRU 15:3"'
+    return FemtuneError("study.support", "this is not a support", hint=hint)
+
+
+def field_reference(text: str) -> FieldRef:
+    """``PBAR 1 I1`` -> the field I1 of PBAR 1 (error ``study.field``)."""
+    match = _FIELD.fullmatch(text.strip())
+    if match is None or int(match[2]) == 0:
+        hint = 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
+        raise FemtuneError("study.field", "this does not name the field of a card", hint=hint)
+    return FieldRef(match[1], int(match[2]), match[3])
+
+
+def _frequency_sd(value: object) -> None:
+    if value == "test" or (is_number(value) and 0 <= value < float("inf")):  # type: ignore[operator]
+        return
+    hint = 'write a relative standard deviation such as 0.01 (0: frequencies are not used), or "test"'
+    raise FemtuneError("study.type", "a number, or the word test, is wanted here", hint=hint)
+
+
+def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
+    place(ModalTest("", SI), value, (0.0, 0.0, 0.0))
+
+
+def _inertia(value: object) -> None:
+    rows = value if isinstance(value, tuple) else ()
+    flat = [x for row in rows for x in (row if isinstance(row, tuple) else (row,))]
+    shape = [len(row) if isinstance(row, tuple) else 0 for row in rows]
+    if shape not in ([0, 0, 0], [3, 3, 3]) or not all(is_number(x) and abs(x) < float("inf") for x in flat):
+        hint = "write [Ixx, Iyy, Izz], or the symmetric matrix as three rows of three numbers"
+        raise FemtuneError("study.type", "moments of inertia are wanted here", hint=hint)
+    if shape[0] == 3 and any(rows[i][j] != rows[j][i] for i in range(3) for j in range(i)):
+        raise FemtuneError("study.value", "the inertia is not symmetric", hint="make it so: Ixy = Iyx and so on")
+
+
+Text = Annotated[str, StringConstraints(min_length=1)]
+Number = Annotated[int, Field(gt=0, lt=10**18)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Vector = tuple[float, float, float]
+Units = Annotated[str, checked(unit_system)]
+DofLabel = Annotated[str, checked(parse_dof)]
+Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
+ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
+Support = Annotated[str, checked(support)]
+FieldText = Annotated[str, checked(field_reference)]
+Expression = Annotated[str, checked(parse_expression)]
+FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
+Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
+Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]

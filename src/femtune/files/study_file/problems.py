@@ -1,0 +1,127 @@
+"""From the findings of pydantic to errors with file, line, key, value and fix."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.lines import Place
+from femtune.files.study_file.source import Source
+from femtune.files.study_file.study import StudyFile
+
+_WANTED = {
+    "string_type": ("text", "put it in quotes"),
+    "bool_type": ("true or false", "write true or false, without quotes"),
+    "int_type": ("a whole number", "write it without quotes and decimal point"),
+    "int_from_float": ("a whole number", "write it without decimal point"),
+    "float_type": ("a number", "write it without quotes"),
+    "tuple_type": ("a list", "put it in brackets: [ … ]"),
+    "dict_type": ("a table", "write { key = value }"),
+    "model_type": ("a table", "write [name] on a line of its own, or { key = value }"),
+    "model_attributes_type": ("a table", "write [name] on a line of its own, or { key = value }"),
+}
+
+
+def problems(findings: ValidationError, source: Source) -> list[FemtuneError]:
+    """One error for each finding, in the order of the file."""
+    return [_error(finding, source) for finding in findings.errors(include_url=False)]
+
+
+def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
+    place: Place = tuple(part for part in finding["loc"] if part != "[key]")
+    key = str(place[-1]) if place else ""
+    if finding["type"] == "extra_forbidden":
+        return _unknown_key(place, source)
+    if finding["type"] == "missing":
+        return _missing_key(place, source)
+    if finding["type"] == "femtune":
+        return _own(finding["ctx"]["error"], place, finding["input"], source)
+    code, what, hint = _judgement(finding)
+    return source.error(place, code, f"{_name(place)} {what}", {key: finding["input"]}, hint)
+
+
+def _name(place: Place) -> str:
+    """What a message calls the value: a key, or an entry of a list."""
+    last = place[-1] if place else "the file"
+    return f"entry {last + 1} of '{place[-2]}'" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
+
+
+def _unknown_key(place: Place, source: Source) -> FemtuneError:
+    known = _keys(place[:-1])
+    what = f"'{place[-1]}' is not a key of {_table(place[:-1])}"
+    return source.error(place, "study.unknown-key", what, {}, did_you_mean(str(place[-1]), known))
+
+
+def _missing_key(place: Place, source: Source) -> FemtuneError:
+    key, table = str(place[-1]), _table(place[:-1])
+    top = len(place) == 1
+    hint = f"add the table [{key}]" if top else f"add the line  {key} = …  (docs/study-file.md has an example)"
+    return source.error(place, "study.missing-key", f"{table} lacks '{key}'", {}, hint)
+
+
+def _table(place: Place) -> str:
+    names = [part for part in place if isinstance(part, str)]
+    if not names:
+        return "the study file"
+    return f"[[{names[0]}]]" if len(place) == 2 and isinstance(place[1], int) else f"[{'.'.join(names)}]"
+
+
+def _own(error: FemtuneError, place: Place, value: object, source: Source) -> FemtuneError:
+    """An error of our own checks, with its place and the value at fault."""
+    shown = source.error(place, error.code, f"{_name(place)}: {error.what}", {str(_key(place)): value}, error.hint)
+    shown.values.update({k: v for k, v in error.values.items() if k != "rotation"})
+    return shown
+
+
+def _key(place: Place) -> str:
+    return next((part for part in reversed(place) if isinstance(part, str)), "")
+
+
+def _judgement(finding: ErrorDetails) -> tuple[str, str, str]:
+    """Code, what is wrong and the fix, by the type of the finding."""
+    kind, context = finding["type"], finding.get("ctx", {})
+    if kind in _WANTED:
+        wanted, fix = _WANTED[kind]
+        return "study.type", f"should be {wanted}", fix
+    if kind == "finite_number":
+        return "study.number", "is not a finite number", "give a number; leave the key out where none is known"
+    if kind == "literal_error":
+        return _not_among(finding)
+    if kind in ("too_short", "missing_argument", "string_too_short"):
+        return "study.value", "is empty or too short", "fill it, or leave the key out"
+    return _out_of_range(finding, context)
+
+
+def _not_among(finding: ErrorDetails) -> tuple[str, str, str]:
+    expected = finding["ctx"]["expected"]
+    words = [word.strip("' ") for word in expected.replace(" or ", ", ").split(", ")]
+    close = did_you_mean(finding["input"], words) if isinstance(finding["input"], str) else ""
+    hint = close if close.startswith("did") else f"write one of {expected}"
+    return "study.value", f"should be one of {expected}", hint
+
+
+def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, str, str]:
+    message = finding["msg"].removeprefix("Input ")
+    return "study.value", message[:1].lower() + message[1:], "give a value in the range of docs/study-file.md"
+
+
+def _keys(place: Place) -> tuple[str, ...]:
+    """Keys of the table at `place`, from the models themselves."""
+    model: type[BaseModel] | None = StudyFile
+    for part in place:
+        if model is not None and isinstance(part, str):
+            field = model.model_fields.get(part)
+            model = _model_in(field.annotation) if field else None
+    return tuple(model.model_fields) if model else ()
+
+
+def _model_in(annotation: object) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) in (tuple, Union) or get_args(annotation):
+        return next((m for m in map(_model_in, get_args(annotation)) if m), None)
+    return None

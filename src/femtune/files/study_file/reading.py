@@ -1,0 +1,120 @@
+"""Read a study file: TOML, then models and rules, then the files that it names; all problems at once."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.study_file.lines import Place, line_numbers
+from femtune.files.study_file.plain import table, tables
+from femtune.files.study_file.problems import problems
+from femtune.files.study_file.rules import rules
+from femtune.files.study_file.source import Source
+from femtune.files.study_file.study import StudyFile
+
+_LARGEST = 10_000_000
+_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+
+
+def read_study_file(path: str | Path) -> StudyFile:
+    """The study in a TOML file.
+
+    Raises
+    ------
+    FemtuneError : ``study.missing-file`` (the study itself, or a deck or test that it names), ``study.syntax``
+    FemtuneErrors : all that is wrong with its content at once: ``study.unknown-key``, ``study.missing-key``,
+        ``study.type``, ``study.number``, ``study.value``, ``parameter.bounds`` and others of docs/errors
+    """
+    file = Path(path)
+    return study_from_text(_text(file), file)
+
+
+def study_from_text(text: str, path: str | Path) -> StudyFile:
+    """As `read_study_file`, from the text of a file at `path` that need not exist."""
+    file = Path(path)
+    data = _frozen(_parsed(text, file))
+    source = Source(str(file), line_numbers(text))
+    errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent)]
+    try:
+        study = StudyFile.model_validate(data)
+    except ValidationError as findings:
+        errors = [*problems(findings, source), *errors]
+    _raise_in_order(errors)
+    study._path, study._source = file, source
+    return study
+
+
+def _text(file: Path) -> str:
+    where = Where(str(file))
+    if not file.is_file():
+        raise FemtuneError("study.missing-file", "there is no study file here", where=where, hint="check the path")
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        what = f"the study file cannot be read: {error.strerror}"
+        raise FemtuneError("study.missing-file", what, where=where, hint="check its permissions") from error
+    if len(content) > _LARGEST:
+        what = f"a file of {len(content) // 1_000_000} MB is no study"
+        raise FemtuneError("study.syntax", what, where=where, hint="a study has some thirty lines of TOML text")
+    try:
+        return content.decode("utf-8").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        where = Where(str(file), line)
+        hint = "save the file as UTF-8"
+        raise FemtuneError("study.syntax", "this line is not UTF-8 text", where=where, hint=hint) from error
+
+
+def _parsed(text: str, file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        message = "brackets are nested too deeply" if isinstance(error, RecursionError) else str(error)
+        match = _PLACE.search(message)
+        line = int(match[1]) if match and match[1] else text.count("\n") + 1 if match else None
+        what = f"this is not TOML: {_PLACE.sub('', message)}"
+        hint = 'TOML has lines such as  name = "text",  count = 8,  values = [1, 2]  under headings such as [modes]'
+        raise FemtuneError("study.syntax", what, where=Where(str(file), line), hint=hint) from error
+
+
+def _frozen(value: Any) -> Any:
+    """Lists become tuples: a study is frozen."""
+    if isinstance(value, dict):
+        return {key: _frozen(entry) for key, entry in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
+    yield ("study", "deck"), table(data, "study").get("deck"), "deck"
+    yield ("test", "file"), table(data, "test").get("file"), "test file"
+    for place, entry in tables(data, "configuration"):
+        yield (*place, "test"), entry.get("test"), "test file"
+
+
+def _missing_files(data: dict[str, Any], source: Source, folder: Path) -> Iterator[FemtuneError]:
+    for place, name, what in _named_files(data):
+        if isinstance(name, str) and name and not _is_file(folder / name):
+            values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
+            hint = "paths are relative to the study file; check name and place"
+            yield source.error(place, "study.missing-file", f"the {what} does not exist", values, hint)
+
+
+def _is_file(path: Path) -> bool:
+    """False also for a name that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _raise_in_order(errors: list[FemtuneError]) -> None:
+    """Raise all, sorted by line."""
+    ordered = sorted(errors, key=lambda error: (error.where and error.where.line) or 0)
+    ErrorCollector(ordered).raise_if_any()

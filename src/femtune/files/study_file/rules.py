@@ -1,0 +1,106 @@
+"""Rules that concern several keys of a study file.
+
+They look at the plain data and not at the checked models, so that a misspelt key elsewhere does not hide them;
+what has the wrong type is left to the models.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.kinds import is_number
+from femtune.files.study_file.lines import Place
+from femtune.files.study_file.parameter_rules import parameter_rules
+from femtune.files.study_file.plain import named_twice, number, table, tables, texts
+from femtune.files.study_file.source import Source
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+_ABOUT_THE_TEST = ("records", "test_units", "mode_labels", "rotation", "origin", "leave_out", "pairs")
+
+
+def rules(data: Data, source: Source) -> Problems:
+    """All breaches of rules between keys."""
+    yield from _modes(data, source)
+    yield from _configurations(data, source)
+    yield from _sensors(data, source)
+    yield from parameter_rules(data, source)
+    yield from _residuals(data, source)
+    yield from _regularisation(data, source)
+
+
+def _modes(data: Data, source: Source) -> Problems:
+    modes = table(data, "modes")
+    if "count" in modes and "max_hz" in modes:
+        hint = "keep count (that many modes) or max_hz (all modes up to it)"
+        yield source.error(("modes", "max_hz"), "study.modes", "[modes] has both count and max_hz", modes, hint)
+
+
+def _configurations(data: Data, source: Source) -> Problems:
+    entries = list(tables(data, "configuration"))
+    yield from named_twice(entries, "study.duplicate-name", source)
+    if entries and "test" in data:
+        hint = "write test = … into each [[configuration]], and remove [test]"
+        what = "[test] is for studies without [[configuration]]"
+        yield source.error(("test",), "study.test-unused", what, {}, hint)
+    for place, entry in entries:
+        yield from _without_test(place, entry, source)
+        yield from _test_modes(place, entry, source)
+    yield from _test_modes(("test",), table(data, "test"), source)
+
+
+def _without_test(place: Place, entry: Data, source: Source) -> Problems:
+    for key in _ABOUT_THE_TEST:
+        if key in entry and "test" not in entry:
+            what = f"'{key}' speaks of a test, but this configuration has none"
+            yield source.error((*place, key), "study.no-test", what, {}, 'add test = "…", or remove the key')
+
+
+def _test_modes(place: Place, entry: Data, source: Source) -> Problems:
+    labels = texts(entry.get("mode_labels"))
+    for label in sorted({label for label in labels if labels.count(label) > 1}):
+        yield source.error(
+            (*place, "mode_labels"), "study.duplicate-name", f"two modes are called '{label}'", {}, "rename one"
+        )
+    for at, left in tables(entry, "leave_out"):
+        if ("mode" in left) == ("hz" in left):
+            what = "a mode is left out by its label (mode) or by its frequency (hz), one of the two"
+            yield source.error((*place, *at), "study.leave-out", what, {"leave_out": left}, 'write mode = "…"')
+        yield from _known_label((*place, *at, "mode"), left.get("mode"), labels, source)
+    for at, pair in tables(entry, "pairs"):
+        yield from _known_label((*place, *at, "test"), pair.get("test"), labels, source)
+
+
+def _known_label(place: Place, label: object, labels: list[str], source: Source) -> Problems:
+    if labels and isinstance(label, str) and label not in labels:
+        what = f"'{label}' is not in mode_labels"
+        yield source.error(place, "study.unknown-mode", what, {}, did_you_mean(label, labels))
+
+
+def _sensors(data: Data, source: Source) -> Problems:
+    yield from named_twice(list(tables(data, "sensor")), "study.duplicate-name", source)
+
+
+def _residuals(data: Data, source: Source) -> Problems:
+    residuals = table(data, "residuals")
+    if number(residuals, "frequency_sd") == 0 and not residuals.get("shape_sd"):
+        what = "neither frequencies nor shapes are compared"
+        hint = "give frequency_sd or shape_sd a value above zero"
+        yield source.error(("residuals", "frequency_sd"), "study.nothing-compared", what, residuals, hint)
+
+
+def _regularisation(data: Data, source: Source) -> Problems:
+    update = table(data, "update")
+    kind, weight = update.get("regularisation", "none"), update.get("weight", 0.0)
+    if not is_number(weight) or not math.isfinite(float(min(weight, 1e300))):
+        return
+    if (kind == "minimum-change") != (weight != 0):
+        what = 'weight belongs to regularisation = "minimum-change", and each needs the other'
+        hint = 'give weight > 0 together with "minimum-change", and no weight otherwise'
+        shown = {"regularisation": kind, "weight": weight}
+        key = "weight" if "weight" in update else "regularisation"
+        yield source.error(("update", key), "study.weight", what, shown, hint)

@@ -1,0 +1,135 @@
+"""Tables of a study file that say how the steps are done; docs/study-file.md explains every key."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from femtune.dofs import Dof, parse_dof
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    FrequencySd,
+    NotNegative,
+    Number,
+    Positive,
+    Text,
+    Units,
+    Vector,
+)
+from femtune.files.study_file.table import Table
+from femtune.units import UnitSystem, unit_system
+
+Component = Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
+
+DEFAULT_MODE_COUNT = 10
+
+
+class StudyTable(Table):
+    """[study]: what it is about."""
+
+    title: Text
+    deck: Text
+    units: Units
+    allow_ignored: tuple[Text, ...] = ()
+
+    @property
+    def unit_system(self) -> UnitSystem:
+        """The system of the deck and of every number in the study."""
+        return unit_system(self.units)
+
+
+class ModesTable(Table):
+    """[modes]: how many modes are computed; by number or up to a frequency, never both."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    max_hz: Positive | None = None
+
+    @property
+    def wanted(self) -> int | None:
+        """Number of modes, None where `max_hz` limits them."""
+        return DEFAULT_MODE_COUNT if self.count is None and self.max_hz is None else self.count
+
+
+def _numbers(value: object) -> object:
+    """Keys of a TOML table are text: those that are whole numbers become numbers."""
+    if not isinstance(value, dict):
+        return value
+    return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
+
+
+class SensorsTable(Table):
+    """[sensors]: how the nodes of a test find the grid points of the model."""
+
+    tolerance: NotNegative | None = None
+    by_id: bool = False
+    nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
+
+
+class SensorTerm(Table):
+    """One model DOF in a generalised sensor."""
+
+    node: Number
+    component: Component
+    factor: float = 1.0
+
+
+class SensorEntry(Table):
+    """[[sensor]]: a sensor that is a combination of model DOFs."""
+
+    name: DofLabel
+    terms: Annotated[tuple[SensorTerm, ...], Field(min_length=1)]
+
+    @property
+    def label(self) -> Dof:
+        """The DOF of the test that it stands for."""
+        return parse_dof(self.name)
+
+
+class RigidFloorEntry(Table):
+    """[[rigid_floor]]: least-squares rigid motion of a floor's nodes, as sensors of one test node."""
+
+    test_node: Number
+    nodes: Annotated[tuple[Number, ...], Field(min_length=1)]
+    origin: Vector
+    components: Annotated[tuple[Component, ...], Field(min_length=1)] = ("X", "Y", "RZ")
+
+
+class CorrelateTable(Table):
+    """[correlate]: which modes may be paired, and which are compared as one subspace."""
+
+    frequency_gate: Positive = 0.30
+    mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
+    cluster_gap: NotNegative = 0.01
+
+
+class ResidualsTable(Table):
+    """[residuals]: what the update compares, and with which weight."""
+
+    frequency_sd: FrequencySd = 0.01
+    shape_sd: NotNegative = 0.0
+    shape_form: Literal["difference", "mac"] = "difference"
+    frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
+    shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+
+
+class UpdateTable(Table):
+    """[update]: when the iteration ends, and what is added where the data do not suffice."""
+
+    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
+    regularisation: Literal["none", "minimum-change", "prior"] = "none"
+    weight: NotNegative = 0.0
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+
+
+class WriteTable(Table):
+    """[write]: how values go back into the deck."""
+
+    wide: bool = False
+    split: bool = False
+
+
+class OutputTable(Table):
+    """[output]: the run folder, beside the study file where it is not absolute."""
+
+    folder: Text = "run"

@@ -1,0 +1,77 @@
+"""StudyFile: the whole of a study file, checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, PrivateAttr
+
+from femtune.errors import Where
+from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
+from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.source import Source
+from femtune.files.study_file.steps import (
+    CorrelateTable,
+    ModesTable,
+    OutputTable,
+    ResidualsTable,
+    RigidFloorEntry,
+    SensorEntry,
+    SensorsTable,
+    StudyTable,
+    UpdateTable,
+    WriteTable,
+)
+from femtune.files.study_file.table import Table
+
+
+class StudyFile(Table):
+    """A study: attributes are the tables of the file, in its words.
+
+    Files named inside are relative to the study file; `path_of` says where they are.
+    """
+
+    study: StudyTable
+    modes: ModesTable = Field(default_factory=ModesTable)
+    test: SingleTest | None = None
+    configuration: tuple[ConfigurationEntry, ...] = ()
+    sensors: SensorsTable = Field(default_factory=SensorsTable)
+    sensor: tuple[SensorEntry, ...] = ()
+    rigid_floor: tuple[RigidFloorEntry, ...] = ()
+    correlate: CorrelateTable = Field(default_factory=CorrelateTable)
+    parameter: tuple[ParameterEntry, ...] = ()
+    residuals: ResidualsTable = Field(default_factory=ResidualsTable)
+    update: UpdateTable = Field(default_factory=UpdateTable)
+    write: WriteTable = Field(default_factory=WriteTable)
+    output: OutputTable = Field(default_factory=OutputTable)
+
+    _path: Path = PrivateAttr(default=Path("study.toml"))
+    _source: Source = PrivateAttr(default=Source("study.toml"))
+
+    @property
+    def path(self) -> Path:
+        """The study file itself."""
+        return self._path
+
+    @property
+    def configurations(self) -> tuple[ConfigurationEntry, ...]:
+        """All states: those of the file, or the only one, called "as the deck", with the test of [test]."""
+        return self.configuration or (only_configuration(self.test),)
+
+    @property
+    def deck_path(self) -> Path:
+        """The deck."""
+        return self.path_of(self.study.deck)
+
+    @property
+    def output_folder(self) -> Path:
+        """The run folder."""
+        return self.path_of(self.output.folder)
+
+    def path_of(self, name: str) -> Path:
+        """A file named in the study: relative to the study file."""
+        return self._path.parent / name
+
+    def where(self, *place: str | int) -> Where:
+        """File and line of a key: ``where("parameter", 0, "lower")``, positions from 0."""
+        return self._source.where(place)
