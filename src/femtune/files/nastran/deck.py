@@ -89,7 +89,8 @@ def read_deck(path: str | Path) -> Deck:
     case_control = read_case_control(case)
     bulk = read_bulk(bulk_lines)
     params, repeated = _params(case_control, bulk)
-    end = _check_end(source, bool(executive or case or len(bulk_lines) < len(source.lines) - source.ended))
+    has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
+    end = _check_end(source, has_sections)
     notices = (*case_control.notices, *bulk.notices, *repeated, *end)
     return Deck(Path(path), source, _executive(executive), case_control, bulk.cards, params, notices)
 

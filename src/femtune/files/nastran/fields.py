@@ -13,10 +13,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.source import SourceLine
 
 Format = Literal["small", "large", "free"]
-DATA_FIELDS = {"small": 8, "large": 4, "free": 8}
-WIDTH = {"small": 8, "large": 16}
 LINE_COLUMNS = 80
-_EXPONENT_SIZE = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +56,7 @@ def split_line(line: SourceLine, body: str) -> FieldLine:
 def _split_free(line: SourceLine, body: str) -> FieldLine:
     texts = [text.strip() for text in body.split(",")]
     head = texts[0].upper()
-    large = head.endswith("*") or (head.startswith("*") and not head.startswith("*("))
+    large = head.endswith("*") or head.startswith("*")
     count = 4 if large else 8
     if any(texts[count + 2 :]):
         raise _too_many(line, head, len(texts), count + 2)

@@ -51,8 +51,9 @@ def format_real(value: float, width: int = 8) -> str:
         return "0.0"
     sign = "-" if value < 0 else ""
     room = width - len(sign)
+    exact = Decimal(repr(float(value))).copy_abs()  # the shortest digits that read back as `value`
     for count in range(min(room, 17), 0, -1):
-        digits, power = _rounded_digits(Decimal(value).copy_abs(), count)
+        digits, power = _rounded_digits(exact, count)
         text = _shortest_fitting(digits, power, room)
         if text:
             return sign + text
