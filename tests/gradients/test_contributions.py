@@ -1,0 +1,97 @@
+"""Every term of every element: symmetric matrices, exact gradients and Hessians."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.fem.contribution import Contribution
+from femtune.fem.elements import KERNELS, contributions
+from femtune.testing import check_contribution
+from femtune.testing.structures import Part, bars, bushes, make_structure, masses, rods, scalars
+
+XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
+PAIRS = [[0, 1], [1, 2]]
+SECTION = {
+    "E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "I1": [1.5e-8, 4e-8], "I2": 6e-9, "J": 1.1e-8, "rho": 7850.0,
+    "NSM": 0.3,
+}  # fmt: skip
+SHEAR = {"K1": [0.85, 0.7], "K2": [0.6, 0.9]}
+FRAME = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+
+
+def _turned_frames() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    return np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in XYZ])
+
+
+CASES: dict[str, Part] = {
+    "bar": bars(PAIRS, SECTION),
+    "bar, offsets": bars(PAIRS, SECTION, offsets=((0.1, 0.2, 0.0), (0.0, -0.1, 0.3))),
+    "bar, shear": bars(PAIRS, {**SECTION, **SHEAR}),
+    "bar, shear and pins": bars(PAIRS, {**SECTION, **SHEAR}, pins=(5, 10)),
+    "beam": bars(PAIRS, SECTION, card="CBEAM"),
+    "beam, I12": bars(PAIRS, {**SECTION, "I12": 2e-9}, card="CBEAM"),
+    "beam, I12 and shear": bars(PAIRS, {**SECTION, **SHEAR, "I12": 2e-9}, card="CBEAM"),
+    "beam, I12 and shear in plane 2": bars(PAIRS, {**SECTION, "K2": 0.6, "I12": 2e-9}, card="CBEAM"),
+    "rod": rods(PAIRS, {"E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "J": 1e-8, "rho": 7850.0, "NSM": 0.3}),
+    "bush": bushes(PAIRS, {f"K{i}": 1e4 * i for i in range(1, 7)}, frame=FRAME, arm_a=(0.1, 0.2, 0.3)),
+    "grounded bush": bushes([[2, -1]], {f"K{i}": 1e4 * i for i in range(1, 7)}),
+    "concentrated mass": masses([0, 2], {"M": 2.0, "I11": 0.1, "I21": 0.02, "I22": 0.3, "I33": 0.2}, (0.1, 0.0, 0.2)),
+    "general mass": Part(
+        "general-mass", "CONM1", np.array([[1]]),
+        {f"M{i}{j}": 1.0 / (i + j) for i in range(1, 7) for j in range(1, i + 1)}, {"frame": FRAME[None]},
+    ),
+    "spring": scalars("spring", [[0, 7], [3, -1]], "K", [2e5, 3e4]),
+    "scalar mass": scalars("scalar-mass", [[0, 7], [3, -1]], "M", [2.0, 3.0]),
+}  # fmt: skip
+
+
+def _terms(part: Part, consistent: bool) -> list[tuple[Contribution, dict[str, np.ndarray]]]:
+    structure = make_structure(XYZ, [part], _turned_frames(), consistent_mass=consistent, mass_factor=0.5)
+    batch, values = structure.batches[0], structure.values.values
+    return [(c, {r: values[batch.roles[r][c.at]] for r in c.roles}) for c in contributions(batch, structure)]
+
+
+def test_every_kernel_has_a_case():
+    assert {part.kind for part in CASES.values()} == set(KERNELS)
+
+
+@pytest.mark.parametrize("consistent", [False, True])
+@pytest.mark.parametrize("name", CASES)
+def test_terms(name: str, consistent: bool):
+    terms = _terms(CASES[name], consistent)
+    assert terms
+    for term, values in terms:
+        check_contribution(term, values)
+
+
+def test_shear_flexible_bars_are_rational():
+    labels = {term.label for term, _ in _terms(CASES["bar, shear"], False)}
+    assert {"shear-bending-1", "shear-bending-2", "bending-1", "bending-2"} <= labels
+
+
+def test_shear_rigid_bars_share_scalars_whatever_their_length():
+    for term, _ in _terms(CASES["bar, offsets"], True):
+        assert not term.facts
+
+
+def test_a_wrong_derivative_is_found():
+    term, values = _terms(CASES["bar, shear"], False)[0]
+
+    def spoilt(roles, facts):
+        exact = term.coefficient(roles, facts)
+        return type(exact)(exact.value, exact.grad * (1.0 + 1e-7), exact.hess)
+
+    wrong = Contribution("stiffness", "spoilt", term.at, term.matrices, term.roles, spoilt, term.facts)
+    with pytest.raises(AssertionError, match="derivative by"):
+        check_contribution(wrong, values)
+
+
+def test_an_unsymmetric_matrix_is_found():
+    term, values = _terms(CASES["bar"], False)[0]
+    crooked = term.matrices.copy()
+    crooked[0, 0, 1] += 1.0
+    wrong = Contribution("stiffness", "crooked", term.at, crooked, term.roles, term.coefficient, term.facts)
+    with pytest.raises(AssertionError, match="symmetry"):
+        check_contribution(wrong, values)
