@@ -1,9 +1,10 @@
 """Universal File Format: tests in and out."""
 
-from femtune.files.uff.functions import FunctionHeader, MeasuredFunction
+from femtune.files.uff.function_records import FunctionHeader, MeasuredFunction
 from femtune.files.uff.mode_records import ModeRecord
 from femtune.files.uff.read import UffContent, read_uff
 from femtune.files.uff.scan import DataSet, scan_uff
+from femtune.files.uff.write import write_uff_modes
 
 __all__ = [
     "DataSet",
@@ -13,4 +14,5 @@ __all__ = [
     "UffContent",
     "read_uff",
     "scan_uff",
+    "write_uff_modes",
 ]

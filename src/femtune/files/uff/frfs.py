@@ -8,7 +8,7 @@ import numpy as np
 
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
-from femtune.files.uff.functions import MeasuredFunction, dof_of
+from femtune.files.uff.function_records import MeasuredFunction, dof_of
 from femtune.modal import FrfSet
 from femtune.units import UnitSystem
 

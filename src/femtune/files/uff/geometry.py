@@ -130,7 +130,10 @@ def _default_system(
 def _placed(
     node: _Node, systems: Mapping[int, tuple[CoordinateSystem, DataSet]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    position = _system(node, node.definition, systems).to_global(np.array(node.point))
+    """Coordinates are in the definition system in data set 15, in part coordinates in 2411 (where the first system
+    only says in which one they were exported)."""
+    point = np.array(node.point)
+    position = _system(node, node.definition, systems).to_global(point) if node.data_set.number == 15 else point
     return position, _system(node, node.displacement, systems).axes_at(position)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.uff.frfs import frf_sets
-from femtune.files.uff.functions import MeasuredFunction, read_functions
+from femtune.files.uff.function_records import MeasuredFunction, read_functions
 from femtune.files.uff.geometry import read_geometry
 from femtune.files.uff.mode_records import ModeRecord, mode_set, read_mode_records
 from femtune.files.uff.scan import DataSet, scan_uff
@@ -99,28 +99,12 @@ def _content(
     modes, mode_notices = mode_set(mode_records, source)
     functions, function_notices = read_functions(sets)
     frfs, frf_notices = frf_sets(functions, own, source)
-    notices = (
-        *_ignored(sets),
-        *unit_notices,
-        *geometry_notices,
-        *record_notices,
-        *mode_notices,
-        *function_notices,
-        *frf_notices,
-        *_several(frfs, source),
-        *_unplaced(geometry, modes, frfs, source),
-    )
-    test = ModalTest(
-        name,
-        own,
-        geometry,
-        sensors_at(geometry, _dofs(modes, frfs)),
-        modes,
-        frfs[0] if len(frfs) == 1 else None,
-        _conditions(sets),
-        source,
-        notices,
-    )
+    of_records = (*geometry_notices, *record_notices, *mode_notices, *function_notices, *frf_notices)
+    about = (*_several(frfs, source), *_unplaced(geometry, modes, frfs, source))
+    notices = (*_ignored(sets), *unit_notices, *of_records, *about)
+    only = frfs[0] if len(frfs) == 1 else None
+    sensors = sensors_at(geometry, _dofs(modes, frfs))
+    test = ModalTest(name, own, geometry, sensors, modes, only, _conditions(sets), source, notices)
     return UffContent(
         convert_units(test, units),
         tuple(convert_frfs(one, own, units) for one in frfs),

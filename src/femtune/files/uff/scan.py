@@ -185,8 +185,9 @@ def _declared(part: DataSet) -> dict[str, Any]:
 
 
 def _binary(reader: _Reader, start: DataSet) -> DataSet:
-    header_lines, length = _binary_lengths(start)
+    header_lines, declared = _binary_lengths(start)
     lines = [_text(reader.take()) for _ in range(header_lines) if reader.more()]
+    length = _true_length(reader, _with(start, lines), declared)
     payload = reader.data[reader.position : reader.position + length]
     whole = _with(start, lines, payload)
     if len(lines) < header_lines or len(payload) < length:
@@ -194,6 +195,31 @@ def _binary(reader: _Reader, start: DataSet) -> DataSet:
     reader.position += length
     _close_binary(reader, whole)
     return whole
+
+
+def _true_length(reader: _Reader, start: DataSet, declared: int) -> int:
+    """The declared length, or that of the declared points where only this one ends at a delimiter.
+
+    pyuff itself declares half the length of complex functions.
+    """
+    by_points = _length_of_points(start)
+    if not _closes(reader, declared) and by_points is not None and _closes(reader, by_points):
+        return by_points
+    return declared
+
+
+def _closes(reader: _Reader, length: int) -> bool:
+    rest = reader.data[reader.position + length : reader.position + length + 200].lstrip(b"\r\n")
+    return _is_delimiter(rest.partition(b"\n")[0])
+
+
+def _length_of_points(start: DataSet) -> int | None:
+    texts = [start.lines[6][k : k + 10].strip() for k in (0, 10, 20)] if len(start.lines) > 6 else []
+    if start.number != 58 or not texts or not all(text.isdecimal() for text in texts):
+        return None
+    value_type, points, spacing = map(int, texts)
+    numbers = (2 if value_type > 4 else 1) + (0 if spacing else 1)
+    return points * numbers * (4 if value_type in (2, 5) else 8)
 
 
 def _close_binary(reader: _Reader, whole: DataSet) -> None:

@@ -1,8 +1,8 @@
 """Data set 58 and 58b: functions at nodal DOFs.
 
 pyuff reads the values; header, counts and kinds are checked here, because pyuff turns unreadable header fields
-into zeros and returns the padding behind the declared points as data. The double-precision binary form with
-uneven spacing is refused: writers disagree about the precision of its abscissa.
+into zeros and returns the padding behind the declared points as data. Writers disagree whether the abscissa of
+the double-precision binary form is single or double: the length decides, and only the double one is read.
 """
 
 from __future__ import annotations
@@ -59,14 +59,23 @@ def read_functions(sets: Iterable[DataSet]) -> tuple[tuple[MeasuredFunction, ...
     FemtuneError : ``uff.truncated`` for fewer points than declared, ``uff.count`` for more (zeros behind the
         declared points are padding), ``uff.value``, ``uff.unreadable``
     """
-    functions, padded = [], []
+    functions, padded, misstated = [], [], []
     for data_set in (one for one in sets if one.number == 58):
         header = read_header(data_set)
         found = _stored(data_set, header)
         functions.append(_function(data_set, header, found))
         if found > _wanted(header):
             padded.append(data_set)
-    return tuple(functions), _padding_notice(padded)
+        if data_set.binary and int(data_set.head[31:43]) != len(data_set.payload):
+            misstated.append(data_set)
+    return tuple(functions), (*_padding_notice(padded), *_length_notice(misstated))
+
+
+def _length_notice(misstated: list[DataSet]) -> tuple[Notice, ...]:
+    if not misstated:
+        return ()
+    what = f"{len(misstated)} binary functions state a wrong number of bytes: that of their points is used"
+    return (Notice("uff.binary-length", what, misstated[0].where(), "info"),)
 
 
 def _padding_notice(padded: list[DataSet]) -> tuple[Notice, ...]:
@@ -168,9 +177,6 @@ def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> in
     if as_int(data_set.head[13:19], data_set, 0) != 2 or data_set.head[7:13].strip() not in ("1", "2"):
         what = "the binary numbers are not IEEE 754 of known byte order"
         raise data_set.error("uff.value", what, hint="export the file in ASCII")
-    if header.value_type not in _SINGLE and not header.even:
-        what = "the binary form with double precision and uneven spacing is ambiguous"
-        raise data_set.error("uff.value", what, hint="export the file in ASCII, or with even spacing")
     check_count(data_set, "header lines", _HEADER_LINES, len(data_set.lines), 0)
     size = 4 if header.value_type in _SINGLE else 8
     found, rest = divmod(len(data_set.payload), size)
