@@ -86,10 +86,10 @@ class _Assembly:
         if not self.open:
             raise _continuation(cut, "this continuation has no card above it", "add the card's first line")
         asked, given = self.open[-1].tail[1:].upper(), cut.head[1:]
+        self.open.append(cut)
         if asked and given and asked != given:
             what = f"the card above asks for continuation '{asked}', but '{given}' follows"
             raise _continuation(cut, what, "put a card's continuations right below it, in order")
-        self.open.append(cut)
 
     def _close(self) -> None:
         if not self.open:
