@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
-from sphinx.writers.html5 import HTML5Translator as HTMLTranslator
+from sphinx.util import logging
+from sphinx.writers.html5 import HTML5Translator
+
+_LOGGER = logging.getLogger(__name__)
 
 
-def _inline(self: HTMLTranslator, node: nodes.math) -> None:
-    self.body.append(tex2mathml(node.astext(), as_block=False))
+def _mathml(node: nodes.Element, as_block: bool) -> str:
+    try:
+        return tex2mathml(node.astext(), as_block=as_block)
+    except MathError as error:
+        _LOGGER.warning("formula: %s", error, location=node)
+        return ""
+
+
+def _inline(self: HTML5Translator, node: nodes.math) -> None:
+    self.body.append(_mathml(node, as_block=False))
     raise nodes.SkipNode
 
 
-def _block(self: HTMLTranslator, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+def _block(self: HTML5Translator, node: nodes.math_block) -> None:
+    self.body.append(f'<div class="math">{_mathml(node, as_block=True)}</div>')
     raise nodes.SkipNode
 
 
