@@ -80,7 +80,7 @@ class ModelPoint:
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table) if t.coefficient else None for t in terms]
 
-    def _matrix(self, kind: MatrixKind, part: tuple[int, ...] | None) -> sp.csr_array:
+    def _matrix(self, kind: MatrixKind, part: tuple[int, ...]) -> sp.csr_array:
         model = self.configured
         data = np.zeros(len(model.indices), dtype=self.x.dtype if np.iscomplexobj(self.x) else float)
         for projected, c in zip(model.projected, self._coefficients):
@@ -120,12 +120,13 @@ class ModelPoint:
         return len(self.configured.model.parameters.free)
 
 
-def _part_of(projected: ProjectedTerm, c: Jet | None, part: tuple[int, ...] | None) -> NDArray | float:
+def _part_of(projected: ProjectedTerm, c: Jet | None, part: tuple[int, ...]) -> NDArray | float:
     if c is None:
         return projected.spread @ np.ones(1) if not part else 0.0
-    values = {0: c.value, 1: c.grad, 2: c.hess}[len(part or ())]
-    chosen = values[(..., *(part or ()))]
-    return np.asarray(projected.spread @ chosen)
+    values = (c.value, c.grad, c.hess)[len(part)]
+    for i in reversed(part):
+        values = values[..., i]
+    return np.asarray(projected.spread @ values)
 
 
 def configure(model: ParametricModel, configuration: Configuration) -> ConfiguredModel:

@@ -93,7 +93,6 @@ def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArr
 
 def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> NDArray:
     """Part of Φ′ outside the cluster: known modes by superposition, the rest by an iterative solve."""
-    n, c, p = forces.shape
     others = [h for h in range(len(solution.eigenvalues)) if h not in members]
     known = solution.shapes[:, others]
     out = np.empty_like(forces)
