@@ -17,6 +17,7 @@ from femtune.model.mechanisms import check_mechanisms
 
 DENSE_UP_TO = 400
 _EXTRA_MODES = 6
+_ACCURACY = 1e-5
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def solve_modes(point: ModelPoint, count: int | None = None, max_hz: float | Non
     Raises
     ------
     FemtuneError : ``eigen.mechanism`` (a motion without stiffness and mass, naming the DOFs), ``eigen.no-mass``,
-        ``eigen.no-dofs``, ``eigen.missed-modes`` or ``eigen.negative``
+        ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate`` or ``eigen.negative``
     """
     K, M = point.stiffness, point.mass
     _check_matrices(point, M)
@@ -138,15 +139,16 @@ def _factor_below(point: ModelPoint, K: sp.csr_array, M: sp.csr_array, size: flo
 
 
 def _elastic_size(K: sp.csr_array, M: sp.csr_array, factor: Factor, size: float) -> float:
-    """Rough size of the lowest elastic eigenvalue: the largest Rayleigh quotient of a few inverse iterations."""
+    """Rough size of the lowest elastic eigenvalue, by a few inverse iterations on a small block."""
     n = K.shape[0]
     block = np.random.default_rng(0).standard_normal((n, min(n, 8)))
     for _ in range(3):
         block = la.qr(factor.solve(M @ block), mode="economic")[0]
     k, m = block.T @ (K @ block), block.T @ (M @ block)
-    ratios = la.eigvalsh(k + size * m, m + 1e-14 * np.trace(m) * np.eye(len(m))) - size
-    elastic = ratios[ratios > 1e-6 * ratios[-1]]
-    return float(elastic[0]) if elastic.size and elastic[0] > 0 else size
+    theta = la.eigvalsh(m, k + size * m)
+    values = 1.0 / theta[theta > 1e-8 * theta[-1]] - size
+    elastic = values[values > 1e-6 * values.max()]
+    return float(elastic.min()) if elastic.size and elastic.min() > 0 else size
 
 
 def _lowest(
@@ -156,7 +158,26 @@ def _lowest(
     dense = n <= DENSE_UP_TO or count >= n - 1
     values, shapes = (_dense if dense else _iterative)(K, M, factor, shift, count)
     order = np.argsort(values)
-    return values[order], shapes[:, order]
+    values, shapes = values[order], shapes[:, order]
+    _check_accuracy(K, M, factor, shift, values, shapes)
+    return values, shapes
+
+
+def _check_accuracy(
+    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, values: NDArray, shapes: NDArray
+) -> None:
+    """Refuse modes whose residual Kφ − λMφ, measured as energy in (K − σM)⁻¹, is not small."""
+    residual = K @ shapes - (M @ shapes) * values
+    energy = np.einsum("ij,ij->j", residual, factor.solve(residual))
+    error = np.sqrt(np.abs(energy) / (values - shift))
+    worst = int(np.argmax(error))
+    if not error[worst] <= _ACCURACY:
+        raise FemtuneError(
+            "eigen.inaccurate",
+            f"mode {worst + 1} could not be computed accurately: its relative residual is {error[worst]:.1e}",
+            values={"frequency (Hz)": f"{np.sqrt(max(values[worst], 0.0)) / (2 * np.pi):.6g}"},
+            hint="look for stiffnesses that are many orders of magnitude apart, and for nearly loose parts",
+        )
 
 
 def _dense(
