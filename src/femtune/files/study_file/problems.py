@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Union, get_args, get_origin
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -28,7 +28,12 @@ _WANTED = {
 
 def problems(findings: ValidationError, source: Source) -> list[FemtuneError]:
     """One error for each finding, in the order of the file."""
-    return [_error(finding, source) for finding in findings.errors(include_url=False)]
+    return [_error(finding, source) for finding in findings.errors(include_url=False) if not _follows(finding)]
+
+
+def _follows(finding: ErrorDetails) -> bool:
+    """True for a list that is too short only because its entries are at fault themselves."""
+    return finding["type"] == "too_short" and bool(finding["input"])
 
 
 def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
@@ -91,8 +96,8 @@ def _judgement(finding: ErrorDetails) -> tuple[str, str, str]:
         return "study.number", "is not a finite number", "give a number; leave the key out where none is known"
     if kind == "literal_error":
         return _not_among(finding)
-    if kind in ("too_short", "missing_argument", "string_too_short"):
-        return "study.value", "is empty or too short", "fill it, or leave the key out"
+    if kind in ("too_short", "string_too_short"):
+        return "study.value", "is empty", "fill it, or leave the key out"
     return _out_of_range(finding, context)
 
 
@@ -122,6 +127,4 @@ def _keys(place: Place) -> tuple[str, ...]:
 def _model_in(annotation: object) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    if get_origin(annotation) in (tuple, Union) or get_args(annotation):
-        return next((m for m in map(_model_in, get_args(annotation)) if m), None)
-    return None
+    return next((model for model in map(_model_in, get_args(annotation)) if model), None)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from femtune.dofs import Dof, parse_dof
+from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
     DofLabel,
     FrequencySd,
@@ -20,7 +20,7 @@ from femtune.files.study_file.kinds import (
 from femtune.files.study_file.table import Table
 from femtune.units import UnitSystem, unit_system
 
-Component = Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
+Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 
 DEFAULT_MODE_COUNT = 10
 
@@ -70,7 +70,7 @@ class SensorTerm(Table):
     """One model DOF in a generalised sensor."""
 
     node: Number
-    component: Component
+    component: Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
     factor: float = 1.0
 
 
@@ -93,6 +93,11 @@ class RigidFloorEntry(Table):
     nodes: Annotated[tuple[Number, ...], Field(min_length=1)]
     origin: Vector
     components: Annotated[tuple[Component, ...], Field(min_length=1)] = ("X", "Y", "RZ")
+
+    @property
+    def digits(self) -> str:
+        """The components as Nastran writes them: "126"."""
+        return "".join(str(DIRECTIONS.index(component)) for component in self.components)
 
 
 class CorrelateTable(Table):

@@ -1,0 +1,155 @@
+"""The commands. What they do is `femtune.study.steps`; it is imported when a command runs, so that help is quick."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import click
+
+from femtune import __version__
+from femtune.cli.guard import GuardedGroup, Running
+
+_FILE = click.Path(path_type=Path)
+
+_study = click.argument("study", type=_FILE)
+_quiet = click.option("--quiet", is_flag=True, help="No progress, and no tables.")
+_json = click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output.")
+_output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder instead of that of the study.")
+_wide = click.option("--wide", is_flag=True, default=None, help="Write changed cards in large field.")
+
+
+@click.group(cls=GuardedGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="femtune")
+def main() -> None:
+    """Finite element model updating: from a vibration test and a deck to an updated deck.
+
+    The exit code is 0 where all went well, 1 where the update did not reach an optimum (its results are written), 2
+    for input that has to be mended, 70 for a fault of femtune itself, 130 after Ctrl-C.
+    """
+
+
+@main.command()
+@click.argument("path", type=_FILE, required=False)
+@click.option("--solvers", is_flag=True, help="List the sparse solvers that are installed.")
+@_json
+@_quiet
+def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
+    """What is in the deck of a study, or in a deck: cards, mass, rigid-body check, supports.
+
+    PATH is a study file (.toml) or a Nastran deck.
+    """
+    if solvers:
+        available = importlib.import_module("femtune.model.factorise").available_solvers()
+        click.echo("\n".join(available))
+    elif path is None:
+        raise click.UsageError("name a study or a deck, or ask for --solvers")
+    else:
+        _show("info", path, as_json, quiet)
+
+
+@main.command()
+@click.argument("path", type=_FILE)
+@_json
+@_quiet
+def modes(path: Path, as_json: bool, quiet: bool) -> None:
+    """Natural frequencies and modes of each configuration.
+
+    PATH is a study file (.toml) or a Nastran deck.
+    """
+    _show("modes", path, as_json, quiet)
+
+
+@main.command()
+@_study
+@_json
+@_quiet
+def correlate(study: Path, as_json: bool, quiet: bool) -> None:
+    """Compare the model with the test: MAC, frequencies, pairs."""
+    _show("correlate", study, as_json, quiet)
+
+
+@main.command()
+@_study
+@_json
+@_quiet
+def select(study: Path, as_json: bool, quiet: bool) -> None:
+    """Which parameters, and which combinations of them, the data determine."""
+    _show("select", study, as_json, quiet)
+
+
+@main.command()
+@_study
+@_output
+@_wide
+@_quiet
+def update(study: Path, output: Path | None, wide: bool | None, quiet: bool) -> None:
+    """Find the parameters and write the updated deck."""
+    folder = _do("update", study, quiet, output=output, wide=wide)
+    _end(folder, quiet)
+
+
+@main.command()
+@_study
+@_output
+@_wide
+@_quiet
+def run(study: Path, output: Path | None, wide: bool | None, quiet: bool) -> None:
+    """All steps in their order: a run folder with results, updated deck and report."""
+    folder = _do("run", study, quiet, output=output, wide=wide)
+    _end(folder, quiet, folder.report)
+
+
+@main.command()
+@click.argument("path", type=_FILE)
+@_quiet
+def report(path: Path, quiet: bool) -> None:
+    """Write the report of a run again.
+
+    PATH is a run folder, or the study whose run folder is meant.
+    """
+    page = _do("report", path, quiet)
+    click.echo(f"report: {Path(page).resolve()}")
+
+
+def _steps() -> ModuleType:
+    return importlib.import_module("femtune.study.steps")
+
+
+def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
+    """Run a step of the library with a progress display."""
+    # rich is imported here, so that help is quick
+    from femtune.cli.display import Display  # noqa: PLC0415
+
+    click.get_current_context().find_root().obj = Running(path, options.get("output"))
+    function: Callable[..., Any] = getattr(_steps(), step)
+    with Display(quiet) as progress:
+        return function(path, progress=progress, **options)
+
+
+def _show(step: str, path: Path, as_json: bool, quiet: bool) -> None:
+    from femtune.cli.output import as_text, show  # noqa: PLC0415
+
+    result = _do(step, path, quiet)
+    if as_json:
+        click.echo(as_text(result))
+    elif not quiet:
+        show(result)
+
+
+def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
+    """Tables, what the update came to, and at last the report; exit code 1 where there is no optimum."""
+    from femtune.cli.output import show  # noqa: PLC0415
+
+    if not quiet:
+        show(folder.results)
+    outcome = folder.results.update
+    if outcome is not None and not outcome.ok:
+        click.echo(f"{outcome.status}: {outcome.message}", err=True)
+    if page is not None:
+        click.echo(f"report: {Path(page).resolve()}")
+    if outcome is not None and not outcome.ok:
+        click.get_current_context().exit(1)

@@ -1,0 +1,130 @@
+"""What the command line does with errors, Ctrl-C and faults of its own: a message and an exit code, no traceback."""
+
+from __future__ import annotations
+
+import errno
+import platform
+import re
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from femtune import __version__
+from femtune.errors import FemtuneError, printable
+
+BAD_INPUT, FAULT, INTERRUPTED = 2, 70, 130
+
+CRASH_FILE = "femtune-crash.txt"
+
+_CODE = re.compile(r"^\[[a-z0-9-]+\.[a-z0-9-]+\]", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Running:
+    """The command that runs: the file it was given, and the run folder where the user named one."""
+
+    path: Path
+    output: Path | None = None
+    started: float = field(default_factory=time.time)
+
+    def folder(self) -> Path | None:
+        """The run folder as far as it can be told and exists."""
+        folder = self.output if self.output is not None else _folder_of(self.path)
+        return folder if folder is not None and folder.is_dir() else None
+
+    def written(self) -> list[Path]:
+        """Files in the run folder that are not older than the command."""
+        folder = self.folder()
+        # file systems store times with a granularity of up to 2 s
+        return sorted(f for f in folder.iterdir() if f.stat().st_mtime >= self.started - 2.0) if folder else []
+
+
+def _folder_of(path: Path) -> Path | None:
+    # only needed where something went wrong
+    from femtune.files.study_file import read_study_file  # noqa: PLC0415
+
+    try:
+        return path if path.is_dir() else read_study_file(path).output_folder
+    except FemtuneError:
+        return None
+
+
+class GuardedGroup(click.Group):
+    """A group of commands whose failures end as messages and exit codes."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The commands in the order of the steps."""
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        with _guarded(ctx):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _guarded(ctx: click.Context) -> Iterator[None]:
+    try:
+        yield
+    except FemtuneError as error:
+        click.echo(coloured(str(error)), err=True)
+        ctx.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        _interrupted(ctx)
+    except (click.ClickException, click.exceptions.Exit, click.Abort):
+        raise
+    except Exception as fault:
+        if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
+            raise
+        _crashed(ctx, fault)
+
+
+def coloured(text: str) -> str:
+    """Codes in red; click removes the colour where no terminal shows it."""
+    return _CODE.sub(lambda code: click.style(code[0], fg="red", bold=True), text)
+
+
+def _interrupted(ctx: click.Context) -> NoReturn:
+    """Say what has been kept."""
+    running = ctx.find_object(Running)
+    files = ", ".join(str(file) for file in running.written()) if running else ""
+    kept = f"kept: {files}" if files else "nothing was written"
+    click.echo(printable(f"stopped by Ctrl-C; {kept}"), err=True)
+    ctx.exit(INTERRUPTED)
+
+
+def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
+    """One line for the user, the traceback in a file."""
+    name = _write_crash(ctx.find_object(Running), fault)
+    kind = f"{type(fault).__name__}: {fault}".splitlines()[0]
+    what = f"this is a fault of femtune, not of your input ({kind}); please report it and send {name}"
+    click.echo(printable(what), err=True)
+    ctx.exit(FAULT)
+
+
+def _write_crash(running: Running | None, fault: Exception) -> str:
+    """Path of the file with the traceback: in the run folder, else here, else where temporary files are kept."""
+    lines = [f"femtune {__version__}, Python {sys.version.split()[0]}, {platform.platform()}"]
+    lines += [f"command: {' '.join(sys.argv)}", "", *traceback.format_exception(fault)]
+    text = "\n".join(line.rstrip("\n") for line in lines)
+    folder = running.folder() if running else None
+    for place in (folder, Path.cwd(), Path(tempfile.gettempdir())):
+        if place is not None and _wrote(place / CRASH_FILE, text):
+            return str(place / CRASH_FILE)
+    return "these lines:\n" + text
+
+
+def _wrote(file: Path, text: str) -> bool:
+    try:
+        file.write_text(text + "\n", encoding="utf-8")
+    except OSError:
+        return False
+    return True
