@@ -7,7 +7,6 @@ from typing import Literal
 from femtune.study.results_base import Citation, Record
 
 BoundState = Literal["", "lower", "upper"]
-DeterminedBy = Literal["determined by the data", "half by the data", "not by these data"]
 
 
 class ParameterFacts(Record):
@@ -47,6 +46,8 @@ class Combination(Record):
 
     singular_value: float
     """Its singular value (no unit); 0 where the data say nothing about it."""
+    sd_ratio: float | None
+    """Posterior over prior standard deviation along it, 0 to 1 (no unit); 1 where the data say nothing."""
     sentence: str
     """In words: "column_1_EI rises while column_2_EI falls by as much: no measured mode changes"."""
     shares: tuple[Share, ...]
@@ -60,8 +61,8 @@ class Identifiability(Record):
     """Name of the parameter."""
     sd_ratio: float | None
     """Posterior over prior standard deviation, 0 to 1 (no unit); None where not tested."""
-    verdict: DeterminedBy | Literal["not tested"]
-    """In words."""
+    verdict: str
+    """In words: "determined by the data", "not determined by these data", "not tested"."""
     sentence: str = ""
     """Explanation in words."""
 
@@ -89,6 +90,8 @@ class SelectionResults(Record):
     """Key of the correlation matrix of the parameters, posterior, shape (parameters, parameters); None: not tested."""
     parameters: tuple[Identifiability, ...]
     """One record a free parameter."""
+    sentences: tuple[str, ...] = ()
+    """What the data determine, in words for the reader of the report."""
 
 
 class PairingEvent(Record):
@@ -117,6 +120,8 @@ class Iteration(Record):
     """Values of the free parameters, each in its unit, in the order of UpdateResults.history_parameters."""
     active_bounds: tuple[str, ...] = ()
     """Names of parameters at a bound."""
+    events: tuple[str, ...] = ()
+    """Changes of pairing that followed, in words."""
 
 
 class WrittenValue(Record):

@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -159,13 +160,16 @@ def _check_version(path: Path, data: Any) -> None:
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     content = _read_bytes(path)
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            return {key: archive[key] for key in archive.files}
-    # what numpy and zlib raise on damaged archives; a lone .npy has no `files`
-    except (ValueError, OSError, EOFError, KeyError, AttributeError, TypeError, NotImplementedError) as error:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            return {name.removesuffix(".npy"): _unpack(archive, name) for name in archive.namelist()}
+    # what zipfile, zlib and numpy raise on damaged archives
+    except (zipfile.BadZipFile, zlib.error, ValueError, OSError, EOFError, RuntimeError, MemoryError) as error:
         raise _damaged(path, str(error)) from error
-    except zipfile.BadZipFile as error:
-        raise _damaged(path, str(error)) from error
+
+
+def _unpack(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    with archive.open(name) as entry:
+        return np.lib.format.read_array(entry, allow_pickle=False)
 
 
 def _damaged(path: Path, why: str, record: str = "") -> FemtuneError:

@@ -1,0 +1,48 @@
+"""The schema: every field is documented, the page and the JSON schema follow the records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from femtune.study.results import SCHEMA_VERSION, json_schema, record_types
+from femtune.study.results_base import Alert, Record
+from femtune.study.schema_page import schema_page
+
+_PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
+
+
+@pytest.mark.parametrize("record", record_types(), ids=lambda r: r.__name__)
+def test_each_field_is_on_the_page_with_its_meaning(record: type[Record]) -> None:
+    section = _PAGE.read_text("utf-8").split(f"\n## {record.__name__}\n")[1].split("\n## ")[0]
+    for name, field in record.model_fields.items():
+        assert field.description, name
+        assert f"| `{name}` |" in section
+
+
+def test_the_page_is_up_to_date() -> None:
+    assert _PAGE.read_text("utf-8") == schema_page()
+
+
+def test_the_json_schema_knows_every_record() -> None:
+    schema = json_schema()
+    assert schema["properties"]["schema_version"]["const"] == SCHEMA_VERSION
+    assert {r.__name__ for r in record_types()} - {"Results"} == set(schema["$defs"])
+
+
+def test_every_property_of_the_json_schema_is_described() -> None:
+    schema = json_schema()
+    for definition in (schema, *schema["$defs"].values()):
+        assert [name for name, entry in definition["properties"].items() if not entry.get("description")] == []
+
+
+def test_records_are_frozen_and_strict_about_keys() -> None:
+    alert = Alert(level="info", code="a.b", sentence="c")
+    with pytest.raises(ValidationError):
+        alert.code = "x"  # type: ignore[misc]
+    with pytest.raises(ValidationError):
+        Alert.model_validate({"level": "info", "code": "a.b", "sentence": "c", "colour": "red"})
+    with pytest.raises(ValidationError):
+        Alert.model_validate({"level": "loud", "code": "a.b", "sentence": "c"})

@@ -1,0 +1,202 @@
+"""The run folder: what is written is read back; what is damaged is refused with its place."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.study import run_folder
+from femtune.study.results import Results
+from femtune.study.run_folder import check_writable, read_results, write_results
+
+_FILE = {"path": "study.toml", "sha256": "0" * 64}
+_PROVENANCE = {
+    "femtune_version": "0.1.0", "started_at": "2026-01-02T03:04:05+00:00", "command": "femtune run study.toml",
+    "study_file": _FILE, "input_files": [_FILE], "python_version": "3.11", "numpy_version": "2.0",
+    "scipy_version": "1.14", "eigen_solver": "block Lanczos",
+}  # fmt: skip
+_SELECTION = {
+    "jacobian_key": "jacobian", "row_labels": ["f1", "f2"], "column_labels": ["k"], "singular_values": [2.0],
+    "rank": 1, "rank_threshold": 1e-7, "undetermined": [], "weakly_determined": [], "correlation_key": None,
+    "parameters": [],
+}  # fmt: skip
+
+
+def _results(**more: Any) -> Results:
+    study = {"title": "Frame – größer", "units": "m-kg-s", "deck_file": "a.bdf", "configurations": ["BC"]}
+    data = {"provenance": _PROVENANCE, "study": study, "selection": _SELECTION, **more}
+    return Results.model_validate_json(json.dumps(data))
+
+
+_ARRAYS = {"jacobian": np.array([[1.0], [-2.5]])}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_results(tmp_path / "run", _results(), _ARRAYS)
+    return tmp_path / "run"
+
+
+def _change(folder: Path, **keys: Any) -> None:
+    data = json.loads((folder / "results.json").read_text("utf-8"))
+    (folder / "results.json").write_text(json.dumps({**data, **keys}), "utf-8")
+
+
+def _code(folder: Path) -> FemtuneError:
+    with pytest.raises(FemtuneError) as caught:
+        read_results(folder)
+    return caught.value
+
+
+def test_what_was_written_is_read_back(folder: Path) -> None:
+    results, arrays = read_results(folder)
+    assert results == _results()
+    assert list(arrays) == ["jacobian"]
+    np.testing.assert_array_equal(arrays["jacobian"], _ARRAYS["jacobian"])
+
+
+def test_numpy_reads_the_archive_without_pickle(folder: Path) -> None:
+    with np.load(folder / "arrays.npz", allow_pickle=False) as archive:
+        np.testing.assert_array_equal(archive["jacobian"], _ARRAYS["jacobian"])
+
+
+def test_only_the_two_files_are_left(folder: Path) -> None:
+    assert sorted(p.name for p in folder.iterdir()) == ["arrays.npz", "results.json"]
+
+
+def test_equal_results_make_equal_bytes(folder: Path, tmp_path: Path) -> None:
+    write_results(tmp_path / "again", _results(), _ARRAYS)
+    for name in ("results.json", "arrays.npz"):
+        assert (tmp_path / "again" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_a_failure_while_renaming_keeps_the_old_results(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(run_folder.os, "replace", refuse)
+    with pytest.raises(FemtuneError, match="No space left") as caught:
+        write_results(folder, _results(alerts=[]), _ARRAYS)
+    assert caught.value.code == "run.unwritable"
+    monkeypatch.undo()
+    assert read_results(folder)[0] == _results()
+    assert len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("write", [check_writable, lambda f: write_results(f, _results(), _ARRAYS)])
+def test_a_file_in_the_place_of_the_folder_is_unwritable(tmp_path: Path, write: Any) -> None:
+    (tmp_path / "run").write_text("a file")
+    with pytest.raises(FemtuneError) as caught:
+        write(tmp_path / "run")
+    assert caught.value.code == "run.unwritable"
+    assert str(tmp_path / "run") in str(caught.value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_unwritable(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(FemtuneError, match="cannot be written"):
+        check_writable(tmp_path)
+
+
+def test_check_writable_makes_the_folder_and_leaves_nothing(tmp_path: Path) -> None:
+    check_writable(tmp_path / "a" / "b")
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def test_an_empty_folder_is_no_run_folder(tmp_path: Path) -> None:
+    assert _code(tmp_path).code == "run.missing"
+
+
+@pytest.mark.parametrize("cut", [0, 1, 10, 500, -2])
+def test_truncated_json_is_damaged(folder: Path, cut: int) -> None:
+    path = folder / "results.json"
+    path.write_bytes(path.read_bytes()[:cut])
+    assert _code(folder).code == "run.damaged"
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "null", "3", "[]", "{}", '{"schema_version": 1}'])
+def test_other_json_is_damaged(folder: Path, text: str) -> None:
+    (folder / "results.json").write_text(text)
+    assert _code(folder).code == "run.damaged"
+
+
+def test_bytes_that_are_no_text_are_damaged(folder: Path) -> None:
+    (folder / "results.json").write_bytes(b"\xff\xfe\x00{")
+    assert _code(folder).code == "run.damaged"
+
+
+def test_a_wrong_value_is_named_by_its_place(folder: Path) -> None:
+    _change(folder, selection={**_SELECTION, "singular_values": ["two"]})
+    error = _code(folder)
+    assert error.code == "run.damaged"
+    assert "selection.singular_values.0" in str(error)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity"])
+def test_not_a_number_is_damaged(folder: Path, number: str) -> None:
+    path = folder / "results.json"
+    path.write_text(path.read_text("utf-8").replace(" 2.0\n", f" {number}\n"), "utf-8")
+    assert _code(folder).code == "run.damaged"
+
+
+def test_an_unknown_key_is_damaged(folder: Path) -> None:
+    _change(folder, surprise=1)
+    assert "surprise" in str(_code(folder))
+
+
+@pytest.mark.parametrize("version", ["2", "0", "1.1"])
+def test_another_version_is_said(folder: Path, version: str) -> None:
+    _change(folder, schema_version=version)
+    error = _code(folder)
+    assert error.code == "run.version"
+    assert f"schema version {version}" in str(error)
+
+
+@pytest.mark.parametrize("cut", [0, 10, 60, -5])
+def test_a_truncated_archive_is_damaged(folder: Path, cut: int) -> None:
+    path = folder / "arrays.npz"
+    path.write_bytes(path.read_bytes()[:cut])
+    assert _code(folder).code == "run.damaged"
+
+
+def _archive(folder: Path, name: str, content: bytes) -> None:
+    with zipfile.ZipFile(folder / "arrays.npz", "w") as archive:
+        archive.writestr(name, content)
+
+
+def test_a_pickled_array_is_refused(folder: Path) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    _archive(folder, "jacobian.npy", buffer.getvalue())
+    assert _code(folder).code == "run.damaged"
+
+
+def test_a_header_that_claims_too_much_is_damaged(folder: Path) -> None:
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": "<f8", "fortran_order": False, "shape": (10**15, 1)})
+    _archive(folder, "jacobian.npy", buffer.getvalue() + b"\0" * 64)
+    assert _code(folder).code == "run.damaged"
+
+
+def test_a_missing_array_is_named(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError, match="refer to arrays") as caught:
+        write_results(tmp_path / "other", _results(), {})
+    assert caught.value.code == "run.arrays"
+    assert not (tmp_path / "other").exists()
+    _archive(folder, "readme.txt", b"")
+    assert _code(folder).code in {"run.arrays", "run.damaged"}
+
+
+def test_an_array_of_objects_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        write_results(tmp_path, _results(), {"jacobian": np.array([{}], dtype=object)})
+    assert caught.value.code == "run.arrays"
