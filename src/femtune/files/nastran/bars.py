@@ -54,7 +54,7 @@ def _placement(record: Record, grids: Grids, a: int, b: int) -> dict[str, NDArra
     line = grids.table.xyz[b] - grids.table.xyz[a]
     ends = (("A", a, kinds[1]), ("B", b, kinds[2]))
     offsets = [_offset(record, grids, end, row, kind, line, v) for end, row, kind in ends]
-    _check_line(record, line + offsets[1] - offsets[0], v)
+    check_line(record, line + offsets[1] - offsets[0], v)
     return {"orientation": v, "offset_a": offsets[0], "offset_b": offsets[1]}
 
 
@@ -95,7 +95,10 @@ def _offset(record: Record, grids: Grids, end: str, row: int, kind: str, line: R
     w = record.reals(*(f"W{i}{end}" for i in "123"))
     if not any(w):
         return np.zeros(3)
-    return grids.vector(row, w) if kind == "G" else element_frame(line, v) @ np.array(w)
+    if kind == "G":
+        return grids.vector(row, w)
+    check_line(record, line, v)
+    return element_frame(line, v) @ np.array(w)
 
 
 def element_frame(line: Reals, v: Reals) -> Reals:
@@ -106,7 +109,8 @@ def element_frame(line: Reals, v: Reals) -> Reals:
     return np.column_stack([x, np.cross(z, x), z])
 
 
-def _check_line(record: Record, line: Reals, v: Reals) -> None:
+def check_line(record: Record, line: Reals, v: Reals) -> None:
+    """Errors ``deck.zero-length`` and ``deck.orientation`` of an element's axis and orientation vector."""
     length = np.linalg.norm(line)
     if length == 0.0:
         raise record.error("deck.zero-length", "the two ends of the element are at the same point",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.fem.structure import ElementBatch
 from femtune.fem.values import FieldRef
-from femtune.files.nastran.bars import element_frame, orientation_vector
+from femtune.files.nastran.bars import check_line, element_frame, orientation_vector
 from femtune.files.nastran.building import BatchRows, Building, Library
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.grids import Grids
@@ -29,7 +31,7 @@ def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
     rows = BatchRows("bush", "CBUSH")
     for record in building.records("CBUSH"):
         with building.errors.catch():
-            _add(rows, record, grids, properties, values)
+            _add(rows, record, building, grids, properties, values)
     return rows.batches()
 
 
@@ -51,7 +53,9 @@ def _stiffnesses(building: Building, record: Record, pid: int) -> Roles:
     return {k: building.value(own, pid, k) for k in _STIFFNESSES}
 
 
-def _add(rows: BatchRows, record: Record, grids: Grids, properties: Properties, values: Library[Roles]) -> None:
+def _add(
+    rows: BatchRows, record: Record, building: Building, grids: Grids, properties: Properties, values: Library[Roles]
+) -> None:
     eid = record.integer("EID")
     pid = record.integer("PID", eid)
     properties.find(pid, record)
@@ -59,17 +63,18 @@ def _add(rows: BatchRows, record: Record, grids: Grids, properties: Properties, 
     a = grids.row(record.integer("GA"), record)
     second = record.integer("GB", 0)
     b = grids.row(second, record) if second else -1
-    facts = _placement(record, grids, a, b)
+    nominal = {k: building.values.values[at] for k, at in roles.items()}
+    facts = _placement(record, grids, a, b, nominal)
     rows.add(eid, [a, b], grids.dofs(a) + grids.dofs(b), roles, facts)
 
 
-def _placement(record: Record, grids: Grids, a: int, b: int) -> dict[str, NDArray]:
+def _placement(record: Record, grids: Grids, a: int, b: int, stiffness: Mapping[str, float]) -> dict[str, NDArray]:
     """Element axes and the arms from the grid points to the springs."""
     xyz = grids.table.xyz
     start, end = xyz[a], xyz[b if b >= 0 else a]
     place = _location(record, grids, start, end)
     arm_b = place - end if b >= 0 else np.zeros(3)
-    return {"frame": _frame(record, grids, a, end - start), "arm_a": place - start, "arm_b": arm_b}
+    return {"frame": _frame(record, grids, a, end - start, stiffness), "arm_a": place - start, "arm_b": arm_b}
 
 
 def _location(record: Record, grids: Grids, start: Reals, end: Reals) -> Reals:
@@ -79,14 +84,23 @@ def _location(record: Record, grids: Grids, start: Reals, end: Reals) -> Reals:
     return start + record.real("S", 0.5) * (end - start)
 
 
-def _frame(record: Record, grids: Grids, a: int, line: Reals) -> Reals:
+def _frame(record: Record, grids: Grids, a: int, line: Reals, stiffness: Mapping[str, float]) -> Reals:
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
     if np.linalg.norm(line) <= _COINCIDENT * max(1.0, float(np.linalg.norm(grids.table.xyz[a]))):
         raise record.error("deck.orientation", "a CBUSH between coincident points or to ground needs its axes",
                            at="CID", hint="give the coordinate system of its axes in CID (0 for basic)")  # fmt: skip
-    v = orientation_vector(record, grids, a)
-    if np.linalg.norm(np.cross(line, v)) <= 1e-8 * np.linalg.norm(line) * np.linalg.norm(v):
-        raise record.error("deck.orientation", "the orientation vector is parallel to the element",
-                           hint="choose a vector that points away from the element's axis")  # fmt: skip
+    v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)
+    check_line(record, line, v)
     return element_frame(line, v)
+
+
+def _axial_only(record: Record, stiffness: Mapping[str, float]) -> bool:
+    """Without orientation the axes across the line do not matter where only K1 and K4 act."""
+    oriented = not all(record.blank(x) for x in ("X1", "X2", "X3"))
+    return not oriented and not any(stiffness[k] for k in ("K2", "K3", "K5", "K6"))
+
+
+def _any_across(line: Reals) -> Reals:
+    """A basic direction that is not along the line."""
+    return np.eye(3)[int(np.argmin(np.abs(line)))]

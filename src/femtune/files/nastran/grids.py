@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,9 @@ class Grids:
         ------
         FemtuneError : ``deck.unknown-grid`` and what is wrong with the grid point's coordinate system
         """
-        return self._locations.get(number, user) if number in self.records else self._unknown(number, user)
-
-    def _unknown(self, number: int, user: Record) -> NDArray[np.float64]:
-        raise unknown_grid(number, user)
+        if number not in self.records:
+            raise unknown_grid(number, user)
+        return self._locations.get(number, user)
 
     def _locate(self, number: int, user: Record) -> NDArray[np.float64]:
         record = self.records[number]
@@ -55,6 +55,11 @@ class Grids:
             raise record.error("deck.fluid-point", f"grid point {number} is a fluid point", at="CD",
                                hint="take fluid points out of the deck; structures are read only")  # fmt: skip
         return self.systems.get(cd, record)
+
+    @cached_property
+    def points(self) -> frozenset[int]:
+        """Numbers of all grid points and scalar points."""
+        return frozenset([*self.records, *self.table.scalar_points.tolist()])
 
     def row(self, number: int, user: Record) -> int:
         """Row of the node table (error ``deck.unknown-grid``)."""

@@ -34,6 +34,13 @@ _NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
 # Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
 _ELEMENT_NAMES = "RBAR1 RBE1 RBE3 RJOINT RROD RSPLINE RSSCON RTRPLT RTRPLT1 RBE2A GENEL DMIAX"
 _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
+_TEMPERATURE = "materials do not depend on temperature here; the values on the material card count"
+_REDUCTION = "the model is not reduced; all its degrees of freedom are kept"
+_REMARKS = {
+    **dict.fromkeys(("MATT1", "MATT2", "MATT3", "MATT8", "MATT9"), _TEMPERATURE),
+    **dict.fromkeys(("ASET", "ASET1", "OMIT", "OMIT1", "BSET", "BSET1", "CSET", "CSET1", "QSET", "QSET1"), _REDUCTION),
+    "DMIG": "matrices that are read in count only where case control selects them",
+}
 _MATRIX_INPUT = ("K2GG", "M2GG", "K2PP", "M2PP", "NSM")
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
 _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
@@ -70,7 +77,7 @@ def ignored_notices(counts: tuple[CardCount, ...]) -> list[Notice]:
     """A notice for each card name that is not read."""
     levels = {NOT_NEEDED: "info", IGNORED: "warning"}
     return [
-        Notice("deck.ignored-cards", f"{_cards(c)} ignored: {c.use}", c.where, levels[c.use])
+        Notice("deck.ignored-cards", f"{_cards(c)} ignored: {_REMARKS.get(c.name, c.use)}", c.where, levels[c.use])
         for c in counts
         if c.use in levels
     ]

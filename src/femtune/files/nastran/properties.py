@@ -19,6 +19,8 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
 }
 """Property cards that an element may refer to."""
 
+_NO_PROPERTIES = ("PARAM", "PAERO", "PLOAD", "PLOT", "POINT", "PRES", "PSET", "PVAL", "PANEL")
+
 
 @dataclass(frozen=True)
 class Properties:
@@ -58,6 +60,6 @@ def _names(building: Building, family: tuple[str, ...]) -> dict[int, str]:
     """Names of the property cards of other families, read or not, by number."""
     found = {}
     for name, cards in building.deck.names.items():
-        if name.startswith("P") and name not in (*family, "PARAM"):
+        if name.startswith("P") and name not in family and not name.startswith(_NO_PROPERTIES):
             found.update({card.integer(0, 0): name for card in cards if card.is_integer(0)})
     return found

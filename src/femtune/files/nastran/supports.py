@@ -76,12 +76,12 @@ def _enforced(record: Record, number: int) -> Notice:
 def _listed(record: Record, grids: Grids) -> set[int]:
     """SPC1: components of a list of points; points that only lie in a THRU range may be missing."""
     points = read_list(record.card.fields[2:], record.where)
-    existing = [*grids.records, *grids.table.scalar_points.tolist()]
-    missing = set(points.singles) - set(existing)
+    missing = [n for n in points.singles if n not in grids.points]
     if missing:
-        raise unknown_grid(min(missing), record)
+        raise unknown_grid(missing[0], record)
+    numbers = points.among(grids.points) if points.spans or points.every else points.singles
     components = record.component("C", "0")
-    return {dof for number in points.among(existing) for dof in _of_point(record, grids, number, components)}
+    return {dof for number in numbers for dof in _of_point(record, grids, number, components)}
 
 
 def _of_point(record: Record, grids: Grids, number: int, components: str) -> set[int]:

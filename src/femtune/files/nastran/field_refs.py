@@ -1,0 +1,90 @@
+"""Fields that a study names: ``PBAR 3 I1`` as a reference, and its position in the value table."""
+
+from __future__ import annotations
+
+from femtune.errors import FemtuneError, Where, did_you_mean
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.reals import parse_integer
+from femtune.files.nastran.record import records_of
+from femtune.files.nastran.sections import SECTION_ROLES
+
+UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
+
+
+def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
+    """Read ``PBAR 3 I1``: card, number, name of the field.
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-field``, ``parameter.derived-field``
+    """
+    words = text.upper().split()
+    number = parse_integer(words[1]) if len(words) == 3 else None
+    if number is None:
+        raise _unknown(f"'{text}' is not a field", "write card, number and field, as in PBAR 3 I1", where)
+    card, name = words[0], words[2]
+    if card not in UPDATABLE:
+        raise _unknown(f"'{card}' has no field that can be updated", did_you_mean(card, UPDATABLE), where)
+    if card in ("PBARL", "PBEAML") and name in SECTION_ROLES:
+        raise _derived(FieldRef(card, number, name), "it follows from the dimensions; update DIM1 …", where)
+    if name not in CATALOGUE[card].values:
+        hint = did_you_mean(name, CATALOGUE[card].values)
+        raise _unknown(f"{card} has no field '{name}' that can be updated", hint, where)
+    return FieldRef(card, number, name)
+
+
+def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int:
+    """Position of a field in the value table of a built model.
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-field`` (no such card in the deck), ``parameter.touches-nothing``,
+        ``parameter.derived-field``
+    """
+    table = built.structure.values
+    index = table.index(ref)
+    if index is None:
+        raise _not_in_table(built, ref, where)
+    if table.is_derived(index):
+        raise _derived(ref, _explanation(built, index), where)
+    if not len(built.structure.users(index)):
+        raise _untouched(ref, where)
+    return index
+
+
+def _explanation(built: BuiltModel, index: int) -> str:
+    table = built.structure.values
+    rule = next(d for d in table.derived if d.target == index)
+    sources = " and ".join(table.refs[s].name for s in rule.sources)
+    return f"its field is blank, so that it follows from {sources}; update {sources}, or fill the field in the deck"
+
+
+def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
+    cards = built.deck.by_name(ref.card)
+    numbers = [record.card.text(record.start) for card in cards for record in records_of(card)]
+    if str(ref.id) not in numbers:
+        hint = did_you_mean(str(ref.id), numbers[:50]) or f"the deck has no {ref.card} card at all"
+        return _unknown(f"the deck has no {ref.card} {ref.id}", hint, where)
+    if ref.name.startswith("DIM"):
+        return _unknown(f"the section of {ref.card} {ref.id} has no {ref.name}", "name one of its dimensions", where)
+    return _untouched(ref, where)
+
+
+def _unknown(what: str, hint: str, where: Where | None) -> FemtuneError:
+    return FemtuneError("study.unknown-field", what, where=where, hint=hint)
+
+
+def _derived(ref: FieldRef, why: str, where: Where | None) -> FemtuneError:
+    reason, _, hint = why.rpartition("; ")
+    return FemtuneError("parameter.derived-field", f"{ref} cannot be updated: {reason}", where=where, hint=hint)
+
+
+def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:
+    return FemtuneError(
+        "parameter.touches-nothing",
+        f"no element's stiffness or mass depends on {ref}",
+        where=where,
+        hint="name a field of a card that elements of the model use",
+    )
