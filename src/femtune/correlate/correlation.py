@@ -154,7 +154,7 @@ def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
         return ()
     agreement = motion_agreement(psi[:, keep], phi[:, keep])
     labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _AGAINST)]
-    text = f"{', '.join(labels)} moves against the model in all {keep.sum()} pairs: is a direction or sign wrong?"
+    text = f"sensors that move against the model in all {keep.sum()} pairs: {', '.join(labels)}; is a direction wrong?"
     return (Notice("correlate.sensor-inverted", text),) if labels else ()
 
 

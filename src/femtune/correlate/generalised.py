@@ -82,7 +82,12 @@ def _fit(table: NodeTable, nodes: Sequence[int], origin: Reals) -> tuple[Reals, 
     """(6, 3n) rows from translations in displacement frames to the motion, and (6,) True where not determined."""
     at = [table.position(node) for node in nodes]
     if len(set(at)) != len(at):
-        raise FemtuneError("sensor.rigid-motion", "a node stands twice in the group of a rigid-body motion")
+        raise FemtuneError(
+            "sensor.rigid-motion",
+            "a node stands twice in the group of a rigid-body motion",
+            values={"nodes": ", ".join(map(str, nodes))},
+            hint="name each node once",
+        )
     arms = table.xyz[at] - origin
     length = float(np.max(np.linalg.norm(arms - arms.mean(axis=0), axis=1), initial=0.0)) or 1.0 if at else 1.0
     A = np.vstack([np.zeros((0, 6)), *(rigid_translation(arm / length) for arm in arms)])

@@ -45,7 +45,7 @@ def clusters(freq_hz: Reals, relative_gap: float = 0.01) -> tuple[tuple[int, ...
     """Chains of close modes: every mode is in one group, a mode without close neighbours alone in its own.
 
     Neighbours in frequency belong together when they lie within `relative_gap` of the higher one, or both within
-    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off).
+    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off). A negative gap leaves only these together.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def clusters(freq_hz: Reals, relative_gap: float = 0.01) -> tuple[tuple[int, ...
         return ()
     order = np.argsort(freq, kind="stable")
     ranked = freq[order]
-    close = np.diff(ranked) <= np.maximum(relative_gap * ranked[1:], 0.0)
+    close = np.diff(ranked) <= relative_gap * ranked[1:]
     close |= ranked[1:] <= 1e-5 * ranked[-1]
     parts = np.split(order, np.flatnonzero(~close) + 1)
     return tuple(tuple(int(i) for i in part) for part in parts)
@@ -84,7 +84,11 @@ def rotate_to(model: Reals, test: NDArray) -> Rotation:
     check_shapes(model, "the model")
     check_shapes(test, "the test")
     if np.iscomplexobj(model):
-        raise FemtuneError("modal.complex-model", "model vectors that are rotated must be real")
+        raise FemtuneError(
+            "modal.complex-model",
+            "model vectors that are rotated must be real",
+            hint="take the modes of the undamped model",
+        )
     q, independence = _polar_factor(modal_coordinates(model, test))
     nearest = _nearest_columns(q)
     angles = [_angle_deg(abs(q[j, i])) for i, j in enumerate(nearest) if j >= 0]

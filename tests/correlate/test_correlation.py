@@ -1,0 +1,174 @@
+"""The whole correlation: orthogonality, COMAC, noise, criteria."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
+
+from femtune.correlate import NotTested, Outcome, ReducedMass, assess, correlate, reduce_mass
+from femtune.correlate.noise import noise_share
+from femtune.dofs import Dof, DofSet
+from femtune.modal import ModeSet, mac
+
+
+def chain(n: int = 12, *, free: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Unit masses on a line of springs, fixed at both ends or free."""
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    if free:
+        K[0, 0] = K[-1, -1] = 1.0
+    return 1e4 * K, np.eye(n)
+
+
+def model_modes(K: np.ndarray, M: np.ndarray, C: np.ndarray, m: int = 5) -> ModeSet:
+    lam, phi = eigh(K, M)
+    dofs = DofSet(Dof(i + 1, "X") for i in range(len(C)))
+    freq = np.sqrt(np.maximum(lam[:m], 0.0)) / (2 * np.pi)
+    return ModeSet(freq, C @ phi[:, :m], dofs, normalisation="mass")
+
+
+def _case(noise: float = 0.0, **changes: object) -> tuple[ModeSet, ModeSet, ReducedMass]:
+    K, M = chain()
+    C = np.eye(12)
+    model = model_modes(K, M, C)
+    rng = np.random.default_rng(0)
+    shapes = 2.5 * model.shapes[:, :4] + noise * rng.normal(size=(12, 4))
+    test = ModeSet(model.freq_hz[:4] / 1.02, shapes, model.dofs, **changes)  # type: ignore[arg-type]
+    mass = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), C, model)
+    assert isinstance(mass, ReducedMass)
+    return test, model, mass
+
+
+def test_a_model_against_itself() -> None:
+    test, model, mass = _case()
+    found = correlate(test, model, mass=mass)
+    assert found.macs == pytest.approx(np.ones(4))
+    assert found.paired_mac == pytest.approx(np.eye(4), abs=1e-9)
+    assert found.mac == pytest.approx(np.eye(4, 5), abs=1e-9)
+    assert found.auto_mac_test == pytest.approx(np.eye(4), abs=1e-9)
+    assert found.auto_mac_model == pytest.approx(np.eye(5), abs=1e-9)
+    assert found.frequency_errors == pytest.approx(np.full(4, 0.02))
+    assert found.comac == pytest.approx(np.ones(12))
+    assert found.cross_orthogonality == pytest.approx(np.eye(4), abs=1e-9)
+    assert found.self_orthogonality == pytest.approx(np.eye(4), abs=1e-9)
+    assert isinstance(found.noise, NotTested)
+    assert not found.notices
+
+
+def test_verdicts_stand_beside_their_limits() -> None:
+    test, model, mass = _case()
+    verdicts = {(v.criterion.standard, v.criterion.quantity): v for v in assess(correlate(test, model, mass=mass))}
+    assert {v.outcome for v in verdicts.values()} == {Outcome.PASS}
+    nasa = verdicts["NASA-STD-5002", "frequency error"]
+    assert (nasa.criterion.limit, nasa.measured) == (0.05, pytest.approx(0.02))
+
+
+def test_verdicts_of_a_worse_model() -> None:
+    test, model, _ = _case(noise=0.35)
+    slow = ModeSet(test.freq_hz * 0.982, test.shapes, test.dofs)
+    found = correlate(slow, model)
+    verdicts = {(v.criterion.standard, v.criterion.quantity): v for v in assess(found)}
+    outcome = {key: v.outcome.value for key, v in verdicts.items()}
+    # 1.02/0.982 is 3.9 %: between the limits of 3 % and 5 %
+    assert outcome["NASA-STD-5002", "frequency error"] == "pass"
+    assert outcome["MIL-STD-1540C", "frequency error"] == "fail"
+    assert outcome["NASA-STD-5002", "cross-orthogonality, diagonal"] == "not tested"
+    assert found.macs.min() < 0.9
+    assert outcome["ECSS-E-ST-32-11C", "MAC"] == "fail"
+    assert verdicts["ECSS-E-ST-32-11C", "MAC"].measured == pytest.approx(found.macs.min())
+
+
+def test_a_mode_without_partner_fails_and_one_left_out_does_not() -> None:
+    test, model, _ = _case()
+    lonely = ModeSet(np.append(test.freq_hz[:3], 1e4), test.shapes, test.dofs)
+    frequency = assess(correlate(lonely, model))[0]
+    assert frequency.outcome is Outcome.FAIL
+    assert frequency.remark.endswith("test modes without partner: 4")
+    assert assess(correlate(lonely, model, left_out={3: "local"}))[0].outcome is Outcome.PASS
+
+
+def test_no_pairs_is_a_clear_result() -> None:
+    test, model, mass = _case()
+    found = correlate(ModeSet(test.freq_hz * 100, test.shapes, test.dofs), model, mass=mass)
+    assert found.paired_mac.shape == (0, 0)
+    assert np.isnan(found.comac).all()
+    assert str(found.cross_orthogonality) == "not tested: no modes are paired"
+    assert {v.outcome for v in assess(found)} == {Outcome.NOT_TESTED}
+
+
+def test_rotated_vectors_enter_orthogonality_and_comac() -> None:
+    rng = np.random.default_rng(1)
+    phi = np.linalg.qr(rng.normal(size=(9, 3)))[0]
+    dofs = DofSet(Dof(i + 1, "Z") for i in range(9))
+    model = ModeSet(np.array([5.0, 9.0, 9.0]), phi, dofs)
+    turned = np.column_stack([phi[:, 0], phi[:, 1] + phi[:, 2], phi[:, 1] - phi[:, 2]])
+    mass = ReducedMass(np.eye(9), np.eye(9), np.zeros(3), model.labels)
+    found = correlate(ModeSet(np.array([5.0, 9.0, 9.02]), turned, dofs), model, mass=mass)
+    assert found.cross_orthogonality == pytest.approx(np.eye(3), abs=1e-9)
+    assert found.paired_mac == pytest.approx(np.eye(3), abs=1e-9)
+    assert found.mac[1, 1:] == pytest.approx([0.5, 0.5])
+    assert found.comac == pytest.approx(np.ones(9))
+    assert found.clusters[0].rotation.angle_deg == pytest.approx(45.0)
+
+
+def test_an_inverted_sensor_is_named() -> None:
+    test, model, _ = _case()
+    shapes = test.shapes.copy()
+    shapes[4] *= -1
+    notices = correlate(ModeSet(test.freq_hz, shapes, test.dofs), model).notices
+    assert [n.code for n in notices] == ["correlate.sensor-inverted"]
+    # the sensor carries so much of mode 3 that its MAC falls below the gate: three pairs are left
+    assert notices[0].what == "sensors that move against the model in all 3 pairs: 5X+; is a direction wrong?"
+
+
+def test_gaps_make_orthogonality_untestable() -> None:
+    test, model, mass = _case()
+    shapes = test.shapes.copy()
+    shapes[0, 0] = np.nan
+    found = correlate(ModeSet(test.freq_hz, shapes, test.dofs), model, mass=mass)
+    assert "not measured" in str(found.cross_orthogonality)
+    assert found.macs == pytest.approx(np.ones(4))
+
+
+def test_an_inaccurate_reduction_is_no_judge() -> None:
+    K, M = chain()
+    C = np.eye(12)[[3, 8]]
+    model = model_modes(K, M, C, m=2)
+    mass = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), C, model)
+    assert isinstance(mass, ReducedMass)
+    found = correlate(model, model, mass=mass)
+    assert isinstance(found.cross_orthogonality, NotTested)
+    assert "misses its own frequencies" in found.cross_orthogonality.reason
+
+
+def test_invisible_model_modes_are_undefined_not_an_error() -> None:
+    test, model, _ = _case()
+    shapes = model.shapes.copy()
+    shapes[:, 4] = 0.0
+    found = correlate(test, ModeSet(model.freq_hz, shapes, model.dofs))
+    assert np.isnan(found.mac[:, 4]).all()
+    assert found.pairing.unpaired_model == (4,)
+
+
+def test_noise_predicts_the_mean_loss() -> None:
+    rng = np.random.default_rng(2)
+    shape = rng.normal(size=15)
+    sd = 0.1 * np.abs(rng.normal(size=15))
+    losses = [1 - mac(shape[:, None], (shape + sd * rng.normal(size=15))[:, None])[0, 0] for _ in range(4000)]
+    share = noise_share(1 - float(np.mean(losses)), shape, sd)
+    assert share.expected == pytest.approx(np.mean(losses), rel=0.03)
+    assert share.explains
+    # the limit is the mean plus two standard deviations: few of the losses lie beyond
+    assert 0.01 < np.mean(np.array(losses) > share.limit) < 0.08
+
+
+def test_a_real_difference_is_not_noise() -> None:
+    test, model, _ = _case(shapes_sd=np.full((12, 4), 0.01))
+    wrong = ModeSet(model.freq_hz, model.shapes + 0.2 * model.shapes[:, [1, 2, 3, 4, 0]], model.dofs)
+    found = correlate(test, wrong)
+    assert isinstance(found.noise, tuple)
+    assert not any(share.explains for share in found.noise)
+    same = correlate(test, model)
+    assert isinstance(same.noise, tuple)
+    assert all(share.explains for share in same.noise)
