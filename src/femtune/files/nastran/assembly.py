@@ -13,7 +13,7 @@ from femtune.files.nastran.replication import is_replication, replicate
 from femtune.files.nastran.source import SourceLine
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
-_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d*)", re.IGNORECASE)
+_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d{0,9})", re.IGNORECASE)
 _MOST_ERRORS = 20
 
 

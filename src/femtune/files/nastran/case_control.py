@@ -13,7 +13,7 @@ from femtune.files.nastran.reals import parse_integer
 from femtune.files.nastran.source import SourceLine
 
 _COMMAND = re.compile(r"([A-Z][A-Z0-9]*)\s*(\([^)]*\))?\s*[=,]?\s*(.*)", re.IGNORECASE | re.DOTALL)
-_SET = re.compile(r"(\d+)\s*=\s*(.*)", re.DOTALL)
+_SET = re.compile(r"(\d{1,9})\s*=\s*(.*)", re.DOTALL)
 _PLOT_OUTPUT = re.compile(r"\(\s*(PLOT|XYPLOT|XYOUT)\b", re.IGNORECASE)
 _SELECTIONS = ("SPC", "MPC", "METHOD")
 _TITLES = ("TITLE", "SUBTITLE", "LABEL")

@@ -12,9 +12,10 @@ from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.assembly import Bulk, read_bulk
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.case_control import CaseControl, read_case_control
+from femtune.files.nastran.reals import parse_integer
 from femtune.files.nastran.source import Source, SourceFile, SourceLine, read_source
 
-_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK|SUPER)\b", re.IGNORECASE)
+_BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK\b|SUPER\b|$)", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
 _EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
 _SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
@@ -31,7 +32,7 @@ class Executive:
     @property
     def solution_number(self) -> int | None:
         """Number of the solution sequence (103 for SEMODES), None where it is not known."""
-        return int(self.solution) if self.solution.isdigit() else _SOLUTION_NUMBERS.get(self.solution)
+        return _SOLUTION_NUMBERS.get(self.solution, parse_integer(self.solution))
 
 
 @dataclass(frozen=True)

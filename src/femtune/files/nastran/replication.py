@@ -16,7 +16,7 @@ from femtune.files.nastran.card import Card
 from femtune.files.nastran.fields import FieldLine, split_line
 from femtune.files.nastran.reals import format_real, parse_integer, parse_real
 
-_HEAD = re.compile(r"=(?:\(?(\d{1,6})\)?)?")
+_HEAD = re.compile(r"=(?:\(?(\d{1,5})\)?)?")
 _INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
 
 

@@ -227,7 +227,7 @@ def _target(file: str, written: str) -> str:
 def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> None:
     where = Where(statement.file, statement.first, "INCLUDE")
     target = Path(statement.target)
-    if not target.is_file():
+    if not os.path.isfile(target):  # False too for a name that no file can have
         raise FemtuneError(
             "deck.missing-include",
             f"the included file '{statement.written}' is not there",
@@ -247,7 +247,8 @@ def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> Non
 
 def _missing_hint(target: Path) -> str:
     general = "put the file there, or correct the path (it is relative to the file that includes it)"
-    names = [entry.name for entry in target.parent.iterdir()] if target.parent.is_dir() else []
+    folder = target.parent
+    names = os.listdir(folder) if os.path.isdir(folder) and os.access(folder, os.R_OK) else []
     lowered = {name.lower(): name for name in names}
     close = difflib.get_close_matches(target.name.lower(), lowered, n=1, cutoff=0.8)
     return f"did you mean '{lowered[close[0]]}'? Else {general}" if close else general
