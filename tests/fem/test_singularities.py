@@ -1,0 +1,60 @@
+"""DOFs without stiffness are found, those with little are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.fem.assemble import assemble
+from femtune.fem.singularities import singular_dofs
+from femtune.fem.structure import NodeTable
+from femtune.testing.structures import bars, make_structure, rods, scalars
+
+SECTION = {"E": 200.0, "G": 80.0, "A": 3.0, "I1": 0.7, "I2": 0.4, "J": 0.9, "rho": 2.0}
+
+
+def found(structure, held=()) -> set[int]:
+    K = assemble(structure, "stiffness").tocsr()
+    free = np.setdiff1d(np.arange(structure.nodes.n_dofs), list(held))
+    return set(singular_dofs(sp.csr_array(K[free][:, free]), free, structure.nodes).tolist())
+
+
+def test_rod_leaves_what_is_not_along_it():
+    structure = make_structure([[0, 0, 0], [2.0, 0, 0]], [rods([[0, 1]], {**SECTION, "J": 0.0})])
+    assert found(structure) == {1, 2, 3, 4, 5, 7, 8, 9, 10, 11}
+
+
+def test_held_dofs_are_not_reported():
+    structure = make_structure([[0, 0, 0], [2.0, 0, 0]], [rods([[0, 1]], SECTION)])
+    assert found(structure, [*range(6), 7]) == {8, 10, 11}
+
+
+def test_skew_rods_leave_the_component_nearest_to_their_normal():
+    """Three rods in the plane with normal (0, .28, .96) at one node: its z is held, x and y are not."""
+    xyz = [[0, 0, 0], [1.0, 0, 0], [0, 0.96, -0.28], [1.0, 0.96, -0.28]]
+    structure = make_structure(xyz, [rods([[0, 1], [0, 2], [0, 3]], {**SECTION, "J": 0.0})])
+    assert {d for d in found(structure, range(6, 24)) if d < 3} == {2}
+
+
+def test_single_skew_rod_keeps_its_main_component():
+    structure = make_structure([[0, 0, 0], [0.3, 2.0, 0.2]], [rods([[0, 1]], {**SECTION, "J": 0.0})])
+    assert {d for d in found(structure, range(6, 12)) if d < 3} == {0, 2}
+
+
+def test_beam_without_torsion():
+    structure = make_structure([[0, 0, 0], [2.0, 0, 0]], [bars([[0, 1]], {**SECTION, "J": 0.0})])
+    assert found(structure, range(6)) == {9}
+
+
+def test_ratio_is_of_the_node_s_own_block():
+    parts = [scalars("spring", [[0, -1], [1, -1], [2, -1], [3, -1]], "K", [1e12, 1e5, 1e3, 1e-6])]
+    # 1e3/1e12 is below 1e-8, 1e5/1e12 is not; a rotation alone in its block is judged by itself
+    assert found(make_structure([[0, 0, 0]], parts)) == {2, 4, 5}
+    parts = [scalars("spring", [[i, -1] for i in range(6)], "K", [1.0, 1e-7, 1e-7, 1.0, 1.0, 1.0])]
+    assert not found(make_structure([[0, 0, 0]], parts))
+
+
+def test_scalar_point_without_stiffness():
+    nodes = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.array([5, 6]))
+    K = sp.csr_array(np.diag([0.0, 2.0]))
+    np.testing.assert_array_equal(singular_dofs(K, np.arange(2), nodes), [0])
