@@ -1,0 +1,41 @@
+"""Dense solution of a built deck, with nothing but its matrices: the reference for tests of small models."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from femtune.fem.assemble import assemble
+from femtune.fem.elimination import eliminate
+from femtune.fem.singularities import singular_dofs
+from femtune.fem.structure import Structure, join_constraints
+
+Reals = NDArray[np.float64]
+
+
+def reduced(structure: Structure) -> tuple[Reals, Reals, Reals]:
+    """K and M on the free DOFs of the selected supports and equations, and T from them to the g-set."""
+    s = structure
+    stiffness, mass = assemble(s, "stiffness"), assemble(s, "mass")
+    held = set(s.permanent.tolist())
+    held |= set(s.support_sets[s.default_support_set].tolist()) if s.default_support_set is not None else set()
+    mpc = [s.multipoint_sets[s.default_multipoint_set]] if s.default_multipoint_set is not None else []
+    rows = join_constraints([s.rigid, *mpc])
+    one = eliminate(s.nodes.n_dofs, rows, held, s.nodes.describe)
+    if s.hold_singular:
+        more = singular_dofs((one.T.T @ stiffness @ one.T).tocsr(), one.free, s.nodes)
+        one = eliminate(s.nodes.n_dofs, rows, held | set(more.tolist()), s.nodes.describe)
+    return (one.T.T @ stiffness @ one.T).toarray(), (one.T.T @ mass @ one.T).toarray(), one.T.toarray()
+
+
+def frequencies(structure: Structure) -> Reals:
+    """Natural frequencies in Hz, ascending; DOFs that neither resist nor weigh are left out."""
+    K, M, _ = reduced(structure)
+    used = (np.abs(K).max(axis=1) > 0.0) | (np.abs(M).max(axis=1) > 0.0)
+    K, M = K[np.ix_(used, used)], M[np.ix_(used, used)]
+    # 1/(λ + shift) are the eigenvalues of M in the metric K + shift·M: massless DOFs give zero, not infinity
+    shift = 1e-6 * np.trace(K) / np.trace(M)
+    inverse = scipy.linalg.eigh(M, K + shift * M, eigvals_only=True)[::-1]
+    inverse = inverse[inverse > 1e-12 * inverse[0]]
+    return np.sqrt(np.maximum(1.0 / inverse - shift, 0.0)) / (2 * np.pi)
