@@ -33,8 +33,8 @@ def _message(folder: Path, text: str, *, stated: UnitSystem | None = SI, records
 def test_cut_in_a_record(tmp_path: Path) -> None:
     text = _file(tmp_path)
     assert _message(tmp_path, text[:-30]) == (
-        "[uff.truncated] the file ends inside data set 55, which began at line 6: its closing delimiter is missing\n"
-        "  at test.uff:19 (data set 55)\n"
+        "[uff.truncated] the file ends inside data set 55, which began at line 7: its closing delimiter is missing\n"
+        "  at test.uff:20 (data set 55)\n"
         "  expected = '    -1'\n"
         "  found = end of file\n\n"
         "hint: the file was cut: export or copy it again"
@@ -43,9 +43,9 @@ def test_cut_in_a_record(tmp_path: Path) -> None:
 
 def test_a_line_is_lost(tmp_path: Path) -> None:
     lines = _file(tmp_path).splitlines(keepends=True)
-    assert _message(tmp_path, "".join(lines[:16] + lines[17:])) == (
+    assert _message(tmp_path, "".join(lines[:17] + lines[18:])) == (
         "[uff.truncated] data set 55 does not hold the numbers of a record that it declares\n"
-        "  at test.uff:17 (data set 55)\n"
+        "  at test.uff:18 (data set 55)\n"
         "  expected = 3\n"
         "  found = 1\n\n"
         "hint: the file was cut or edited: export or copy it again"
@@ -54,7 +54,7 @@ def test_a_line_is_lost(tmp_path: Path) -> None:
 
 def test_no_units(tmp_path: Path) -> None:
     lines = _file(tmp_path).splitlines(keepends=True)
-    assert _message(tmp_path, "".join(lines[5:]), stated=None) == (
+    assert _message(tmp_path, "".join(lines[6:]), stated=None) == (
         "[uff.no-units] the file does not say in which units its numbers are (it has no data set 164)\n"
         "  at test.uff\n\n"
         'hint: say it: file_units = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
@@ -76,7 +76,7 @@ def test_other_units(tmp_path: Path) -> None:
 def test_no_such_configuration(tmp_path: Path) -> None:
     assert _message(tmp_path, _file(tmp_path), records="SC") == (
         "[uff.no-record] no mode of the file has the word 'SC' in its ID lines\n"
-        "  at test.uff:6 (data set 55)\n"
+        "  at test.uff:7 (data set 55)\n"
         "  ID lines of the file = BC\n\n"
         "hint: choose a word of these lines, or leave records out to read all modes"
     )
@@ -86,7 +86,7 @@ def test_a_value_that_is_no_number(tmp_path: Path) -> None:
     text = _file(tmp_path).replace("  1.00000E+00  0.00000E+00", "          NaN  0.00000E+00")
     assert _message(tmp_path, text) == (
         "[uff.value] 'NaN' is not a finite number\n"
-        "  at test.uff:17 (data set 55)\n\n"
+        "  at test.uff:18 (data set 55)\n\n"
         "hint: a measured value must be a number; export it again"
     )
 
