@@ -1,0 +1,210 @@
+"""Messages of the study file: file, line, key, value and fix; each page of docs/errors shows a message that is real."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from femtune.errors import FemtuneError, FemtuneErrors
+from femtune.files.study_file import read_study_file, study_from_text
+
+_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
+
+_BASE = """\
+[study]
+title = "Frame"
+deck = "frame.bdf"
+units = "m-kg-s"
+
+[modes]
+count = 8
+
+[[configuration]]
+name = "empty"
+test = "frame.uff"
+mode_labels = ["1", "2a", "2b"]
+
+[[parameter]]
+name = "EI"
+fields = ["PBAR 1 I1"]
+lower = 0.5
+upper = 2.0
+"""
+
+
+@dataclass(frozen=True)
+class _Case:
+    """Replace `old` by `new` in the base: an error with `code` on `line` whose message holds `says`."""
+
+    code: str
+    old: str
+    new: str
+    line: int
+    says: str
+
+    @property
+    def text(self) -> str:
+        assert self.old in _BASE
+        return _BASE.replace(self.old, self.new)
+
+
+_ON_PAGES = (
+    _Case("study.syntax", "count = 8", "count = eight", 7, "not TOML: Invalid value"),
+    _Case("study.missing-file", '"frame.uff"', '"frane.uff"', 11, "looked for"),
+    _Case("study.unknown-key", "count = 8", "cuont = 8", 7, "did you mean 'count'?"),
+    _Case("study.missing-key", 'units = "m-kg-s"\n', "", 1, "[study] lacks 'units'"),
+    _Case("study.type", "count = 8", 'count = "8"', 7, "should be a whole number"),
+    _Case("study.number", "upper = 2.0", "upper = nan", 18, "is not a finite number"),
+    _Case("study.value", "count = 8", "count = 0", 7, "greater than or equal to 1"),
+    _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "8 THRU 1"', 12, "does not ascend"),
+    _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_added = ["12-123"]', 12, '"12:123"'),
+    _Case("study.field", "PBAR 1 I1", "PBAR I1", 16, '"PBAR 1 I1"'),
+    _Case("study.modes", "count = 8", "count = 8\nmax_hz = 200.0", 8, "both count and max_hz"),
+    _Case(
+        "study.duplicate-name", "[[parameter]]", '[[configuration]]\nname = "empty"\n\n[[parameter]]', 15, "on line 10"
+    ),
+    _Case("study.test-unused", "[modes]", '[test]\nfile = "frame.uff"\n\n[modes]', 6, "without [[configuration]]"),
+    _Case("study.no-test", 'test = "frame.uff"\n', "", 11, "has none"),
+    _Case("study.leave-out", '"2b"]', '"2b"]\nleave_out = [{ reason = "noisy" }]', 13, 'write mode = "…"'),
+    _Case(
+        "study.unknown-mode", '"2b"]', '"2b"]\npairs = [{ test = "2bb", model = 3 }]', 13, "did you mean '2b'?"
+    ),
+    _Case(
+        "study.nothing-compared", "[[parameter]]", "[residuals]\nfrequency_sd = 0\n\n[[parameter]]", 15, "above zero"
+    ),
+    _Case("study.weight", "[[parameter]]", "[update]\nweight = 0.1\n\n[[parameter]]", 15, "minimum-change"),
+    _Case("parameter.tied", "upper = 2.0", 'upper = 2.0\n\n[[parameter]]\nname = "GJ"\ntie = "EI"\nlower = 0.1', 23,
+          "it follows the others"),
+)  # fmt: skip
+
+_OTHERS = (
+    _Case("study.unknown-key", "[modes]", "[mode]", 6, "did you mean 'modes'?"),
+    _Case("study.unknown-key", "lower = 0.5", "lower = 0.5\nlowr = 1", 18, "did you mean 'lower'?"),
+    _Case("study.missing-key", "upper = 2.0\n", "", 14, "lacks 'upper'"),
+    _Case("study.missing-key", 'name = "EI"\n', "", 14, "[[parameter]] lacks 'name'"),
+    _Case("study.missing-file", '"frame.bdf"', '"deck.bdf"', 3, "relative to the study file"),
+    _Case("study.type", "[study]", "write = 8\n[study]", 1, "write [name] on a line of its own"),
+    _Case("study.type", "count = 8", "count = true", 7, "should be a whole number"),
+    _Case("study.type", "count = 8", "count = 8.0", 7, "should be a whole number"),
+    _Case("study.type", '"frame.uff"', "12", 11, "put it in quotes"),
+    _Case("study.type", '["PBAR 1 I1"]', '"PBAR 1 I1"', 16, "put it in brackets"),
+    _Case("study.type", '["PBAR 1 I1"]', '["PBAR 1 I1"]\nelements = [1, 2.5]', 17, "element numbers"),
+    _Case("study.number", "count = 8", "max_hz = inf", 7, "is not a finite number"),
+    _Case("study.value", "count = 8", "count = 8\n[residuals]\nshape_form = \"Mac\"", 9, "did you mean 'mac'?"),
+    _Case("study.value", '"Frame"', '""', 2, "is empty"),
+    _Case("study.list", '["PBAR 1 I1"]', '["PBAR 1 I1"]\nelements = "0, 1"', 17, "below 1"),
+    _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "ALL"', 12, "name the elements"),
+    _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "1 THRU 999999999"', 12, "too long"),
+    _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_removed = ["12:11"]', 12, "each once"),
+    _Case("units.unknown", '"m-kg-s"', '"m-kgs-s"', 4, "did you mean 'm-kg-s'?"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 3.0", 17, "lower bound lies above the upper one"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 2.0", 17, "leave no room"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 1.5", 17, "nominal value lies outside"),
+    _Case("parameter.bounds", "lower = 0.5", "nominal = 3.0\nlower = 0.5", 17, "nominal value lies outside"),
+    _Case("parameter.name", '"EI"', '"E I"', 15, "letters, digits and _"),
+    _Case("parameter.duplicate", "[[configuration]]", '[[parameter]]\nname = "EI"\ntie = "2.0"\n\n[[configuration]]', 19,
+          "line 10"),
+    _Case("tie.syntax", "lower = 0.5\nupper = 2.0", 'tie = "__import__(1)"', 17, "exp, log"),
+    _Case("tie.unknown", "upper = 2.0", 'upper = 2.0\n[[parameter]]\nname = "GJ"\ntie = "EIx"', 21, "did you mean 'EI'?"),
+    _Case("dof.syntax", "[[parameter]]", "[[sensor]]\nname = \"1Q\"\nterms = [{ node = 1, component = \"X\" }]\n\n"
+          "[[parameter]]", 15, "101Z+"),
+    _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three unit vectors"),
+    _Case("test.mirrored", '"2b"]', '"2b"]\nrotation = [[1,0,0],[0,1,0],[0,0,-1]]', 13, "change the sign of one row"),
+)  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with the files that the base study names."""
+    for name in ("frame.bdf", "frame.uff"):
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _error(text: str) -> FemtuneError:
+    with pytest.raises(FemtuneError) as caught:
+        study_from_text(text, "study.toml")
+    return caught.value
+
+
+def test_the_base_is_a_study(folder: Path) -> None:
+    assert study_from_text(_BASE, "study.toml").study.title == "Frame"
+
+
+@pytest.mark.parametrize("case", [*_ON_PAGES, *_OTHERS], ids=lambda case: f"{case.code}-{case.says}")
+def test_message_says_code_line_and_fix(case: _Case, folder: Path) -> None:
+    error = _error(case.text)
+    assert error.code == case.code, error
+    assert error.where is not None
+    assert (error.where.file, error.where.line) == ("study.toml", case.line), error
+    assert case.says in str(error)
+    assert error.hint
+
+
+@pytest.mark.parametrize("case", _ON_PAGES, ids=lambda case: case.code)
+def test_page_shows_the_real_message(case: _Case, folder: Path) -> None:
+    page = (_PAGES / f"{case.code}.md").read_text()
+    message = str(_error(case.text)).replace(os.path.abspath("."), "/home/anna/frame")
+    assert f"```text\n{message}\n```" in page
+
+
+def test_all_problems_are_shown_together_in_the_order_of_the_file(folder: Path) -> None:
+    text = _BASE.replace("count", "cuont").replace("lower = 0.5", "lower = 3.0").replace("frame.bdf", "none.bdf")
+    error = _error(text.replace('"m-kg-s"', "7"))
+    assert isinstance(error, FemtuneErrors)
+    lines = [e.where.line for e in error.errors if e.where]
+    assert [e.code for e in error.errors] == [
+        "study.missing-file", "study.type", "study.unknown-key", "parameter.bounds",
+    ]  # fmt: skip
+    assert lines == [3, 4, 7, 17]
+    assert str(error).startswith("4 problems:")
+
+
+def test_offending_value_is_shown_as_toml_spells_it(folder: Path) -> None:
+    assert "  count = true\n" in str(_error(_BASE.replace("count = 8", "count = true")))
+    assert '  deck = [1, "a"]\n' in str(_error(_BASE.replace('"frame.bdf"', '[1, "a"]')))
+
+
+def test_value_cannot_steer_the_terminal(folder: Path) -> None:
+    assert "\x1b" not in str(_error(_BASE.replace("count = 8", 'count = "\\u001b[31m"')))
+
+
+def test_dotted_path_counts_tables_from_one(folder: Path) -> None:
+    error = _error(_BASE + '\n[[parameter]]\nname = "b"\nlower = "x"\nupper = 2.0\n')
+    assert error.where is not None
+    assert (error.where.line, error.where.record) == (22, "parameter[2].lower")
+
+
+def test_missing_study(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError, match="no study file") as caught:
+        read_study_file(tmp_path / "none.toml")
+    assert caught.value.code == "study.missing-file"
+
+
+def test_folder_instead_of_a_study(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        read_study_file(tmp_path)
+    assert caught.value.code == "study.missing-file"
+
+
+def test_text_that_is_not_utf8_names_its_line(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_bytes(b"[study]\ntitle = '\xe9'\n")
+    with pytest.raises(FemtuneError) as caught:
+        read_study_file(tmp_path / "s.toml")
+    assert caught.value.code == "study.syntax"
+    assert str(caught.value.where).endswith("s.toml:2")
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 20000, "a = 1" + "0" * 5000, 'a = "', "a = 1\na = 2"])
+def test_text_that_toml_refuses(text: str) -> None:
+    assert _error(text).code == "study.syntax"
+
+
+def test_unclosed_text_at_the_end_names_the_last_line() -> None:
+    error = _error('[study]\ntitle = """Frame')
+    assert error.where is not None
+    assert error.where.line == 2
