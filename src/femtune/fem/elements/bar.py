@@ -95,24 +95,22 @@ def _plane(
     p: int, modes: list[BendingMode], ends: Reals, flexible: NDArray[np.bool_], coupled: NDArray[np.bool_]
 ) -> list[Contribution]:
     """Terms E·I and rational ones of a plane; antisymmetric bending of `coupled` elements is left out."""
-    total, found = np.zeros_like(ends), np.zeros(len(ends), bool)
-    out = []
+    count, scaled, out = np.zeros(len(ends), np.int64), np.zeros((len(ends), 2, 12)), []
     for mode in modes:
-        matrices = placement.outer(shapes_on_nodes(mode, p, ends))
+        shapes = shapes_on_nodes(mode, p, ends)
         shears = mode.shear > 0.0
         rigid = ~(shears & (flexible | coupled)[mode.at])
-        total[mode.at[rigid]] += matrices[rigid] / mode.bending[rigid, None, None]
-        found[mode.at[rigid]] = True
-        out.append(_rational(p, mode, matrices, shears & (flexible & ~coupled)[mode.at]))
-    at = np.flatnonzero(found)
-    return [
-        Contribution("stiffness", f"bending-{p}", at, total[at], ("E", f"I{p}"), product("E", f"I{p}")),
-        *out,
-    ]
+        here = mode.at[rigid]
+        scaled[here, count[here]] = shapes[rigid] / np.sqrt(mode.bending[rigid, None])
+        count[here] += 1
+        out.append(_rational(p, mode, shapes, shears & (flexible & ~coupled)[mode.at]))
+    at = np.flatnonzero(count)
+    total = placement.sum_of_squares(scaled[at])
+    return [Contribution("stiffness", f"bending-{p}", at, total, ("E", f"I{p}"), product("E", f"I{p}")), *out]
 
 
-def _rational(p: int, mode: BendingMode, matrices: Reals, keep: NDArray[np.bool_]) -> Contribution:
+def _rational(p: int, mode: BendingMode, shapes: Reals, keep: NDArray[np.bool_]) -> Contribution:
     facts = {"bending": mode.bending[keep], "shear": mode.shear[keep]}
     roles = ("E", f"I{p}", "G", "A", f"K{p}")
     label, coefficient = f"shear-bending-{p}", bending_with_shear(f"I{p}", f"K{p}")
-    return Contribution("stiffness", label, mode.at[keep], matrices[keep], roles, coefficient, facts)
+    return Contribution("stiffness", label, mode.at[keep], placement.outer(shapes[keep]), roles, coefficient, facts)

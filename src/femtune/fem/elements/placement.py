@@ -13,6 +13,9 @@ Reals = NDArray[np.float64]
 # the sine of the angle between a bar and its orientation vector below which plane 1 is not defined
 PARALLEL = 1e-6
 
+# elements whose 12 × 12 matrices fit into a core's cache together
+CHUNK = 512
+
 
 def element_error(batch: ElementBatch, i: int, code: str, what: str, hint: str) -> FemtuneError:
     """An error that names one element of a batch."""
@@ -106,6 +109,17 @@ def outer(g: Reals, h: Reals | None = None) -> Reals:
         return np.asarray(g[:, :, None] * g[:, None, :])
     both = g[:, :, None] * h[:, None, :]
     return np.asarray(both + np.swapaxes(both, 1, 2))
+
+
+def sum_of_squares(g: Reals) -> Reals:
+    """(e, d, d) sums Σ_k g_k g_kᵀ of vectors (e, k, d)."""
+    out = np.empty((len(g), g.shape[2], g.shape[2]))
+    for i in range(0, len(g), CHUNK):
+        part = slice(i, i + CHUNK)
+        np.multiply(g[part, 0, :, None], g[part, 0, None, :], out=out[part])
+        for k in range(1, g.shape[1]):
+            out[part] += outer(g[part, k])
+    return out
 
 
 def carry(transform: Reals, matrix: Reals) -> Reals:
