@@ -172,3 +172,15 @@ def test_a_real_difference_is_not_noise() -> None:
     same = correlate(test, model)
     assert isinstance(same.noise, tuple)
     assert all(share.explains for share in same.noise)
+
+
+def test_an_invisible_mode_fixed_by_hand_has_no_mac() -> None:
+    test, model, mass = _case()
+    shapes = model.shapes.copy()
+    shapes[:, 4] = 1e-15 * shapes[:, 0]
+    found = correlate(test, ModeSet(model.freq_hz, shapes, model.dofs), mass=mass, fixed=((0, 4),))
+    assert np.isnan(found.pairing.pairs[0].mac)
+    assert np.isnan(found.paired_mac[0, 0])
+    assert found.comac == pytest.approx(np.ones(12))
+    assert "do not move the sensors" in str(found.cross_orthogonality)
+    assert next(v for v in assess(found) if v.criterion.quantity == "MAC").outcome is Outcome.FAIL

@@ -293,3 +293,15 @@ def test_a_test_at_zero_hertz_has_no_relative_error() -> None:
     phi = _orthonormal(m=2)
     found = pair_modes(_modes([0.0, 5.0], phi), _modes([0.1, 5.0], phi))
     assert found.key == ((1, 1),)
+
+
+@pytest.mark.parametrize("gates", [(30.0, 0.5), (0.3, 50.0), (0.0, 0.5), (np.nan, 0.5), (0.3, np.nan)])
+def test_gates_are_fractions(gates: tuple[float, float]) -> None:
+    phi = _orthonormal()
+    with pytest.raises(FemtuneError, match=r"correlate\.gate"):
+        pair_modes(_modes(TEST_HZ, phi), _modes(TEST_HZ, phi), frequency_gate=gates[0], mac_gate=gates[1])
+
+
+def test_no_frequency_gate_at_all() -> None:
+    phi = _orthonormal()
+    assert len(pair_modes(_modes(TEST_HZ, phi), _modes(10 * TEST_HZ, phi), frequency_gate=np.inf).pairs) == 4

@@ -92,7 +92,7 @@ def test_a_solver_of_the_caller_is_used() -> None:
         calls.append(b.shape)
         return np.linalg.solve(K, b)
 
-    found = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), C, _modes(K, M, C, 3), solve=solve)
+    found = reduce_mass(sp.csr_array(K), sp.csr_array(M), sp.csr_array(C), _modes(K, M, C, 3), solve=solve)
     expected = _reduce(K, M, C)
     assert isinstance(found, ReducedMass)
     assert isinstance(expected, ReducedMass)

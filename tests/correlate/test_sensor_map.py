@@ -233,8 +233,7 @@ def test_floor_motion_by_hand() -> None:
     # two nodes two apart on the x axis: X is their mean, RZ the difference of Y over the distance
     structure = _structure([[-1, 0, 0], [1, 0, 0]])
     terms = {
-        str(s.dof): {(n, c): v for n, c, v in s.terms}
-        for s in rigid_motion_sensor(structure, 9, [1, 2], (0, 0, 0))
+        str(s.dof): {(n, c): v for n, c, v in s.terms} for s in rigid_motion_sensor(structure, 9, [1, 2], (0, 0, 0))
     }
     assert terms["9X+"] == pytest.approx({(1, 1): 0.5, (2, 1): 0.5})
     assert terms["9Y+"] == pytest.approx({(1, 2): 0.5, (2, 2): 0.5})

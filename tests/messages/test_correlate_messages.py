@@ -69,6 +69,7 @@ _CASES: dict[str, Callable[[], object]] = {
         _modes([1.0], _EYE[:, :1]), _modes([1.0], _EYE[:, :1]), fixed=((0, 11),)
     ),
     "correlate.left-out": lambda: pair_modes(_modes([1.0], _EYE[:, :1]), _modes([1.0], _EYE[:, :1]), left_out={0: ""}),
+    "correlate.gate": lambda: pair_modes(_modes([1.0], _EYE[:, :1]), _modes([1.0], _EYE[:, :1]), frequency_gate=30.0),
     "correlate.no-pairs": _none_paired,
     "correlate.crowded-cluster": _crowded,
     "correlate.sensor-inverted": _inverted,

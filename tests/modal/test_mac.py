@@ -38,7 +38,8 @@ def test_scaling_and_phase_do_not_matter(seed: int, size: float, phase: float) -
     a, b = _random(seed), _random(seed + 1)
     factor = size * np.exp(1j * phase)
     assert mac(factor * a, b) == pytest.approx(mac(a, b), abs=1e-12)
-    assert mac(b, a).T == pytest.approx(mac(a, b), abs=1e-12)
+    exchanged = mac(b, a)
+    assert exchanged.T == pytest.approx(mac(a, b), abs=1e-12)
 
 
 @given(st.integers(0, 10**6), st.permutations(range(7)))
@@ -151,3 +152,11 @@ def test_cross_orthogonality_refuses_gaps_and_bad_masses() -> None:
         cross_orthogonality(np.array([[1.0], [NAN]]), np.eye(2), np.eye(2))
     with pytest.raises(FemtuneError, match=r"modal\.mass-not-positive"):
         cross_orthogonality(np.eye(2), np.eye(2), np.diag([1.0, -1.0]))
+
+
+def test_comac_does_not_forgive_a_sign_that_changes_from_mode_to_mode() -> None:
+    b = np.ones((8, 2))
+    b[::2, 1] = -1.0
+    a = b.copy()
+    a[3, 0] = -1.0
+    assert comac(a, b)[3] == pytest.approx(0.0)

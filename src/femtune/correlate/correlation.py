@@ -96,8 +96,7 @@ def correlate(
 
     Raises
     ------
-    FemtuneError : ``correlate.dofs-differ``, ``correlate.fixed-pair``, ``correlate.left-out``,
-        ``modal.zero-shape``
+    FemtuneError : as `pair_modes`
     """
     pairing = pair_modes(
         test,
@@ -129,8 +128,11 @@ def correlate(
 
 
 def paired_shapes(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[NDArray, Reals]:
-    """Columns of the test's and of the model's shapes pair by pair, the model's rotated within clusters."""
-    phi = model.shapes[:, list(pairing.model_indices)]
+    """Columns of the test's and of the model's shapes pair by pair, the model's rotated within clusters.
+
+    A model mode that the sensors cannot see is a zero column.
+    """
+    phi = np.where(visible_modes(model), model.shapes, 0.0)[:, list(pairing.model_indices)]
     column = {pair.test: k for k, pair in enumerate(pairing.pairs)}
     for match in pairing.clusters:
         phi[:, [column[i] for i in match.test]] = match.rotation.aligned

@@ -119,9 +119,11 @@ def pair_modes(
 
     Raises
     ------
-    FemtuneError : ``correlate.dofs-differ``, ``correlate.fixed-pair``, ``correlate.left-out``
+    FemtuneError : ``correlate.gate``, ``correlate.dofs-differ``, ``correlate.fixed-pair``, ``correlate.left-out``,
+        ``modal.zero-shape`` for a test mode without motion
     """
     left_out = dict(left_out or {})
+    _check_gates(frequency_gate, mac_gate)
     _check_requests(len(test), len(model), fixed, left_out)
     found = candidates(test, model, relative_gap)
     allowed = (np.abs(found.frequency_error) <= frequency_gate) & (np.nan_to_num(found.score) >= mac_gate)
@@ -136,6 +138,17 @@ def pair_modes(
     )
     alone = tuple(j for j in range(len(model)) if j not in chosen.values())
     return Pairing(pairs, unpaired, alone, matches, *gates, found.notices)
+
+
+def _check_gates(frequency_gate: float, mac_gate: float) -> None:
+    """Gates are fractions; 30 for 30 % would let everything pass unseen (inf is a wish to have no gate)."""
+    if not (0.0 < frequency_gate <= 5.0 or frequency_gate == np.inf) or not 0.0 <= mac_gate <= 1.0:
+        raise FemtuneError(
+            "correlate.gate",
+            "the gates of the pairing are fractions: of the test's frequency, and a MAC between 0 and 1",
+            values={"frequency_gate": frequency_gate, "mac_gate": mac_gate},
+            hint="write 0.30 for 30 %",
+        )
 
 
 def _check_requests(t: int, m: int, fixed: Sequence[tuple[int, int]], left_out: Mapping[int, str]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csc_matrix, sparray, spmatrix
+from scipy.sparse import csc_array, sparray, spmatrix
 from scipy.sparse.linalg import splu
 
 from femtune.modal import ModeSet
@@ -73,11 +73,11 @@ def reduce_mass(
 
     Source: Guyan (1965), generalised to sensors that are combinations of DOFs.
     """
-    rows = csc_matrix(C)
+    rows = csc_array(C)
     shift = _shift(model)
     if shift is None:
         return NotTested("the model has rigid-body modes only")
-    still = [label for label, size in zip(model.dofs.labels(), abs(rows).sum(axis=1).A1) if size == 0.0]
+    still = [label for label, size in zip(model.dofs.labels(), abs(rows).sum(axis=1)) if size == 0.0]
     if still:
         return NotTested(f"sensors that cannot move in the model: {', '.join(still)}")
     static = _static_shapes(K, M, rows, shift, solve)
@@ -97,12 +97,12 @@ def _shift(model: ModeSet) -> float | None:
     return _SHIFT * float(elastic[0]) if len(elastic) < len(eigenvalues) else 0.0
 
 
-def _static_shapes(K: Sparse, M: Sparse, rows: csc_matrix, shift: float, solve: Solve | None) -> Reals | None:
+def _static_shapes(K: Sparse, M: Sparse, rows: csc_array, shift: float, solve: Solve | None) -> Reals | None:
     right = rows.T.toarray()
     if solve is not None and shift == 0.0:
         return solve(right)
     try:
-        A = csc_matrix(K + shift * M)
+        A = csc_array(K + shift * M)
         x = splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(right)
     except RuntimeError:  # SuperLU's word for a zero pivot
         return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array
 
 from femtune.correlate.generalised import GeneralisedSensor
 from femtune.correlate.nearest import Near, NodeSearch
@@ -60,7 +60,7 @@ class SensorMap:
     notices : ties, far nodes, test nodes that share a node of the model
     """
 
-    matrix: csr_matrix
+    matrix: csr_array
     dofs: DofSet
     matches: tuple[Match, ...]
     unmatched: tuple[Unmatched, ...] = ()
@@ -246,7 +246,7 @@ def _build(
     if unmatched:
         names = ", ".join(str(u.label) for u in unmatched)
         notices += (Notice("sensor.left-out", f"sensors without a node near them are left out: {names}"),)
-    matrix = csr_matrix((np.array(values, float), (rows, columns)), shape=shape)
+    matrix = csr_array((np.array(values, float), (rows, columns)), shape=shape)
     return SensorMap(matrix, DofSet(match.label for match in matches), matches, unmatched, notices)
 
 

@@ -77,7 +77,9 @@ def modal_scale_factor(a: NDArray, b: NDArray) -> NDArray:
 def comac(test: NDArray, model: NDArray) -> Reals:
     """Coordinate MAC of each DOF over paired modes: |Σ_r a_kr b*_kr|² / (Σ_r |a_kr|² Σ_r |b_kr|²).
 
-    Each pair is brought to unit norm and to one phase first, so that no mode outweighs the others by its scaling.
+    Each pair is brought to unit norm and to one phase first, so that no mode outweighs the others by its scaling;
+    so the modulus can be taken of the sum (Allemang 2003), and a DOF that agrees in size and not in sign from mode
+    to mode is not called good, as it is with the modulus of each product (Lieven and Ewins 1988).
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ def comac(test: NDArray, model: NDArray) -> Reals:
     ------
     FemtuneError : ``modal.zero-shape``, ``modal.rows-differ``
 
-    Source: Lieven and Ewins (1988).
+    Source: Lieven and Ewins (1988); Allemang (2003), Sound and Vibration 37(8).
     """
     a, b = _paired_units(test, model)
     return _squared_ratio(np.abs(np.sum(a * b.conj(), axis=1)) ** 2, a, b)

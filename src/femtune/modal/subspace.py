@@ -45,7 +45,8 @@ def clusters(freq_hz: Reals, relative_gap: float = 0.01) -> tuple[tuple[int, ...
     """Chains of close modes: every mode is in one group, a mode without close neighbours alone in its own.
 
     Neighbours in frequency belong together when they lie within `relative_gap` of the higher one, or both within
-    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off). A negative gap leaves only these together.
+    1e-5 of the highest frequency of all (rigid-body modes, whose frequencies are round-off). A negative gap leaves
+    only these together.
 
     Returns
     -------
