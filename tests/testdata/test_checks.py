@@ -138,3 +138,10 @@ def test_wire_frame_refuses_nonsense() -> None:
         assert caught.value.code == code
     with pytest.raises(FemtuneError):
         WireFrame(np.array([1, 2]), np.zeros((3, 3)))
+
+
+def test_arrays_cannot_be_changed() -> None:
+    frame = WireFrame(np.array([1]), np.zeros((1, 3)))
+    for array in (frame.coordinates, frame.axes, frame.nodes):
+        with pytest.raises(ValueError):
+            array[0] = 1  # type: ignore[index]

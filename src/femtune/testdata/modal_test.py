@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, Notice
 from femtune.modal import FrfSet, ModeSet
+from femtune.modal.mode_set import read_only
 from femtune.units import UnitSystem
 
 
@@ -42,8 +43,10 @@ class WireFrame:
 
     def __post_init__(self) -> None:
         n = len(self.nodes)
-        if self.axes is None:
-            object.__setattr__(self, "axes", np.tile(np.eye(3), (n, 1, 1)))
+        axes = np.tile(np.eye(3), (n, 1, 1)) if self.axes is None else self.axes
+        object.__setattr__(self, "nodes", read_only(self.nodes, int))
+        object.__setattr__(self, "coordinates", read_only(self.coordinates, float))
+        object.__setattr__(self, "axes", read_only(axes, float))
         object.__setattr__(self, "_index", {int(node): i for i, node in enumerate(self.nodes)})
         self._check_sizes(n)
         self._check_nodes(n)
@@ -112,6 +115,10 @@ class Sensor:
     label: Dof
     position: NDArray[np.float64]
     direction: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", read_only(self.position, float))
+        object.__setattr__(self, "direction", read_only(self.direction, float))
 
     @property
     def is_rotation(self) -> bool:

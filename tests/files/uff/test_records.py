@@ -310,3 +310,17 @@ def test_padding_must_be_zero(tmp_path: Path) -> None:
     assert "uff.padding" in [n.code for n in content.notices]
     longer = frf().rstrip().removesuffix("    -1").rstrip() + "\n" + singles(7, 8) + "\n    -1\n"
     assert refused(tmp_path, longer).code == "uff.count"
+
+
+def test_modal_mass_does_not_scale_velocities(tmp_path: Path) -> None:
+    for specific, wanted in ((8, "mass"), (11, "unknown"), (12, "unknown")):
+        text = mode(*VALUES, head=(1, 2, 2, specific, 2, 3), reals=singles(5, 1, 0, 0))
+        modes = read(tmp_path, text).test.modes
+        assert modes is not None
+        assert modes.normalisation == wanted
+
+
+@pytest.mark.parametrize("bad", ["          nan", "        1_000.", "          inf", "  1.00000E+999", "         0x1f"])
+def test_a_point_that_is_no_number(tmp_path: Path, bad: str) -> None:
+    error = refused(tmp_path, frf().replace(singles(3.0), bad[-13:]))
+    assert (error.code, error.where and error.where.line) == ("uff.value", 14)

@@ -15,7 +15,7 @@ _FLOAT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 def with_e_exponents(line: str) -> str:
     """The line with Fortran's D exponents written as E; columns stay where they are."""
-    return _D_EXPONENT.sub("E", line)
+    return _D_EXPONENT.sub("E", line) if "D" in line or "d" in line else line
 
 
 def fixed(line: str, widths: Iterable[int]) -> list[str]:

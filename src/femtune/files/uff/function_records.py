@@ -7,6 +7,7 @@ the double-precision binary form is single or double: the length decides, and on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -162,15 +163,25 @@ def _columns(header: FunctionHeader) -> list[int]:
 
 def _numbers(data_set: DataSet, header: FunctionHeader) -> list[float]:
     """Every number of an ASCII body; only the last line may hold fewer than its columns."""
-    columns, numbers = _columns(header), []
+    columns = _columns(header)
+    numbers: list[float] = []
     last = len(data_set.lines) - 1
     for i, line in enumerate(data_set.lines[_HEADER_LINES:], start=_HEADER_LINES):
         texts = fixed(with_e_exponents(line), columns)
-        texts = [text for text in texts if text] if i == last else texts
-        numbers += [as_float(text, data_set, i) for text in texts]
+        numbers += _line_numbers(data_set, i, [text for text in texts if text] if i == last else texts)
         if len(line) > sum(columns):
             check_count(data_set, "columns of a line", sum(columns), len(line), i)
     return numbers
+
+
+def _line_numbers(data_set: DataSet, i: int, texts: list[str]) -> list[float]:
+    """The numbers of a line; the slow strict way only where the quick one finds something odd."""
+    try:
+        quick = [float(text) for text in texts]
+    except ValueError:
+        return [as_float(text, data_set, i) for text in texts]
+    odd = not math.isfinite(sum(quick)) or any("_" in text for text in texts)
+    return [as_float(text, data_set, i) for text in texts] if odd else quick
 
 
 def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> int:

@@ -23,6 +23,8 @@ _VALUES_OF = {2: 3, 3: 6}
 _MOTION = (0, 1, 8, 11, 12)
 """Specific data types that are a shape: unknown, general, displacement, velocity, acceleration."""
 
+_RATES = (11, 12)
+
 
 @dataclass(frozen=True, eq=False)
 class ModeRecord:
@@ -93,7 +95,7 @@ def _why_no_mode(data_set: DataSet) -> str:
 
 
 def _record(data_set: DataSet) -> ModeRecord:
-    _, analysis, _, _, data_type, per_node = _parameters(data_set)
+    _, analysis, _, specific, data_type, per_node = _parameters(data_set)
     n_integers, n_reals = (as_int(text, data_set, 6) for text in fixed(line_at(data_set, 6), [10, 10]))
     if not (2 <= n_integers <= 6 and 1 <= n_reals <= 12):
         what = f"record 7 declares {n_integers} integers and {n_reals} reals"
@@ -102,6 +104,8 @@ def _record(data_set: DataSet) -> ModeRecord:
     reals, i = _floats(data_set, 7, n_reals)
     freq_hz, damping, mass = _normal(data_set, reals) if analysis == _NORMAL else _pole(data_set, reals)
     nodes, values = _values(data_set, i, per_node, data_type == 5)
+    if specific in _RATES:
+        mass = 0.0  # a modal mass of 1 scales displacements, not these values
     lines, where = _id_lines(data_set), data_set.where()
     return ModeRecord(mode_number, freq_hz, damping, mass, lines, nodes, values, where)
 

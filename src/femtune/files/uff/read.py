@@ -167,5 +167,5 @@ def _unplaced(geometry: WireFrame, modes: ModeSet | None, frfs: Iterable[FrfSet]
 def _conditions(sets: Iterable[DataSet]) -> tuple[tuple[str, str], ...]:
     """Model name, description and program of data set 151, in words."""
     headers = [one.lines for one in sets if one.number == 151]
-    names = ("model", "description", "program")
+    names = ("model", "description", "database program")
     return tuple((name, line.strip()) for lines in headers[:1] for name, line in zip(names, lines))
