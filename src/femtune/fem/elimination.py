@@ -146,7 +146,9 @@ def _check_loops(among: sp.csr_array, step: sp.csr_array, rows: ConstraintRows, 
         at = np.flatnonzero(label == group)
         _, s, vt = np.linalg.svd(among[at][:, at].toarray())
         if s[-1] <= SINGULAR * s[0]:
-            raise _circular(rows, int(at[np.argmax(np.abs(vt[-1]))]), at, describe)
+            # the first of those that move most, so that equal ones don't depend on rounding
+            moving = np.abs(vt[-1]) > 0.999 * np.abs(vt[-1]).max()
+            raise _circular(rows, int(at[np.argmax(moving)]), at, describe)
     return bool((sizes > 1).any())
 
 
