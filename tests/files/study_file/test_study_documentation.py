@@ -1,0 +1,76 @@
+"""docs/study-file.md has every key of the models, with the default that the model has."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from femtune.files import study_file
+from femtune.files.study_file.table import Table
+
+_PAGE = (Path(__file__).resolve().parents[3] / "docs" / "study-file.md").read_text()
+_ROW = re.compile(r"^\| `(\w+)` \| (.+?) \| (.+) \| `(.+)` \|$", re.MULTILINE)
+
+_TABLES: dict[str, type[Table]] = {
+    "## `[study]`": study_file.StudyTable,
+    "## `[modes]`": study_file.ModesTable,
+    "## `[[configuration]]`": study_file.ConfigurationEntry,
+    "### `masses`": study_file.MassEntry,
+    "### `leave_out`": study_file.LeaveOutEntry,
+    "### `pairs`": study_file.PairEntry,
+    "## `[test]`": study_file.SingleTest,
+    "## `[sensors]`": study_file.SensorsTable,
+    "## `[[sensor]]`": study_file.SensorEntry,
+    "### `terms`": study_file.SensorTerm,
+    "## `[[rigid_floor]]`": study_file.RigidFloorEntry,
+    "## `[correlate]`": study_file.CorrelateTable,
+    "## `[[parameter]]`": study_file.ParameterEntry,
+    "## `[residuals]`": study_file.ResidualsTable,
+    "## `[update]`": study_file.UpdateTable,
+    "## `[write]`": study_file.WriteTable,
+    "## `[output]`": study_file.OutputTable,
+}
+
+
+def _rows(heading: str) -> dict[str, tuple[str, str, str]]:
+    section = re.split(r"^##+ ", _PAGE.partition(f"\n{heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
+    return {key: (default, meaning, example) for key, default, meaning, example in _ROW.findall(section)}
+
+
+def _toml(text: str) -> Any:
+    def frozen(value: Any) -> Any:
+        return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+    return frozen(tomllib.loads(f"value = {text.strip('`')}")["value"])
+
+
+def test_every_table_of_a_study_has_its_section() -> None:
+    headings = {heading.strip("#` []") for heading in _TABLES if heading.startswith("## ")}
+    assert headings == set(study_file.StudyFile.model_fields)
+
+
+@pytest.mark.parametrize("heading", _TABLES)
+def test_section_has_the_keys_of_the_model(heading: str) -> None:
+    assert set(_rows(heading)) == set(_TABLES[heading].model_fields)
+
+
+@pytest.mark.parametrize("heading", _TABLES)
+def test_defaults_are_those_of_the_model(heading: str) -> None:
+    fields = _TABLES[heading].model_fields
+    for key, (default, _, _) in _rows(heading).items():
+        if default == "*required*":
+            assert fields[key].is_required(), key
+        else:
+            actual = fields[key].get_default(call_default_factory=True)
+            assert actual == (None if default == "*none*" else _toml(default)), key
+            assert not fields[key].is_required(), key
+
+
+@pytest.mark.parametrize("heading", _TABLES)
+def test_examples_are_values_that_the_model_takes(heading: str) -> None:
+    examples = {key: _toml(example) for key, (_, _, example) in _rows(heading).items()}
+    assert _TABLES[heading].model_validate(examples).model_fields_set == set(examples)
