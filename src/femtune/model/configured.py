@@ -98,13 +98,15 @@ class ModelPoint:
         """M."""
         return self._matrix("mass", ())
 
-    def stiffness_derivative(self, i: int) -> sp.csr_array:
-        """∂K/∂x_i."""
-        return self._matrix("stiffness", (i,))
+    @cached_property
+    def stiffness_derivatives(self) -> tuple[sp.csr_array, ...]:
+        """∂K/∂x_i of every free parameter."""
+        return tuple(self._matrix("stiffness", (i,)) for i in range(self.n_parameters))
 
-    def mass_derivative(self, i: int) -> sp.csr_array:
-        """∂M/∂x_i."""
-        return self._matrix("mass", (i,))
+    @cached_property
+    def mass_derivatives(self) -> tuple[sp.csr_array, ...]:
+        """∂M/∂x_i of every free parameter."""
+        return tuple(self._matrix("mass", (i,)) for i in range(self.n_parameters))
 
     def stiffness_second_derivative(self, i: int, j: int) -> sp.csr_array:
         """∂²K/∂x_i∂x_j."""

@@ -73,7 +73,7 @@ def subspace_derivative(
     outside = _outside(solution, members, forces)
     n, c, p = outside.shape
     observe = rows if rows is not None else sp.eye_array(n, format="csr")
-    seen = (observe @ outside.reshape(n, c * p)).reshape(-1, c, p)
+    seen = (observe @ outside.reshape(n, c * p)).reshape(observe.shape[0], c, p)
     return SubspaceDerivative(solution.eigenvalues[members], k, m, seen, observe @ phi)
 
 
@@ -82,7 +82,7 @@ def _forces(solution: EigenSolution, members: list[int]) -> tuple[NDArray, NDArr
     point, phi, values = solution.point, solution.shapes[:, members], solution.eigenvalues[members]
     forces, stiffness, mass = [], [], []
     for i in range(point.n_parameters):
-        k, m = point.stiffness_derivative(i) @ phi, point.mass_derivative(i) @ phi
+        k, m = point.stiffness_derivatives[i] @ phi, point.mass_derivatives[i] @ phi
         forces.append(k - m * values)
         stiffness.append(phi.T @ k)
         mass.append(phi.T @ m)

@@ -13,7 +13,7 @@ from femtune.correlate import no_pairs
 from femtune.errors import FemtuneError
 from femtune.model import subspace_derivative
 from femtune.parameters import ParameterSet
-from femtune.residuals.aligned import align
+from femtune.residuals.aligned import AlignedModes, align
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.case import (
     CaseState,
@@ -37,7 +37,8 @@ class ResidualRules:
 
     Parameters
     ----------
-    frequency_sd : relative standard deviation of frequencies (of eigenvalues in that form); "test" takes the test's
+    frequency_sd : relative standard deviation of frequencies (of eigenvalues in that form), 0 leaves them out; "test"
+        takes the test's own
     shape_sd : standard deviation of the entries of scaled shapes, or of the MAC form; 0 leaves shapes out
     frequency_form : "frequency" or "eigenvalue"
     shape_form : "difference" or "mac"
@@ -134,19 +135,18 @@ class UpdateProblem:
         aligned = align(derivative, test)
         out = []
         for a, i in enumerate(tests):
-            sd = self._frequency_sd(case, i)
-            pair = frequency_residual(
-                float(aligned.eigenvalues[a]),
-                aligned.eigenvalue_gradients[a],
-                float(case.test.freq_hz[i]),
-                sd,
-                self.rules.frequency_form,
-            )
-            out.append(ResidualBlock("frequency", case.name, case.test.labels[i], *pair, sd))
+            if self.rules.frequency_sd:
+                out.append(self._frequency_block(case, i, aligned, a))
             if self.rules.shape_sd:
                 pair = self._shape(aligned.shapes[:, a], aligned.shape_gradients[:, a], test[:, a])
                 out.append(ResidualBlock("shape", case.name, case.test.labels[i], *pair, self.rules.shape_sd))
         return out
+
+    def _frequency_block(self, case: ModalCase, i: int, aligned: AlignedModes, a: int) -> ResidualBlock:
+        sd = self._frequency_sd(case, i)
+        value, gradient = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
+        pair = frequency_residual(value, gradient, float(case.test.freq_hz[i]), sd, self.rules.frequency_form)
+        return ResidualBlock("frequency", case.name, case.test.labels[i], *pair, sd)
 
     def _shape(self, shape: Reals, gradient: Reals, test: Reals) -> tuple[Reals, Reals]:
         if self.rules.shape_form == "mac":

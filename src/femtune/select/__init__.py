@@ -1,6 +1,14 @@
 """Which parameters the data can determine."""
 
-from femtune.select.identifiability import Combination, Identifiability, identifiability
+from femtune.select.identifiability import NO_EFFECT, Combination, Identifiability, determined, identifiability
 from femtune.select.words import combination_text, sentences, verdict
 
-__all__ = ["Combination", "Identifiability", "combination_text", "identifiability", "sentences", "verdict"]
+__all__ = [
+    "UNDETERMINED",
+    "Combination",
+    "Identifiability",
+    "combination_text",
+    "identifiability",
+    "sentences",
+    "verdict",
+]

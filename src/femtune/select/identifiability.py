@@ -14,8 +14,20 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
-NULL = 1e-7
-"""Singular values below this fraction of the largest are exact zeros blurred by round-off."""
+NO_EFFECT, NO_SHARE = 0.1, 1e-3
+
+
+def determined(singular_values: Reals) -> NDArray[np.bool_]:
+    """Which combinations the data determine.
+
+    One prior standard deviation along an undetermined combination changes all residuals together by less than
+    NO_EFFECT of their standard deviation, and by less than NO_SHARE of what the best determined one does (so that
+    residuals with unit weights, whose size says nothing, are not called blind).
+    """
+    s = singular_values
+    return np.asarray((s > NO_EFFECT) | (s > NO_SHARE * s.max(initial=0.0)))
+
+
 WEAK = 0.5
 """A combination whose posterior is wider than this fraction of its prior is weakly determined."""
 
@@ -40,8 +52,8 @@ class Identifiability:
     ----------
     scaled_jacobian : (n, k) in prior standard deviations
     singular_values : (k,) descending, zeros appended where there are fewer residuals
-    rank : number of singular values above NULL of the largest
-    undetermined : combinations that the data do not touch at all, as sparse as they can be made
+    rank : number of combinations that the data determine, see `determined`
+    undetermined : combinations that the data do not determine, as sparse as they can be made
     weak : further combinations that the data determine worse than WEAK
     reduction : (k,) posterior sd / prior sd of each parameter
     correlation : (k, k) of the posterior
@@ -71,10 +83,10 @@ def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) ->
     S = jacobian * prior_sd
     k = S.shape[1]
     _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
-    null = s <= NULL * max(s[0], 1e-300) if k else np.zeros(0, bool)
-    covariance = (vt.T / (1.0 + np.where(null, 0.0, s) ** 2)) @ vt
+    null = ~determined(s)
+    covariance = (vt.T / (1.0 + s**2)) @ vt
     sd = np.sqrt(np.diag(covariance))
-    undetermined = [Combination(v, 0.0, 1.0) for v in sparse_basis(vt[null])]
+    undetermined = [_combination(S, v) for v in sparse_basis(vt[null])]
     ratio = 1.0 / np.sqrt(1.0 + s**2)
     weak = [
         Combination(_signed(vt[i]), float(s[i]), float(ratio[i])) for i in range(k) if ratio[i] > WEAK and not null[i]
@@ -83,6 +95,11 @@ def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) ->
         names, S, s, int((~null).sum()), tuple(undetermined), tuple(weak), sd,
         covariance / np.outer(sd, sd), np.linalg.norm(S, axis=0),
     )  # fmt: skip
+
+
+def _combination(S: Reals, direction: Reals) -> Combination:
+    effect = float(np.linalg.norm(S @ direction))
+    return Combination(direction, effect, 1.0 / float(np.sqrt(1.0 + effect**2)))
 
 
 def sparse_basis(vectors: Reals) -> Reals:
@@ -102,7 +119,7 @@ def sparse_basis(vectors: Reals) -> Reals:
             break
         last = s.sum()
     basis = turn.T @ vectors
-    basis[np.abs(basis) < 1e-6] = 0.0
+    basis[np.abs(basis) < 1e-3] = 0.0
     return np.array([_signed(row) for row in basis])
 
 

@@ -52,8 +52,8 @@ def _undetermined(result: Identifiability, c: Combination) -> str:
     if len(together) == 1:
         return f"{together[0]} changes nothing that was measured: fix it, or measure where it acts."
     return (
-        f"Moving {_listed(together)} together ({combination_text(result.names, c)}) changes nothing that was "
-        f"measured: fix one of them, tie two, or measure something else."
+        f"Moving {_listed(together)} together ({combination_text(result.names, c)}) changes nothing that was measured "
+        f"by more than {c.singular_value:.1g} of its uncertainty: fix one of them, tie two, or measure something else."
     )
 
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.select import determined
+
 Reals = NDArray[np.float64]
 
-_NULL = 1e-7
+_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class ParameterCovariance:
 
 
 def parameter_covariance(
-    r: Reals, J: Reals, extra: Reals, at_bound: NDArray[np.bool_], measured: bool
+    r: Reals, J: Reals, extra: Reals, at_bound: NDArray[np.bool_], prior_sd: Reals, measured: bool
 ) -> ParameterCovariance:
     """Covariance (JᵀJ/s² + RᵀR)⁻¹ of the parameters that are not at a bound.
 
@@ -40,6 +42,7 @@ def parameter_covariance(
     r, J : (n,), (n, k) residuals in units of their standard deviations, and Jacobian
     extra : (m, k) rows of a prior, (0, k) without
     at_bound : (k,) parameters at a bound get no standard deviation
+    prior_sd : (k,) spreads that tell whether a parameter is determined
     measured : True where the residuals' deviations are measured scatter rather than weights
     """
     k = J.shape[1]
@@ -51,7 +54,7 @@ def parameter_covariance(
     if not np.isfinite(factor):
         return ParameterCovariance(matrix, reasons | {int(i): "no spare residuals, σ not given" for i in free}, factor)
     rows = np.vstack([J[:, free] / max(factor, 1e-300), extra[:, free]])
-    known, covariance = _inverse(rows)
+    known, covariance = _inverse(rows, prior_sd[free])
     for a, i in enumerate(free):
         if not known[a]:
             reasons[int(i)] = "not determined by the data, σ not given"
@@ -68,14 +71,12 @@ def _noise_factor(squares: float, spare: int, measured: bool) -> float:
     return max(factor, 1.0) if measured else factor
 
 
-def _inverse(rows: Reals) -> tuple[NDArray[np.bool_], Reals]:
-    """Which parameters have no share in the null space of the rows, and (rowsᵀrows)⁺."""
+def _inverse(rows: Reals, prior_sd: Reals) -> tuple[NDArray[np.bool_], Reals]:
+    """Which parameters have no share in what the rows leave undetermined, and (rowsᵀrows)⁻¹ on the rest."""
     k = rows.shape[1]
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
-    padded = np.vstack([rows / scale, np.zeros((max(0, k - len(rows)), k))])
+    padded = np.vstack([rows * prior_sd, np.zeros((max(0, k - len(rows)), k))])
     _, s, vt = np.linalg.svd(padded, full_matrices=False)
-    good = s > _NULL * (s[0] if k else 1.0)
-    share = np.linalg.norm(vt[~good], axis=0) if k else np.zeros(0)
+    good = determined(s)
+    share = np.linalg.norm(vt[~good], axis=0)
     inverse = (vt[good].T / s[good] ** 2) @ vt[good]
-    return share < 1e-4, inverse / np.outer(scale, scale)
+    return share < _SHARE, inverse * np.outer(prior_sd, prior_sd)

@@ -23,7 +23,9 @@ from femtune.update.trust import bounded_step, projected_gradient
 Reals = NDArray[np.float64]
 Report = Callable[[Iteration], None]
 
-_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-12, 1e12
+# less damping would let combinations drift that the data do not determine
+_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-8, 1e12
+_SAME_OBJECTIVE = 1e-9
 _MANY_PAIRING_CHANGES = 6
 
 
@@ -108,7 +110,8 @@ def _step(
     lower, upper = problem.parameters.bounds
     failed = False
     while damping <= _DAMPING_MOST:
-        d = bounded_step(point.residuals, point.jacobian, damping, lower - point.x, upper - point.x)
+        room = (lower - point.x, upper - point.x)
+        d = bounded_step(point.residuals, point.jacobian, damping, *room, problem.parameters.prior[1])
         if np.abs(d).max(initial=0.0) <= method.tolerance:
             return None, damping, _end(problem, point, failed)
         trial = _try(problem, method, point, d)
@@ -165,7 +168,7 @@ def _judge(
     gradient = projected_gradient(new.jacobian.T @ new.residuals, new.x, lower, upper)
     size = np.linalg.norm(new.jacobian, axis=0) * np.linalg.norm(new.residuals)
     flat = (np.abs(gradient) <= 1e-10 * np.maximum(size, 1e-300)).all()
-    same = history[-1].step <= method.tolerance and old.objective - new.objective <= 1e-12 * old.objective
+    same = history[-1].step <= method.tolerance or old.objective - new.objective <= _SAME_OBJECTIVE * old.objective
     return _optimum(problem, new) if flat or same or new.objective < 1e-24 else None
 
 
@@ -216,6 +219,6 @@ def _result(
     prior = rows if method.regularisation.kind == "prior" else rows[:0]
     bound = _at_bound(problem, at.x)
     measured = problem.rules.frequency_sd == "test"
-    covariance = parameter_covariance(at.residuals, at.jacobian, prior, bound, measured)
+    covariance = parameter_covariance(at.residuals, at.jacobian, prior, bound, problem.parameters.prior[1], measured)
     cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
     return UpdateResult(problem.parameters, status, at.x, before, at, tuple(history), covariance, cited)

@@ -9,20 +9,21 @@ from scipy.optimize import lsq_linear
 Reals = NDArray[np.float64]
 
 
-def bounded_step(r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals) -> Reals:
-    """d that minimises |J d + r|² + damping·|D d|² with lower ≤ d ≤ upper.
+def bounded_step(r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals, spread: Reals) -> Reals:
+    """d that minimises |J d + r|² + damping·s²|d/spread|² with lower ≤ d ≤ upper.
 
-    D holds the norms of the Jacobian's columns (Marquardt's scaling), kept away from zero so that directions without
-    any effect stay put: the solution of least change among equals.
+    `spread` (k,) are the parameters' prior standard deviations, in which steps are measured, and s is the largest
+    singular value of J·spread: so combinations that the data hardly touch stay where they are.
     """
-    norms = np.linalg.norm(J, axis=0)
-    D = np.maximum(norms, 1e-3 * (norms.max(initial=0.0) or 1.0))
-    rows = np.vstack([J, np.sqrt(damping) * np.diag(D)])
-    target = np.concatenate([-r, np.zeros(len(D))])
     free = lower < upper
-    d = np.zeros(len(D))
-    if free.any():
-        d[free] = _solve(rows[:, free] / D[free], target, lower[free] * D[free], upper[free] * D[free]) / D[free]
+    d = np.zeros(J.shape[1])
+    if not free.any():
+        return d
+    scaled = J[:, free] * spread[free]
+    size = float(np.linalg.norm(scaled, 2)) or 1.0
+    rows = np.vstack([scaled, np.sqrt(damping) * size * np.eye(scaled.shape[1])])
+    target = np.concatenate([-r, np.zeros(scaled.shape[1])])
+    d[free] = spread[free] * _solve(rows, target, lower[free] / spread[free], upper[free] / spread[free])
     return np.clip(d, lower, upper)
 
 
