@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,8 @@ def _raised() -> list[ast.expr]:
     return [argument for c in direct if (argument := _code_argument(c)) is not None]
 
 
-def _codes() -> set[str]:
+@lru_cache
+def _codes() -> frozenset[str]:
     """Codes given to FemtuneError or Notice, and all other constants of the same areas that look like one."""
     constants = {
         node.value
@@ -44,7 +46,7 @@ def _codes() -> set[str]:
     areas = {a.value.split(".")[0] for a in _raised() if isinstance(a, ast.Constant)} | {
         p.split(".")[0] for p in _pages()
     }
-    return {c for c in constants if c.split(".")[0] in areas and c.split(".")[1] not in _SUFFIXES}
+    return frozenset(c for c in constants if c.split(".")[0] in areas and c.split(".")[1] not in _SUFFIXES)
 
 
 def _pages() -> set[str]:
