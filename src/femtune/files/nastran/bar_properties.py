@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from femtune.errors import FemtuneError
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building, Library
 from femtune.files.nastran.catalogue import CATALOGUE
@@ -16,6 +15,8 @@ from femtune.files.nastran.sections import SECTION_ROLES, SHAPES, Shape
 
 Roles = Mapping[str, int]
 
+# fourth powers of dimensions stay numbers
+_LARGEST = 1e60
 _STATION = ("YES", "YESA", "NO")
 _TAIL_NAMES = "K1 K2 S1 S2 NSIA NSIB CWA CWB M1A M2A M1B M2B N1A N2A N1B N2B"
 _BEAM_TAIL = tuple(_TAIL_NAMES.split())
@@ -150,12 +151,12 @@ def _shaped_stations(own: Record, shape: Shape) -> list[int]:
 
 
 def _check_dimensions(own: Record, shape: Shape) -> None:
-    if not shape.valid(*(own.real(name) for name in shape.dimensions)):
-        raise _wrong_dimensions(own, shape)
-
-
-def _wrong_dimensions(own: Record, shape: Shape) -> FemtuneError:
-    return own.error("deck.section", shape.rule, at="DIM1", hint="correct the dimensions")
+    dims = [own.real(name) for name in shape.dimensions]
+    if not shape.valid(*dims):
+        raise own.error("deck.section", shape.rule, at="DIM1", hint="correct the dimensions")
+    if max(dims) > _LARGEST or min(d for d in dims if d) < 1 / _LARGEST:
+        raise own.error("deck.section", "the section's moments of inertia are beyond all numbers", at="DIM1",
+                        hint="correct the dimensions")  # fmt: skip
 
 
 _READERS = {"PBAR": _pbar, "PBEAM": _pbeam, "PBARL": _shaped, "PBEAML": _shaped}

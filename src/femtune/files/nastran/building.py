@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
@@ -15,6 +15,7 @@ from femtune.fem.values import FieldRef, ValueTableBuilder
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.lists import read_list
 from femtune.files.nastran.record import Record, records_of
 
 T = TypeVar("T")
@@ -78,6 +79,15 @@ def duplicate(card: Card, what: str, first: Card) -> FemtuneError:
         f"{what} is defined twice; the first stands at {first.where()}",
         hint="remove one of the two cards or give it another number",
     )
+
+
+def listed_numbers(record: Record, fields: Sequence[str]) -> list[int]:
+    """Numbers of a list with THRU that is written out (error ``deck.field-value`` where it is too long)."""
+    try:
+        return list(read_list(fields, record.where).expand())
+    except ValueError as error:
+        raise record.error("deck.field-value", f"{record.name} lists more than a million numbers, or ALL",
+                           hint="list the numbers that the model uses") from error  # fmt: skip
 
 
 @dataclass

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable
-from femtune.files.nastran.building import Building, Library, duplicate
+from femtune.files.nastran.building import Building, Library, duplicate, listed_numbers
 from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
-from femtune.files.nastran.lists import read_list
 from femtune.files.nastran.record import Record
 
 
@@ -160,11 +159,7 @@ def _scalar_points(building: Building, grids: Mapping[int, Record]) -> NDArray[n
 
 
 def _spoint_numbers(record: Record, grids: Mapping[int, Record]) -> set[int]:
-    try:
-        numbers = set(read_list(record.card.fields, record.where).expand())
-    except ValueError as error:
-        raise record.error("deck.field-value", "SPOINT lists more than a million points",
-                           hint="list the points that the model uses") from error  # fmt: skip
+    numbers = set(listed_numbers(record, record.card.fields))
     both = sorted(numbers & set(grids))
     if both:
         raise duplicate(record.card, f"point {both[0]}", grids[both[0]].card)

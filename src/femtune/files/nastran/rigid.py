@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from femtune.errors import FemtuneError
 from femtune.fem.constraints import ALL_COMPONENTS, rigid_bar_rows, rigid_element_rows
 from femtune.fem.structure import ConstraintRows, join_constraints
-from femtune.files.nastran.building import Building
+from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.lists import read_list
 from femtune.files.nastran.record import Record
 
 
@@ -48,7 +47,7 @@ def _dependents(record: Record) -> list[int]:
     fields = list(record.card.fields[3:])
     while fields and (not fields[-1].strip() or record.card.is_real(2 + len(fields))):
         fields.pop()
-    numbers = list(read_list(fields, record.where).expand())
+    numbers = listed_numbers(record, fields)
     if not numbers:
         raise record.error("deck.field-value", "RBE2 has no dependent grid points",
                            hint="list them after CM, or remove the card")  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
-from femtune.files.nastran.building import Building
+from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.grids import Grids, unknown_grid
 from femtune.files.nastran.lists import read_list
 from femtune.files.nastran.record import Record
@@ -35,16 +35,12 @@ def read_unions(building: Building, card: str, known: set[int]) -> dict[int, lis
     unions: dict[int, list[int]] = {}
     for record in building.records(card):
         with building.errors.catch():
-            number, parts = record.integer("SID"), _members(record)
+            number, parts = record.integer("SID"), listed_numbers(record, record.card.fields[1:])
             missing = [part for part in parts if part not in known]
             if missing or number in known:
                 raise _bad_union(record, number, missing, card)
             unions.setdefault(number, []).extend(parts)
     return unions
-
-
-def _members(record: Record) -> list[int]:
-    return list(read_list(record.card.fields[1:], record.where).expand())
 
 
 def _bad_union(record: Record, number: int, missing: list[int], card: str) -> FemtuneError:

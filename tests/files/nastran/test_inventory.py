@@ -1,0 +1,69 @@
+"""Every card is read, or named with its count and line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.files.nastran import Deck
+from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.inventory import IGNORED, MISSING, NOT_NEEDED, READ, use_of
+
+DeckOf = Callable[..., Deck]
+POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "use"),
+    [
+        ("GRID", READ), ("BAROR", READ), ("FORCE", NOT_NEEDED), ("CAERO1", NOT_NEEDED), ("CBARAO", NOT_NEEDED),
+        ("CDAMP2", NOT_NEEDED), ("RLOAD1", NOT_NEEDED), ("CQUAD4", MISSING), ("CTETRA", MISSING), ("RBE3", MISSING),
+        ("RSPLINE", MISSING), ("CWELD", MISSING), ("CGAP", MISSING), ("CNEWONE", MISSING), ("GENEL", MISSING),
+        ("CORD3G", IGNORED), ("MATT1", IGNORED), ("DMIG", IGNORED), ("ASET1", IGNORED), ("CSET1", IGNORED),
+        ("WHATEVER", IGNORED),
+    ],
+)  # fmt: skip
+def test_use(name: str, use: str) -> None:
+    assert use_of(name) == use
+
+
+def test_missing_elements_are_an_error_with_count_and_first_line(deck_of: DeckOf) -> None:
+    deck = deck_of(POINTS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,1,2,3,4\nRBE3,3,,4,123,1.,123,1\n")
+    with pytest.raises(FemtuneError) as error:
+        build_structure(deck)
+    text = str(error.value)
+    assert "2 CQUAD4 cards are not understood" in text
+    assert "deck.bdf:5 (CQUAD4 1)" in text
+    assert "1 RBE3 card is not understood" in text
+    model = build_structure(deck, allow_missing=True)
+    found = [(n.level, n.what.split(" left")[0]) for n in model.notices if n.code == "deck.unsupported-element"]
+    assert found == [("warning", "2 CQUAD4 cards are"), ("warning", "1 RBE3 card is")]
+
+
+def test_matrices_that_case_control_adds_are_an_error(deck_of: DeckOf) -> None:
+    deck = deck_of(f"SOL 103\nCEND\nK2GG=KAAX\nBEGIN BULK\n{POINTS}ENDDATA\n")
+    with pytest.raises(FemtuneError, match="K2GG = KAAX") as error:
+        build_structure(deck)
+    assert error.value.code == "deck.unsupported-element"
+
+
+def test_ignored_cards_are_notices(deck_of: DeckOf) -> None:
+    model = build_structure(deck_of(POINTS + "FORCE,1,1,,1.,1.\nFORCE,1,2,,1.,1.\nMATT1,1,4\nODDITY,1\n"))
+    assert [(n.level, n.what) for n in model.notices] == [
+        ("info", "2 FORCE cards are ignored: not needed for normal modes"),
+        ("warning", "1 MATT1 card is ignored: materials do not depend on temperature here; the values on the "
+         "material card count"),
+        ("warning", "1 ODDITY card is ignored: not understood"),
+    ]  # fmt: skip
+    assert [(c.name, c.count, c.where.line, c.use) for c in model.cards][:2] == [
+        ("GRID", 4, 1, READ), ("FORCE", 2, 5, NOT_NEEDED),
+    ]  # fmt: skip
+
+
+def test_catalogue_names_each_field_once() -> None:
+    for kind in CATALOGUE.values():
+        named = [name for name in kind.fields if name != "-"]
+        assert len(named) == len(set(named)), kind.name
