@@ -1,0 +1,258 @@
+"""A study with everything in it, what becomes of its values, and hostile files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from femtune.dofs import Dof
+from femtune.errors import FemtuneError
+from femtune.fem.values import FieldRef
+from femtune.files.study_file import StudyFile, overlay, read_study_file, study_from_text
+from femtune.model.configuration import AddedMass
+
+_FULL = """\
+[study]
+title = "Two-storey steel building"
+deck = "building.bdf"
+units = "m-kg-s"
+allow_ignored = ["CQUAD4"]
+
+[modes]
+count = 8
+
+[[configuration]]
+name = "BC"
+test = "building.uff"
+records = "BC"
+test_units = "mm-kg-s"
+mode_labels = ["1", "2", "3", "4a", "4b", "5", "6"]
+rotation = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+origin = [0.0, 0.0, 0.5]
+elements_off = "201 THRU 208 EXCEPT 203, 301"
+spc = 1
+mpc = 2
+supports_added = ["12:123", "13 THRU 15:3"]
+supports_removed = ["9:0"]
+masses = [{ node = 11, mass = 0.35, offset = [0, 0, 0.1], inertia = [1, 2, 3.5], label = "sensor" },
+          { node = 12, mass = 1, inertia = [[2, 0.5, 0], [0.5, 2, 0], [0, 0, 3]] }]
+weighed_mass = 7500.0
+leave_out = [{ mode = "4a", reason = "braces" }, { hz = 9.39, reason = "noise" }]
+pairs = [{ test = "1", model = 1 }]
+use = "update"
+
+[[configuration]]
+name = "NC"
+elements_off = [7, 8]
+use = "validation"
+
+[sensors]
+tolerance = 0.05
+by_id = false
+nodes = { "101" = 12 }
+
+[[sensor]]
+name = "11X+"
+terms = [{ node = 3, component = "X", factor = 0.5 }, { node = 4, component = "S" }]
+
+[[rigid_floor]]
+test_node = 1
+nodes = [11, 12, 13, 14]
+origin = [0, 0, 2]
+components = ["X", "Y", "RZ"]
+
+[correlate]
+frequency_gate = 0.30
+mac_gate = 0.50
+cluster_gap = 0.01
+
+[[parameter]]
+name = "Icx1"
+fields = ["PBAR 1 I1", "MAT1 2 E"]
+elements = "1 THRU 4"
+lower = 0.3
+upper = 3
+nominal = 1.0
+absolute = false
+sd = 0.2
+mean = 1.0
+unit = ""
+
+[[parameter]]
+name = "Icx2"
+elements = [5, 6]
+tie = "2*Icx1"
+
+[residuals]
+frequency_sd = "test"
+shape_sd = 0.1
+shape_form = "mac"
+frequency_form = "eigenvalue"
+shape_scaling = "largest-entry"
+
+[update]
+max_iterations = 20
+regularisation = "minimum-change"
+weight = 0.1
+tolerance = 1e-6
+
+[write]
+wide = true
+split = true
+
+[output]
+folder = "out/run"
+"""
+
+_LEAST = '[study]\ntitle = "t"\ndeck = "building.bdf"\nunits = "m-kg-s"\n'
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files that the study names."""
+    place = tmp_path_factory.mktemp("study")
+    for name in ("building.bdf", "building.uff"):
+        (place / name).touch()
+    return place
+
+
+@pytest.fixture(scope="module")
+def full(folder: Path) -> StudyFile:
+    """The study with everything in it."""
+    (folder / "study.toml").write_text(_FULL)
+    return read_study_file(folder / "study.toml")
+
+
+def test_paths_are_relative_to_the_study(full: StudyFile, folder: Path) -> None:
+    assert full.deck_path == folder / "building.bdf"
+    assert full.output_folder == folder / "out" / "run"
+    assert full.path == folder / "study.toml"
+
+
+def test_units(full: StudyFile) -> None:
+    assert (full.study.unit_system.length, full.study.unit_system.mass) == (1.0, 1.0)
+
+
+def test_overlay_is_what_the_model_takes(full: StudyFile) -> None:
+    state = overlay(full.configurations[0])
+    assert state.elements_off == {201, 202, 204, 205, 206, 207, 208, 301}
+    assert state.supports_added == ((12, "123"), (13, "3"), (14, "3"), (15, "3"))
+    assert state.supports_removed == ((9, "0"),)
+    assert (state.support_set, state.multipoint_set, state.weighed_mass) == (1, 2, 7500.0)
+    assert state.masses == (
+        AddedMass(11, 0.35, (0, 0, 0.1), ((1, 0, 0), (0, 2, 0), (0, 0, 3.5)), "sensor"),
+        AddedMass(12, 1, (0, 0, 0), ((2, 0.5, 0), (0.5, 2, 0), (0, 0, 3)), ""),
+    )
+    assert overlay(full.configurations[1]).elements_off == {7, 8}
+
+
+def test_parameters(full: StudyFile) -> None:
+    free, tied = full.parameter
+    assert free.targets == (FieldRef("PBAR", 1, "I1"), FieldRef("MAT1", 2, "E"))
+    assert free.region is not None
+    assert free.region.among(range(10)) == (1, 2, 3, 4)
+    assert tied.region is not None
+    assert tied.region.among(range(10)) == (5, 6)
+    assert (free.free, tied.free) == (True, False)
+
+
+def test_sensors(full: StudyFile) -> None:
+    assert full.sensors.nodes == {101: 12}
+    assert full.sensor[0].label == Dof(11, "X")
+    assert full.rigid_floor[0].digits == "126"
+
+
+def test_where_names_the_line(full: StudyFile) -> None:
+    assert str(full.where("parameter", 1, "tie")).endswith("study.toml:70 (parameter[2].tie)")
+    assert full.where("parameter", 1, "lower").line == full.where("parameter", 1).line == 67
+
+
+def test_study_is_frozen(full: StudyFile) -> None:
+    with pytest.raises(ValidationError, match="frozen"):
+        full.study.title = "other"  # type: ignore[misc]
+
+
+def test_least_study_has_one_state_as_the_deck(folder: Path) -> None:
+    study = study_from_text(_LEAST, folder / "s.toml")
+    assert [(c.name, c.test) for c in study.configurations] == [("as the deck", None)]
+    assert study.modes.wanted == 10
+
+
+def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
+    text = _LEAST + '[modes]\nmax_hz = 20\n[test]\nfile = "building.uff"\nunits = "mm-t-s"\nmode_labels = ["1"]\n'
+    study = study_from_text(text, folder / "s.toml")
+    (state,) = study.configurations
+    assert (state.name, state.test, state.test_units, state.mode_labels) == (
+        "as the deck", "building.uff", "mm-t-s", ("1",),
+    )  # fmt: skip
+    assert study.modes.wanted is None
+
+
+def test_lines_that_end_as_on_windows(folder: Path) -> None:
+    (folder / "dos.toml").write_bytes(_FULL.replace("\n", "\r\n").encode())
+    assert read_study_file(folder / "dos.toml").where("parameter", 1, "tie").line == 70
+
+
+_WORDS = ["[", "]", "{", "}", "=", '"', "'", '"""', "\n", "#", ",", ".", "nan", "-1", "1e999", "9" * 400, "0",
+          "[]", "{}", "true", '"x"', "\x00", "\\", "[[parameter]]", "[study]", "é", "\r", "1979-05-27", "0x1",
+          "inf"]  # fmt: skip
+_EDITS = st.lists(
+    st.tuples(st.integers(0, len(_FULL)), st.integers(0, 12), st.sampled_from(_WORDS) | st.text(max_size=4)),
+    min_size=1,
+    max_size=4,
+)
+
+
+def _only_femtune_errors(text: str, folder: Path) -> None:
+    try:
+        study_from_text(text, folder / "fuzz.toml")
+    except FemtuneError as error:
+        message = str(error)
+    else:
+        return
+    assert message.count("fuzz.toml") >= 1
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(_EDITS)
+def test_damaged_text_gives_femtune_errors_only(folder: Path, edits: list[tuple[int, int, str]]) -> None:
+    text = _FULL
+    for at, length, word in edits:
+        text = text[:at] + word + text[at + length :]
+    _only_femtune_errors(text, folder)
+
+
+_LINES = _FULL.split("\n")
+_SCALARS = (  # values of every type that TOML has
+    st.integers(-(10**20), 10**20).map(str)
+    | st.floats().map(str)
+    | st.sampled_from(
+        ["true", '""', '"ALL"', '"1 THRU 2"', "1979-05-27", "07:32:00", "9" * 400, '"\\u0000"', '"a/../b"']
+    )
+)
+_VALUES = st.recursive(
+    _SCALARS,
+    lambda inner: (
+        st.lists(inner, max_size=3).map(lambda v: f"[{', '.join(v)}]")
+        | st.tuples(st.sampled_from(["node", "mass", "mode", "test", "1"]), inner).map(
+            lambda p: f"{{ {p[0]} = {p[1]} }}"
+        )
+    ),
+    max_leaves=4,
+)
+
+
+@settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(st.tuples(st.integers(0, len(_LINES) - 1), _VALUES), min_size=1, max_size=3))
+@example([(_LINES.index("elements_off = [7, 8]"), "[" + "9" * 400 + "]")])
+@example([(_LINES.index("shape_sd = 0.1"), "9" * 400)])
+def test_values_of_any_type_give_femtune_errors_only(folder: Path, edits: list[tuple[int, str]]) -> None:
+    lines = list(_LINES)
+    for at, value in edits:
+        if " = " in lines[at]:
+            lines[at] = f"{lines[at].split(' = ')[0]} = {value}"
+    _only_femtune_errors("\n".join(lines), folder)
