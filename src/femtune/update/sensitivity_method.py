@@ -23,8 +23,7 @@ from femtune.update.trust import bounded_step, projected_gradient
 Reals = NDArray[np.float64]
 Report = Callable[[Iteration], None]
 
-# less damping would let combinations drift that the data do not determine
-_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-8, 1e12
+_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-12, 1e12
 _SAME_OBJECTIVE = 1e-9
 _MANY_PAIRING_CHANGES = 6
 
