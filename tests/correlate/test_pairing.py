@@ -305,3 +305,18 @@ def test_gates_are_fractions(gates: tuple[float, float]) -> None:
 def test_no_frequency_gate_at_all() -> None:
     phi = _orthonormal()
     assert len(pair_modes(_modes(TEST_HZ, phi), _modes(10 * TEST_HZ, phi), frequency_gate=np.inf).pairs) == 4
+
+
+@pytest.mark.parametrize("model_hz", [[9.0, 10.2], [10.2, 9.0]])
+def test_equal_shapes_go_to_the_nearer_frequency(model_hz: list[float]) -> None:
+    phi = _orthonormal()
+    found = pair_modes(_modes([10.0], phi[:, :1]), _modes(model_hz, phi[:, [0, 0]]))
+    assert found.key == ((0, model_hz.index(10.2)),)
+
+
+def test_a_cluster_that_straddles_the_gate_gives_its_member_inside() -> None:
+    phi = _orthonormal()
+    found = pair_modes(_modes([20.0], phi[:, 1:2]), _modes([24.9, 25.1], phi[:, :2]), frequency_gate=0.25)
+    assert found.key == ((0, 0),)
+    assert found.pairs[0].mac == pytest.approx(1.0)
+    assert abs(found.pairs[0].frequency_error) <= 0.25

@@ -160,3 +160,9 @@ def test_comac_does_not_forgive_a_sign_that_changes_from_mode_to_mode() -> None:
     a = b.copy()
     a[3, 0] = -1.0
     assert comac(a, b)[3] == pytest.approx(0.0)
+
+
+def test_cross_orthogonality_conjugates_complex_test_shapes() -> None:
+    test, mass = _random(12, n=3), np.diag([1.0, 2.0, 3.0])
+    root = np.sqrt(np.diag(mass))[:, None]
+    assert cross_orthogonality(test, test, mass) ** 2 == pytest.approx(mac(root * test, root * test))

@@ -11,7 +11,7 @@ from scipy.stats import ortho_group
 
 from femtune.errors import FemtuneError
 from femtune.modal import clusters, mac, principal_angles_deg, rotate_to, subspace_mac
-from femtune.modal.subspace import projection
+from femtune.modal.subspace import mostly_real, projection
 
 
 def _turn(degrees: float) -> np.ndarray:
@@ -131,3 +131,15 @@ def test_nothing_in_common_is_undefined() -> None:
 def test_a_complex_model_is_refused() -> None:
     with pytest.raises(FemtuneError, match=r"modal\.complex-model"):
         rotate_to(np.eye(3)[:, :2] * 1j, np.eye(3)[:, :2])
+
+
+def test_the_scaling_of_noisy_test_vectors_does_not_turn_the_rotation() -> None:
+    rng = np.random.default_rng(11)
+    model, test = rng.normal(size=(9, 2)), rng.normal(size=(9, 2))
+    assert rotate_to(model, test * [100.0, 0.01]).q == pytest.approx(rotate_to(model, test).q)
+
+
+def test_a_complex_shape_is_turned_to_its_largest_real_part() -> None:
+    real, imaginary = np.array([1.0, 2.0, -2.0]), np.array([0.2, -0.2, -0.1])  # orthogonal to each other
+    turned = mostly_real(np.exp(0.7j) * (real + 1j * imaginary))
+    assert turned == pytest.approx(real)
