@@ -1,0 +1,87 @@
+"""A stand-in for the steps, so that the command line is tested by itself."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from femtune.cli import main
+from femtune.files.study_file import read_study_file
+from femtune.study.results_model import CardCount
+from femtune.study.run_folder import check_writable
+
+STUDY = '[study]\ntitle = "Frame"\ndeck = "frame.bdf"\nunits = "m-kg-s"\n'
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small study in the current folder."""
+    (tmp_path / "frame.bdf").write_text("ENDDATA\n")
+    (tmp_path / "study.toml").write_text(STUDY)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "study.toml"
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """Steps that read the study, make the run folder, and tell what they were asked."""
+    module: Any = ModuleType("femtune.study.steps")
+    module.calls, module.outcome = [], None
+    for name in ("info", "modes", "correlate", "select"):
+        setattr(module, name, _single(module, name))
+    for name in ("update", "run"):
+        setattr(module, name, _whole(module, name))
+    module.report = lambda path, progress: Path(path) / "report.html"
+    monkeypatch.setitem(sys.modules, "femtune.study.steps", module)
+    return module
+
+
+def _single(module: Any, name: str) -> Callable[..., CardCount]:
+    def step(path: Path, progress: Any) -> CardCount:
+        module.calls.append((name, Path(path), {}))
+        read_study_file(path)
+        progress.step(f"{name} of [red]configuration[/red]", 1, 2)
+        return CardCount(name="CBAR", count=7)
+
+    return step
+
+
+def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
+    def step(path: Path, output: Path | None, wide: bool | None, progress: Any) -> SimpleNamespace:
+        module.calls.append((name, Path(path), {"output": output, "wide": wide}))
+        folder = output or read_study_file(path).output_folder
+        check_writable(folder)
+        (folder / "results.json").write_text("{}")
+        results = Outcome(name="CBAR", count=7, update=module.outcome)
+        return SimpleNamespace(folder=folder, results=results, report=folder / "report.html")
+
+    return step
+
+
+class Outcome(CardCount):
+    """Results as far as the command line looks at them."""
+
+    update: Any = None
+
+
+@pytest.fixture
+def invoke() -> Callable[..., Result]:
+    """Run ``femtune`` with arguments, without colours."""
+
+    def call(*arguments: object, **options: Any) -> Result:
+        return CliRunner().invoke(main, [str(a) for a in arguments], **options)
+
+    return call
+
+
+@pytest.fixture
+def command_names() -> list[str]:
+    """Names of the commands in their order."""
+    return main.list_commands(click.Context(main))

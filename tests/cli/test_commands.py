@@ -1,0 +1,140 @@
+"""Commands, their output and exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+import femtune
+
+Invoke = Callable[..., Result]
+
+_COMMANDS = ["info", "modes", "correlate", "select", "update", "run", "report"]
+
+
+def test_help_lists_the_commands_in_the_order_of_the_steps(invoke: Invoke, command_names: list[str]) -> None:
+    result = invoke("--help")
+    assert result.exit_code == 0
+    assert sorted(command_names) == sorted(_COMMANDS)
+    places = [result.output.index(f"\n  {name}") for name in command_names]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize("command", _COMMANDS)
+def test_every_command_has_help(invoke: Invoke, command: str) -> None:
+    result = invoke(command, "-h")
+    assert result.exit_code == 0
+    assert f"femtune {command}" in result.output.replace("main", "femtune")
+
+
+def test_version(invoke: Invoke) -> None:
+    assert invoke("--version").output == f"femtune, version {femtune.__version__}\n"
+
+
+def test_help_imports_no_numerics() -> None:
+    code = "import sys, femtune.cli; print([m for m in ('numpy', 'scipy', 'pydantic', 'rich') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize("command", ["info", "modes", "correlate", "select"])
+def test_json_is_the_result_and_nothing_else(invoke: Invoke, steps: Any, study: Path, command: str) -> None:
+    result = invoke(command, study, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == {"name": "CBAR", "count": 7}
+    assert [(name, path) for name, path, _ in steps.calls] == [(command, study)]
+
+
+def test_result_is_shown(invoke: Invoke, steps: Any, study: Path) -> None:
+    assert "CBAR" in invoke("info", study).stdout
+    assert invoke("info", study, "--quiet").stdout == ""
+
+
+def test_solvers_need_no_study(invoke: Invoke) -> None:
+    result = invoke("info", "--solvers")
+    assert result.exit_code == 0
+    assert "SuperLU" in result.output
+
+
+def test_info_without_anything(invoke: Invoke) -> None:
+    result = invoke("info")
+    assert result.exit_code == 2
+    assert "name a study or a deck" in result.output
+
+
+def test_run_ends_by_naming_the_report(invoke: Invoke, steps: Any, study: Path) -> None:
+    result = invoke("run", study)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[-1] == f"report: {study.parent / 'run' / 'report.html'}"
+    assert steps.calls == [("run", study, {"output": None, "wide": None})]
+
+
+def test_options_reach_the_step(invoke: Invoke, steps: Any, study: Path, tmp_path: Path) -> None:
+    assert invoke("update", study, "--output", tmp_path / "other", "--wide").exit_code == 0
+    assert steps.calls == [("update", study, {"output": tmp_path / "other", "wide": True})]
+
+
+@pytest.mark.parametrize("command", ["update", "run"])
+def test_update_without_an_optimum_ends_with_code_1(invoke: Invoke, steps: Any, study: Path, command: str) -> None:
+    steps.outcome = SimpleNamespace(ok=False, status="STALLED", message="no step lowers the objective")
+    result = invoke(command, study, "--quiet")
+    assert result.exit_code == 1
+    assert "STALLED: no step lowers the objective" in result.stderr
+    assert (study.parent / "run" / "results.json").exists()
+
+
+def test_update_with_an_optimum_ends_with_code_0(invoke: Invoke, steps: Any, study: Path) -> None:
+    steps.outcome = SimpleNamespace(ok=True, status="CONVERGED", message="")
+    assert invoke("run", study, "--quiet").exit_code == 0
+
+
+def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -> None:
+    assert invoke("report", tmp_path).stdout == f"report: {tmp_path / 'report.html'}\n"
+
+
+@pytest.mark.parametrize("command", [c for c in _COMMANDS if c != "report"])
+def test_missing_study(invoke: Invoke, steps: Any, tmp_path: Path, command: str) -> None:
+    result = invoke(command, tmp_path / "none.toml")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("[study.missing-file] there is no study file here\n")
+    assert "Traceback" not in result.output
+
+
+def test_misspelt_key(invoke: Invoke, steps: Any, study: Path) -> None:
+    study.write_text(study.read_text() + "[modes]\ncuont = 3\n")
+    result = invoke("run", study)
+    assert result.exit_code == 2
+    assert "[study.unknown-key] 'cuont' is not a key of [modes]" in result.stderr
+    assert "study.toml:6 (modes.cuont)" in result.stderr
+    assert "hint: did you mean 'count'?" in result.stderr
+
+
+def test_unwritable_folder(invoke: Invoke, steps: Any, study: Path) -> None:
+    (study.parent / "file").touch()
+    result = invoke("run", study, "--output", study.parent / "file" / "run")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("[run.unwritable]")
+
+
+def test_unknown_command_and_option(invoke: Invoke, study: Path) -> None:
+    assert invoke("tune", study).exit_code == 2
+    assert invoke("run", study, "--fast").exit_code == 2
+
+
+def test_help_is_quick() -> None:
+    def seconds() -> float:
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "femtune.cli", "--help"], capture_output=True, check=True)
+        return time.perf_counter() - start
+
+    # the machine may be busy: the best of a few counts
+    assert min(seconds() for _ in range(3)) < 0.3

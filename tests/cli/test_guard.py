@@ -1,0 +1,83 @@
+"""Errors, Ctrl-C and faults: messages and exit codes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import Result
+
+from femtune.cli.guard import CRASH_FILE, coloured
+from femtune.errors import FemtuneError
+
+Invoke = Callable[..., Result]
+
+
+def _raise(error: BaseException) -> Callable[..., Any]:
+    def step(*arguments: Any, **options: Any) -> Any:
+        raise error
+
+    return step
+
+
+def test_code_is_red_on_a_terminal(invoke: Invoke, steps: Any, study: Path) -> None:
+    steps.run = _raise(FemtuneError("a.b", "what [not.this]", hint="fix"))
+    result = invoke("run", study, color=True)
+    assert result.stderr == click.style("[a.b]", fg="red", bold=True) + " what [not.this]\n\nhint: fix\n"
+    assert invoke("run", study).stderr == "[a.b] what [not.this]\n\nhint: fix\n"
+
+
+def test_every_code_of_several_errors_is_coloured() -> None:
+    assert click.unstyle(coloured("2 problems:\n\n[a.b] x\n\n[c-d.e] y")).count("[") == 2
+    assert coloured("[a.b] x\n\n[c-d.e] y").count("\x1b[31m") == 2
+
+
+def test_fault_leaves_one_line_and_a_file_here(invoke: Invoke, steps: Any, study: Path) -> None:
+    steps.run = _raise(ZeroDivisionError("division\nby zero"))
+    result = invoke("run", study)
+    assert result.exit_code == 70
+    assert len(result.stderr.splitlines()) == 1
+    assert "please report it" in result.stderr
+    assert str(study.parent / CRASH_FILE) in result.stderr
+    text = (study.parent / CRASH_FILE).read_text()
+    assert "Traceback" in text
+    assert "ZeroDivisionError" in text
+
+
+def test_fault_leaves_its_file_in_the_run_folder(invoke: Invoke, steps: Any, study: Path) -> None:
+    (study.parent / "run").mkdir()
+    steps.run = _raise(KeyError("x"))
+    invoke("run", study)
+    assert (study.parent / "run" / CRASH_FILE).exists()
+
+
+def test_fault_where_nothing_can_be_written(
+    invoke: Invoke, steps: Any, study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("femtune.cli.guard._wrote", lambda file, text: False)
+    steps.run = _raise(KeyError("x"))
+    result = invoke("run", study)
+    assert result.exit_code == 70
+    assert "KeyError" in result.stderr
+
+
+def test_ctrl_c_says_what_has_been_kept(invoke: Invoke, steps: Any, study: Path) -> None:
+    def step(path: Path, **options: Any) -> None:
+        (study.parent / "run").mkdir()
+        (study.parent / "run" / "results.json").touch()
+        raise KeyboardInterrupt
+
+    steps.run = step
+    result = invoke("run", study)
+    assert result.exit_code == 130
+    assert result.stderr == f"stopped by Ctrl-C; kept: {study.parent / 'run' / 'results.json'}\n"
+
+
+def test_ctrl_c_before_anything_was_written(invoke: Invoke, steps: Any, study: Path) -> None:
+    steps.modes = _raise(KeyboardInterrupt())
+    result = invoke("modes", study)
+    assert result.exit_code == 130
+    assert result.stderr == "stopped by Ctrl-C; nothing was written\n"
