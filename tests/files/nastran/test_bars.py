@@ -65,7 +65,8 @@ def test_g_is_derived_from_e_and_nu_with_its_derivatives(deck_of: DeckOf) -> Non
 
 @pytest.mark.parametrize(
     ("fields", "e", "g"),
-    [("2.6,1.,,", 2.6, 1.0), (",1.,.3,", 2.6, 1.0), ("2.6,,.3,", 2.6, 1.0), ("2.6,1.1,.3,", 2.6, 1.1), ("2.6,,,", 2.6, 0.0)],
+    [("2.6,1.,,", 2.6, 1.0), (",1.,.3,", 2.6, 1.0), ("2.6,,.3,", 2.6, 1.0), ("2.6,1.1,.3,", 2.6, 1.1),
+     ("2.6,,,", 2.6, 0.0)],
 )  # fmt: skip
 def test_any_two_of_e_g_nu(deck_of: DeckOf, fields: str, e: float, g: float) -> None:
     model, one = batch(deck_of(f"MAT1,1,{fields}\n{PBAR}{TURNED}CBAR,7,3,1,2,0.,1.,0.\n"))

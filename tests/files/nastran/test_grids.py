@@ -103,7 +103,8 @@ def test_selected_sets_must_exist(deck_of: DeckOf, selection: str) -> None:
 
 @pytest.mark.parametrize(
     ("case", "bulk", "held"),
-    [("", "", True), ("", "PARAM,AUTOSPC,NO", False), ("AUTOSPC=NO", "", False), ("AUTOSPC=YES", "PARAM,AUTOSPC,NO", True)],
+    [("", "", True), ("", "PARAM,AUTOSPC,NO", False), ("AUTOSPC=NO", "", False),
+     ("AUTOSPC=YES", "PARAM,AUTOSPC,NO", True)],
 )  # fmt: skip
 def test_autospc(deck_of: DeckOf, case: str, bulk: str, held: bool) -> None:
     model = built(deck_of(f"SOL 103\nCEND\n{case}\nBEGIN BULK\n{POINTS}{bulk}\nENDDATA\n"))

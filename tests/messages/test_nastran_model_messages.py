@@ -1,0 +1,110 @@
+"""The pages of errors found while a structure is built from a deck show the very message that a user gets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from femtune.errors import FemtuneError, Where
+from femtune.fem.values import FieldRef
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.field_refs import parse_field_ref, resolve
+from femtune.files.nastran.write_plan import plan_edits
+
+_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
+_BASE = (
+    "MAT1,1,2.1+11,,.3,7850.\nPBAR,3,1,1.-3,2.-6,3.-6,4.-6\nPROD,8,1,1.-4\nPBAR,5,1,1.-3,2.-6,3.-6,4.-6\n"
+    "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\n"
+)
+_BAR = "CBAR,7,3,1,2,0.,1.,0.\n"
+
+DECKS = {
+    "deck.unknown-grid": _BASE + "CBAR,7,3,1,22,0.,1.,0.\n",
+    "deck.unknown-property": _BASE + "CBAR,7,4,1,2,0.,1.,0.\n",
+    "deck.unknown-material": _BASE + "PBAR,12,11,1.-3\nCBAR,7,12,1,2,0.,1.,0.\n",
+    "deck.unknown-coordinate-system": "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,6,0.,0.,0.\n",
+    "deck.circular-coordinates": ("CORD2R,5,6,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nCORD2R,6,5,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"),
+    "deck.degenerate-coordinates": "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.\n",
+    "deck.duplicate-id": _BASE + _BAR + "CBAR,7,3,2,1,0.,1.,0.\n",
+    "deck.property-type": _BASE + "CBAR,7,8,1,2,0.,1.,0.\n",
+    "deck.zero-length": _BASE + "CBAR,7,3,1,1,0.,1.,0.\n",
+    "deck.orientation": _BASE + "CBAR,7,3,1,2,1.,0.,0.\n",
+    "deck.material": _BASE.replace("2.1+11", "-2.1+11") + _BAR,
+    "deck.section": _BASE + "PBARL,4,1,,HAT\n,1.,2.,3.,4.\nCBAR,7,4,1,2,0.,1.,0.\n",
+    "deck.missing-set": "SOL 103\nCEND\nSPC = 3\nBEGIN BULK\nGRID,1,,0.,0.,0.\nSPC1,1,123456,1\nENDDATA\n",
+    "deck.unsupported-element": _BASE + "CQUAD4,21,9,1,2,3,4\nCQUAD4,22,9,3,4,5,6\n",
+    "deck.field-value": _BASE + "CELAS2,9,1.+5,1,12\n",
+    "deck.fluid-point": "GRID,1,,0.,0.,0.,-1\n",
+    "deck.offset-frame": _BASE + "CBAR,7,3,1,2,0.,1.,0.,EEG\n",
+    "deck.param": _BASE + "PARAM,COUPMASS,MAYBE\n",
+}
+NOTICES = {
+    "deck.ignored-cards": _BASE + "FORCE,1,1,,10.,0.,0.,1.\nFORCE,1,2,,10.,0.,0.,1.\n",
+    "deck.ignored-param": _BASE + "PARAM,POST,-1\n",
+    "deck.repeated-grid": _BASE + "GRID,2,,1.,0.,0.\n",
+    "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",
+}
+_W = Where("study.toml", 31, "parameter[2]")
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _built(text: str) -> BuiltModel:
+    Path("deck.bdf").write_text(text)
+    return build_structure(read_deck("deck.bdf"))
+
+
+def _check(error: FemtuneError, code: str) -> None:
+    assert error.code == code
+    assert str(error) in (_PAGES / f"{code}.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("code", DECKS)
+def test_page_shows_the_error(code: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        _built(DECKS[code])
+    _check(caught.value, code)
+
+
+def test_page_shows_the_rest_of_many_errors() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        _built(_BASE + "".join(f"CBAR,{i},3,1,{i},0.,1.,0.\n" for i in range(100, 150)))
+    _check(caught.value.errors[-1], "deck.more-problems")  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("code", NOTICES)
+def test_page_shows_the_notice(code: str) -> None:
+    notice = _built(NOTICES[code]).notices[0]
+    assert notice.code == code
+    assert str(notice) in (_PAGES / f"{code}.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        ("study.unknown-field", "PBAR 3 I11"),
+        ("parameter.derived-field", "MAT1 1 G"),
+        ("parameter.touches-nothing", "PBAR 5 I1"),
+    ],
+)
+def test_page_shows_the_error_of_a_field(code: str, text: str) -> None:
+    built = _built(_BASE + _BAR)
+    with pytest.raises(FemtuneError) as caught:
+        resolve(built, parse_field_ref(text, _W), _W)
+    _check(caught.value, code)
+
+
+@pytest.mark.parametrize(
+    ("code", "ref"),
+    [("write.no-field", FieldRef("MAT1", 1, "G")), ("write.unknown-region", FieldRef("PBAR", 3, "I1", "legs"))],
+)
+def test_page_shows_the_error_of_writing(code: str, ref: FieldRef) -> None:
+    built = _built(_BASE + _BAR)
+    with pytest.raises(FemtuneError) as caught:
+        plan_edits(built, {ref: 1.0}, {"legs": [7, 8]})
+    _check(caught.value, code)
