@@ -112,7 +112,11 @@ def beam_errors(support: tuple[str, str], plane: int, consistent: bool, shear: b
 def test_euler_beam(support: tuple[str, str], plane: int, consistent: bool):
     errors = beam_errors(support, plane, consistent, shear=False, rotary=False)
     # lumped mass without rotary inertia costs two orders where an end can turn and move
-    assert np.abs(rates(errors) - (2.0 if "free" in support and not consistent else 4.0)).max() < 0.3
+    expected = 2.0 if "free" in support and not consistent else 4.0
+    # errors of 1e-8 are half rounding
+    clear = np.abs(errors[-1]) > 3e-8
+    assert clear.sum() >= 2
+    assert np.abs(rates(errors[:, clear]) - expected).max() < 0.3
     assert np.abs(errors[-1]).max() < (1e-5 if consistent else 1e-2)
 
 

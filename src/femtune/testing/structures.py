@@ -17,6 +17,9 @@ from femtune.fem.values import FieldRef, ValueTableBuilder
 
 Reals = NDArray[np.float64]
 
+# principal mass, after every DOF is scaled by its own, below which a direction counts as massless
+MASSLESS = 1e-12
+
 
 @dataclass(frozen=True)
 class Part:
@@ -126,15 +129,27 @@ def dense_matrices(
 
 
 def dense_modes(structure: Structure, held: Iterable[int] = (), rows: ConstraintRows | None = None) -> Reals:
-    """Natural frequencies in Hz, ascending, of a small structure; DOFs without mass are condensed.
+    """Natural frequencies in Hz, ascending, of a small structure; directions without mass are condensed.
 
     DOFs that have neither stiffness nor mass are left out; negative eigenvalues (rounding) count as zero.
     """
     K, M = dense_matrices(structure, held, rows)
-    heavy = np.abs(M).sum(axis=1) > 0.0
-    light = ~heavy & (np.abs(K).sum(axis=1) > 0.0)
-    k = K[np.ix_(heavy, heavy)]
+    used = (np.abs(K).sum(axis=1) > 0.0) | (np.abs(M).sum(axis=1) > 0.0)
+    inertia, k = _principal(K[np.ix_(used, used)], M[np.ix_(used, used)])
+    light = inertia <= MASSLESS
+    heavy = ~light
+    condensed = k[np.ix_(heavy, heavy)]
     if light.any():
-        k = k - K[np.ix_(heavy, light)] @ np.linalg.solve(K[np.ix_(light, light)], K[np.ix_(light, heavy)])
-    eigenvalues = scipy.linalg.eigh(k, M[np.ix_(heavy, heavy)], eigvals_only=True)
+        rest = np.linalg.solve(k[np.ix_(light, light)], k[np.ix_(light, heavy)])
+        condensed = condensed - k[np.ix_(heavy, light)] @ rest
+    scale = 1.0 / np.sqrt(inertia[heavy])
+    eigenvalues = scipy.linalg.eigvalsh(scale[:, None] * condensed * scale)
     return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)) / (2.0 * np.pi))
+
+
+def _principal(K: Reals, M: Reals) -> tuple[Reals, Reals]:
+    """Principal masses, each DOF scaled by its own, and the stiffness along their directions."""
+    own = np.sqrt(np.diag(M))
+    scale = 1.0 / np.where(own > 0.0, own, 1.0)
+    inertia, directions = np.linalg.eigh(scale[:, None] * M * scale)
+    return inertia, directions.T @ (scale[:, None] * K * scale) @ directions
