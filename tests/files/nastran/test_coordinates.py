@@ -124,3 +124,15 @@ def test_unknown_system_and_points_on_a_line(deck_of: DeckOf) -> None:
     assert code(deck_of("GRID,1,4,0.,0.,0.\n")) == "deck.unknown-coordinate-system"
     line = "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,0.,2.\n"
     assert code(deck_of(line)) == "deck.degenerate-coordinates"
+
+
+def test_huge_coordinates_are_an_error_and_no_overflow(deck_of: DeckOf) -> None:
+    assert code(deck_of("GRID,1,,1.+200,1.+200,0.\n")) == "deck.field-value"
+
+
+def test_elements_on_a_bad_grid_point_do_not_add_errors(deck_of: DeckOf) -> None:
+    text = "GRID,1,9,0.,0.,0.\nGRID,2,,1.,0.,0.\nRBAR,1,1,2,123456\nRBE2,2,2,123456,1\nCONM2,3,1,,5.\n"
+    with pytest.raises(FemtuneError) as error:
+        build_structure(deck_of(text))
+    assert error.value.code == "deck.unknown-coordinate-system"
+    assert not hasattr(error.value, "errors")

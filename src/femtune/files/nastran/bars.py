@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.bar_properties import BarProperties
 from femtune.files.nastran.building import BatchRows, Building
+from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials
 from femtune.files.nastran.properties import read_properties
@@ -92,7 +93,10 @@ def orientation_vector(record: Record, grids: Grids, a: int, basic: bool = False
 
 
 def _offset(record: Record, grids: Grids, end: str, row: int, kind: str, line: Reals, v: Reals) -> Reals:
-    w = record.reals(*(f"W{i}{end}" for i in "123"))
+    names = (f"W1{end}", f"W2{end}", f"W3{end}")
+    if len(record.card.fields) <= record.at(names[0]):
+        return np.zeros(3)
+    w = record.reals(*names)
     if not any(w):
         return np.zeros(3)
     if kind == "G":
@@ -103,18 +107,18 @@ def _offset(record: Record, grids: Grids, end: str, row: int, kind: str, line: R
 
 def element_frame(line: Reals, v: Reals) -> Reals:
     """(3, 3) columns x along the line, y in the plane of line and v, z = x × y."""
-    x = line / np.linalg.norm(line)
-    z = np.cross(x, v)
-    z = z / np.linalg.norm(z)
-    return np.column_stack([x, np.cross(z, x), z])
+    x = line / length(line)
+    z = cross(x, v)
+    z = z / length(z)
+    return np.column_stack([x, cross(z, x), z])
 
 
 def check_line(record: Record, line: Reals, v: Reals) -> None:
     """Errors ``deck.zero-length`` and ``deck.orientation`` of an element's axis and orientation vector."""
-    length = np.linalg.norm(line)
-    if length == 0.0:
+    size = length(line)
+    if size == 0.0:
         raise record.error("deck.zero-length", "the two ends of the element are at the same point",
                            hint="correct grid points or offsets; join coincident points by RBE2 or CBUSH")  # fmt: skip
-    if np.linalg.norm(np.cross(line, v)) <= _PARALLEL * length * np.linalg.norm(v):
+    if length(cross(line, v)) <= _PARALLEL * size * length(v):
         raise record.error("deck.orientation", "the orientation vector is parallel to the element",
                            hint="choose a vector that points away from the element's axis")  # fmt: skip

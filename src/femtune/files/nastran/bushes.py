@@ -12,6 +12,7 @@ from femtune.fem.values import FieldRef
 from femtune.files.nastran.bars import check_line, element_frame, orientation_vector
 from femtune.files.nastran.building import BatchRows, Building, Library
 from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Roles
 from femtune.files.nastran.properties import Properties, read_properties
@@ -87,7 +88,7 @@ def _location(record: Record, grids: Grids, start: Reals, end: Reals) -> Reals:
 def _frame(record: Record, grids: Grids, a: int, line: Reals, stiffness: Mapping[str, float]) -> Reals:
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
-    if np.linalg.norm(line) <= _COINCIDENT * max(1.0, float(np.linalg.norm(grids.table.xyz[a]))):
+    if length(line) <= _COINCIDENT * max(1.0, length(grids.table.xyz[a])):
         raise record.error("deck.orientation", "a CBUSH between coincident points or to ground needs its axes",
                            at="CID", hint="give the coordinate system of its axes in CID (0 for basic)")  # fmt: skip
     v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)

@@ -61,9 +61,8 @@ class Grids:
         return frozenset([*self.records, *self.table.scalar_points.tolist()])
 
     def row(self, number: int, user: Record) -> int:
-        """Row of the node table (error ``deck.unknown-grid``)."""
-        if not self.table.has_grid(number):
-            raise unknown_grid(number, user)
+        """Row of the node table (error ``deck.unknown-grid``, or what is wrong with the grid point)."""
+        self.location(number, user)
         return self.table.position(number)
 
     def dofs(self, row: int) -> list[int]:

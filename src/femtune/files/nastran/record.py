@@ -10,6 +10,9 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.catalogue import CATALOGUE
 
+# squares and products of coordinates stay numbers
+_LARGEST = 1e30
+
 
 @dataclass(frozen=True)
 class Record:
@@ -63,8 +66,13 @@ class Record:
         return self._source(name).card.real(self.at(name), default)  # type: ignore[arg-type]
 
     def reals(self, *names: str) -> list[float]:
-        """Real numbers in fields, 0 where blank."""
-        return [self.real(name, 0.0) for name in names]
+        """Components of a point or vector, 0 where blank (error ``deck.field-value`` beyond all sizes)."""
+        found = [self.real(name, 0.0) for name in names]
+        for name, x in zip(names, found):
+            if abs(x) > _LARGEST:
+                raise self.error("deck.field-value", "a coordinate is beyond all sizes", at=name,
+                                 hint="correct its exponent")  # fmt: skip
+        return found
 
     def text(self, name: str, default: str = "") -> str:
         """Text in a field, upper case."""

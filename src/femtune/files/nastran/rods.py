@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import BatchRows, Building, Library
+from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials, Roles
 from femtune.files.nastran.properties import Properties, read_properties
@@ -39,7 +38,7 @@ def _section(building: Building, record: Record, number: int, materials: Materia
 
 def _add(rows: BatchRows, record: Record, roles: Roles, grids: Grids) -> None:
     a, b = grids.row(record.integer("G1"), record), grids.row(record.integer("G2"), record)
-    if np.linalg.norm(grids.table.xyz[b] - grids.table.xyz[a]) == 0.0:
+    if length(grids.table.xyz[b] - grids.table.xyz[a]) == 0.0:
         raise record.error("deck.zero-length", "the two ends of the element are at the same point",
                            hint="correct the grid points")  # fmt: skip
     rows.add(record.integer("EID"), [a, b], grids.dofs(a) + grids.dofs(b), roles, {})
