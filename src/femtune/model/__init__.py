@@ -1,7 +1,7 @@
 """The parametric model: exact terms, configurations, eigen-solution and derivatives."""
 
 from femtune.model.configuration import AddedMass, Configuration
-from femtune.model.configured import ConfiguredModel, ModelPoint, configure
+from femtune.model.configured import ConfiguredModel, ModelPoint, configure, grid_matrix
 from femtune.model.derivatives import SubspaceDerivative, subspace_derivative
 from femtune.model.eigen import EigenSolution, solve_modes
 from femtune.model.factorise import available_solvers
@@ -18,6 +18,7 @@ __all__ = [
     "SubspaceDerivative",
     "available_solvers",
     "configure",
+    "grid_matrix",
     "parametric_model",
     "solve_modes",
     "subspace_derivative",

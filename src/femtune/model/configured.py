@@ -151,6 +151,13 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
     return ConfiguredModel(model, configuration, elimination.T, elimination.free, dofs, indptr, indices, projected)
 
 
+def grid_matrix(model: ParametricModel, configuration: Configuration, matrix: MatrixKind) -> sp.csr_array:
+    """(n_g, n_g) matrix of a configuration at nominal values, before any constraint (for mass and rigid-body checks)."""
+    added = mass_terms(model.structure.nodes, configuration.masses)
+    terms = [t for t in (*_active(model.terms, configuration), *added) if t.matrix == matrix]
+    return _nominal(model, terms, sp.csr_array(sp.eye_array(model.structure.nodes.n_dofs)))
+
+
 def _active(terms: Sequence[Term], configuration: Configuration) -> list[Term]:
     off = list(configuration.elements_off)
     if not off:
@@ -175,13 +182,18 @@ def _eliminate(structure: Structure, configuration: Configuration, held: NDArray
 
 def _without_stiffness(model: ParametricModel, terms: list[Term], elimination: Elimination) -> list[int]:
     """g-set DOFs whose node has no stiffness there at nominal values."""
-    indptr, indices, projected = project([t for t in terms if t.matrix == "stiffness"], elimination.T)
+    stiffness = _nominal(model, [t for t in terms if t.matrix == "stiffness"], elimination.T)
+    return [int(i) for i in singular_dofs(stiffness, elimination.free, model.structure.nodes)]
+
+
+def _nominal(model: ParametricModel, terms: Sequence[Term], T: sp.csr_array) -> sp.csr_array:
+    """Σ TᵀK_cT at nominal values."""
+    indptr, indices, projected = project(terms, T)
     table = model.table(np.zeros(len(model.parameters.free)))
-    n, data = elimination.T.shape[1], np.zeros(len(indices))
+    data = np.zeros(len(indices))
     for p in projected:
         data += _part_of(p, p.term.coefficient(table) if p.term.coefficient else None, ())
-    stiffness = sp.csr_array((data, indices, indptr), shape=(n, n))
-    return [int(i) for i in singular_dofs(stiffness, elimination.free, model.structure.nodes)]
+    return sp.csr_array((data, indices, indptr), shape=(T.shape[1], T.shape[1]))
 
 
 def project(terms: Sequence[Term], T: sp.csr_array) -> tuple[NDArray, NDArray, tuple[ProjectedTerm, ...]]:

@@ -1,0 +1,92 @@
+"""Alerts: what the reader of the results should know first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from femtune.status import Status
+from femtune.study.load import Study
+from femtune.study.record_model import alert_of
+from femtune.study.results import Results
+from femtune.study.results_base import Alert, Level
+from femtune.study.results_correlation import CorrelationResults
+
+_WEIGHED_PERCENT = 2.0
+_WRITTEN_PERCENT = 0.05
+
+
+def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
+    """Alerts of a finished run, the gravest first."""
+    found = [
+        *_of_update(results),
+        *_of_writing(results),
+        *_of_model(results),
+        *_of_correlation(results),
+        *(alert_of(n) for n in study.notices if n.level != "info"),
+    ]
+    order = {"problem": 0, "warning": 1, "info": 2}
+    return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
+
+
+def _alert(level: Level, code: str, sentence: str) -> Alert:
+    return Alert(level=level, code=code, sentence=sentence)
+
+
+def _of_update(results: Results) -> Iterable[Alert]:
+    update = results.update
+    if update is None:
+        return
+    if not update.ok:
+        yield _alert("problem", "update.no-optimum", f"the update {update.message}")
+    if update.status == Status.UNDETERMINED.name:
+        yield _alert("warning", "update.undetermined", "some combinations of parameters are not determined by the data")
+    at_bound = [p.name for p in update.parameters if p.at_bound]
+    if at_bound:
+        yield _alert(
+            "warning", "update.at-bound", f"at a bound, so that their values say little: {', '.join(at_bound)}"
+        )
+    if update.pairing_events:
+        yield _alert("info", "update.pairing-changed", f"the pairing changed {len(update.pairing_events)} times")
+
+
+def _of_writing(results: Results) -> Iterable[Alert]:
+    written, update = results.write_back, results.update
+    if written is None or update is None:
+        return
+    for sentence in written.without_field:
+        level: Level = "warning" if "split" in sentence else "info"
+        yield _alert(level, "write.without-field", sentence)
+    as_written = update.objective_as_written_percent
+    if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
+        yield _alert(
+            "warning",
+            "write.rounding",
+            f"the values that the deck's fields can hold give a mean error of {as_written:.3g} % instead of "
+            f"{update.objective_after_percent:.3g} %; wide = true keeps more digits",
+        )
+
+
+def _of_model(results: Results) -> Iterable[Alert]:
+    if results.model is None:
+        return
+    for c in results.model.configurations:
+        if c.mass_difference_percent is not None and abs(c.mass_difference_percent) > _WEIGHED_PERCENT:
+            yield _alert(
+                "warning",
+                "model.mass-differs",
+                f"{c.configuration}: the model's mass is {c.mass_difference_percent:+.1f} % off the weighed one",
+            )
+        if c.rigid_body_check.verdict == "fail":
+            yield _alert("warning", "model.grounded", f"{c.configuration}: {c.rigid_body_check.sentence}")
+
+
+def _of_correlation(results: Results) -> Iterable[Alert]:
+    stages = [c.stage for c in results.correlations]
+    for c in results.correlations:
+        if stages and c.stage == stages[-1]:
+            yield from _of_unpaired(c)
+
+
+def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:
+    for mode in c.unpaired_test:
+        yield _alert("warning", "correlate.unpaired", f"{c.configuration}: test mode {mode.test_label}: {mode.reason}")

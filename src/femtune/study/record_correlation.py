@@ -1,0 +1,166 @@
+"""Records of test against model, from correlations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.correlate import Correlation, NotTested, Pair, Verdict, assess, correlate, reduce_mass
+from femtune.model import EigenSolution
+from femtune.residuals import ModalCase, modes_at_sensors
+from femtune.study.results_base import Stage
+from femtune.study.results_correlation import (
+    ClusterMatch,
+    ComacEntry,
+    CorrelationResults,
+    Criterion,
+    LeftOutMode,
+    PairedMode,
+    Prediction,
+    UnpairedModelMode,
+    UnpairedTestMode,
+)
+
+Arrays = dict[str, NDArray]
+
+
+def correlate_case(case: ModalCase, solution: EigenSolution) -> Correlation:
+    """All comparisons of a case at its solved modes."""
+    model = modes_at_sensors(case, solution)
+    point = solution.point
+    mass = reduce_mass(point.stiffness, point.mass, case.sensors, model)
+    return correlate(
+        case.test,
+        model,
+        mass=mass,
+        frequency_gate=case.rules.frequency_gate,
+        mac_gate=case.rules.mac_gate,
+        relative_gap=case.rules.relative_gap,
+        fixed=case.fixed,
+        left_out=case.left_out,
+    )
+
+
+def correlation_results(name: str, stage: Stage, c: Correlation, arrays: Arrays) -> CorrelationResults:
+    """The record; its matrices are put into `arrays`."""
+    prefix = f"{stage.replace(' ', '_')}/{name}"
+    crossed = not isinstance(c.cross_orthogonality, NotTested)
+    if crossed:
+        arrays[f"{prefix}/cross_orthogonality"] = _spread(c)
+    arrays[f"{prefix}/mac"] = c.mac
+    arrays[f"{prefix}/auto_mac_test"] = c.auto_mac_test
+    arrays[f"{prefix}/auto_mac_model"] = c.auto_mac_model
+    return CorrelationResults(
+        configuration=name,
+        stage=stage,
+        pairs=tuple(_pair(c, p) for p in c.pairing.pairs),
+        left_out=tuple(LeftOutMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if u.left_out),
+        unpaired_test=tuple(
+            UnpairedTestMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if not u.left_out
+        ),
+        unpaired_model=tuple(_unpaired_model(c)),
+        clusters=tuple(_clusters(c)),
+        mac_key=f"{prefix}/mac",
+        mac_test_labels=c.test.labels,
+        mac_test_freq_hz=tuple(float(f) for f in c.test.freq_hz),
+        mac_model_numbers=tuple(range(1, len(c.model) + 1)),
+        mac_model_freq_hz=tuple(float(f) for f in c.model.freq_hz),
+        auto_mac_test_key=f"{prefix}/auto_mac_test",
+        auto_mac_model_key=f"{prefix}/auto_mac_model",
+        comac=tuple(ComacEntry(dof=str(d), comac=float(v)) for d, v in zip(c.dofs, c.comac) if np.isfinite(v)),
+        cross_orthogonality_key=f"{prefix}/cross_orthogonality" if crossed else None,
+        cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
+        criteria=tuple(_criterion(v) for v in assess(c)),
+    )
+
+
+def _spread(c: Correlation) -> NDArray:
+    """Cross-orthogonality of the pairs at its places among all modes; NaN elsewhere."""
+    out = np.full(c.mac.shape, np.nan)
+    tests, models = [p.test for p in c.pairing.pairs], [p.model for p in c.pairing.pairs]
+    out[np.ix_(tests, models)] = c.cross_orthogonality
+    return out
+
+
+def _pair(c: Correlation, p: Pair) -> PairedMode:
+    return PairedMode(
+        test_label=c.test.labels[p.test],
+        test_freq_hz=float(c.test.freq_hz[p.test]),
+        model_number=p.model + 1,
+        model_freq_hz=float(c.model.freq_hz[p.model]),
+        freq_error_percent=100.0 * p.frequency_error,
+        mac=float(p.mac) if np.isfinite(p.mac) else None,
+        fixed_by_hand=p.fixed,
+        cluster=None if p.cluster is None else p.cluster + 1,
+    )
+
+
+def _unpaired(c: Correlation, i: int, reason: str) -> dict:
+    return {"test_label": c.test.labels[i], "test_freq_hz": float(c.test.freq_hz[i]), "reason": reason}
+
+
+def _unpaired_model(c: Correlation) -> Iterable[UnpairedModelMode]:
+    highest = float(c.test.freq_hz.max(initial=0.0))
+    for j in c.pairing.unpaired_model:
+        if c.model.freq_hz[j] <= 1.2 * highest:
+            yield UnpairedModelMode(
+                model_number=j + 1,
+                model_freq_hz=float(c.model.freq_hz[j]),
+                reason="no test mode was paired with it",
+            )
+
+
+def _clusters(c: Correlation) -> Iterable[ClusterMatch]:
+    for i, match in enumerate(c.clusters, start=1):
+        if len(match.model) > 1:
+            angles = match.rotation.principal_angles_deg
+            yield ClusterMatch(
+                cluster=i,
+                test_labels=tuple(c.test.labels[k] for k in match.test),
+                model_numbers=tuple(j + 1 for j in match.model),
+                angle_deg=float(np.nanmax(angles)) if np.isfinite(angles).any() else 0.0,
+                sentence=f"the model's vectors were rotated by {match.rotation.angle_deg:.1f}° to the test's",
+            )
+
+
+def _criterion(v: Verdict) -> Criterion:
+    c = v.criterion
+    percent = c.quantity == "frequency error"
+    scale = 100.0 if percent else 1.0
+    return Criterion(
+        name=f"{c.quantity}, {c.standard}",
+        limit=scale * c.limit,
+        sense="at most" if c.at_most else "at least",
+        measured=None if v.measured is None or not np.isfinite(v.measured) else scale * v.measured,
+        unit="%" if percent else "",
+        verdict=v.outcome.value,
+        remark=v.remark,
+    )
+
+
+def prediction(name: str, c: Correlation, i: int, remark: str, before: Correlation | None = None) -> Prediction:
+    """The model mode that resembles a test mode most, whether they were paired or not."""
+    j = _most_alike(c, i)
+    test_hz = float(c.test.freq_hz[i])
+    error = None if j is None else 100.0 * (float(c.model.freq_hz[j]) / test_hz - 1.0)
+    k = None if before is None else _most_alike(before, i)
+    return Prediction(
+        configuration=name,
+        test_label=c.test.labels[i],
+        test_freq_hz=test_hz,
+        model_number=None if j is None else j + 1,
+        model_freq_hz=None if j is None else float(c.model.freq_hz[j]),
+        freq_error_percent=error,
+        mac=None if j is None else float(c.mac[i, j]),
+        before_freq_error_percent=(
+            None if k is None or before is None else 100.0 * (float(before.model.freq_hz[k]) / test_hz - 1.0)
+        ),
+        remark=remark,
+    )
+
+
+def _most_alike(c: Correlation, i: int) -> int | None:
+    row = np.nan_to_num(c.mac[i], nan=-1.0)
+    return int(np.argmax(row)) if len(row) and row.max() > 0.0 else None

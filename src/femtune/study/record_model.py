@@ -1,0 +1,214 @@
+"""Records of the deck and the model, from a study put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import Notice
+from femtune.fem.checks import MassProperties, RigidMotionCheck, mass_properties, rigid_body_modes, rigid_motion_checks
+from femtune.files.nastran.control import UNDERSTOOD_PARAMS
+from femtune.files.nastran.inventory import READ
+from femtune.model import Configuration, EigenSolution, grid_matrix
+from femtune.study.load import Study, StudyCase
+from femtune.study.results_base import Alert, Level, Stage, Vector3
+from femtune.study.results_model import (
+    CardCount,
+    DeckParameter,
+    GroundedDof,
+    HeldDof,
+    IgnoredCard,
+    MatchedSensor,
+    ModelConfiguration,
+    ModelFacts,
+    ModelModes,
+    RigidBodyCheck,
+    SensorResults,
+)
+
+
+def model_facts(study: Study) -> ModelFacts:
+    """What was read from the deck, and the model in each configuration."""
+    built = study.built
+    read = tuple(CardCount(name=c.name, count=c.count) for c in built.cards if c.use == READ)
+    ignored = tuple(
+        IgnoredCard(name=c.name, count=c.count, first_file=c.where.file, first_line=c.where.line or 1, reason=c.use)
+        for c in built.cards
+        if c.use != READ
+    )
+    return ModelFacts(
+        cards_read=read,
+        cards_ignored=ignored,
+        deck_parameters=tuple(_deck_parameters(study)),
+        notices=tuple(alert_of(n) for n in built.notices),
+        configurations=tuple(_configuration(study, case) for case in study.cases),
+    )
+
+
+def alert_of(notice: Notice) -> Alert:
+    """A notice as a record."""
+    level: Level = "info" if notice.level == "info" else "warning"
+    return Alert(level=level, code=notice.code, sentence=notice.what, where=str(notice.where or ""))
+
+
+def _deck_parameters(study: Study) -> Iterable[DeckParameter]:
+    for name, given in study.built.deck.params.items():
+        known = name in UNDERSTOOD_PARAMS
+        remark = "" if known else "not needed for normal modes, or not understood"
+        yield DeckParameter(name=name, value=given.value, understood=known, remark=remark)
+
+
+def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
+    structure, configuration = study.model.structure, case.configured.configuration
+    mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass"))
+    weighed = configuration.weighed_mass
+    return ModelConfiguration(
+        configuration=configuration.name,
+        grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
+        free_dofs=case.configured.n_free,
+        supports=tuple(_supports(study, configuration)),
+        held_dofs=tuple(
+            HeldDof(dof=str(d), reason="no element gives it stiffness (AUTOSPC)") for d in case.configured.held_singular
+        ),
+        mass=mass.mass,
+        centre_of_gravity=_vector(mass.centre),
+        inertia=_matrix(mass.central_inertia),
+        weighed_mass=weighed,
+        mass_difference_percent=None if weighed is None else 100.0 * (mass.mass / weighed - 1.0),
+        rigid_body_check=_rigid_body_check(study, configuration, mass),
+        overlay=tuple(_overlay(configuration)),
+    )
+
+
+def _vector(values: NDArray) -> Vector3:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _matrix(values: NDArray) -> tuple[Vector3, Vector3, Vector3]:
+    return _vector(values[0]), _vector(values[1]), _vector(values[2])
+
+
+def _supports(study: Study, configuration: Configuration) -> Iterable[str]:
+    structure = study.model.structure
+    if len(structure.permanent):
+        yield f"{len(structure.permanent)} DOFs held by the grid points themselves"
+    chosen = configuration.support_set
+    chosen = structure.default_support_set if chosen is None else chosen
+    if chosen is not None:
+        yield f"SPC set {chosen}: {len(structure.support_sets[chosen])} DOFs"
+    equations = configuration.multipoint_set
+    equations = structure.default_multipoint_set if equations is None else equations
+    if equations is not None:
+        yield f"MPC set {equations}: {len(structure.multipoint_sets[equations])} equations"
+    if len(structure.rigid):
+        yield f"{len(structure.rigid)} equations of rigid elements"
+
+
+def _overlay(configuration: Configuration) -> Iterable[str]:
+    off = sorted(configuration.elements_off)
+    if off:
+        shown = ", ".join(map(str, off[:12])) + (f" … ({len(off)} in all)" if len(off) > 12 else "")
+        yield f"elements off: {shown}"
+    for mass in configuration.masses:
+        yield f"mass {mass.mass:g} at grid point {mass.node}" + (f" ({mass.label})" if mass.label else "")
+    for node, components in configuration.supports_added:
+        yield f"support added: {node}:{components}"
+    for node, components in configuration.supports_removed:
+        yield f"support removed: {node}:{components}"
+
+
+def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
+    structure = study.model.structure
+    stiffness = grid_matrix(study.model, configuration, "stiffness")
+    checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
+    grounded = not all(c.passed for c in checks)
+    tied = _grounding_equations(study, configuration)
+    return RigidBodyCheck(
+        strain_energies=tuple(c.energy for c in checks),
+        relative_energies=tuple(c.relative_energy for c in checks),
+        grounded=grounded or bool(tied),
+        verdict="fail" if grounded or tied else "pass",
+        sentence=_rigid_sentence(checks, tied),
+        worst_dofs=_worst(checks),
+    )
+
+
+def _rigid_sentence(checks: tuple[RigidMotionCheck, ...], tied: int) -> str:
+    bad = [c.motion for c in checks if not c.passed]
+    parts = []
+    if bad:
+        parts.append(f"rigid motion {', '.join(bad)} strains the free model: something ties it to the ground")
+    if tied:
+        parts.append(f"{tied} constraint equations do not let the model move as a rigid body")
+    return "; ".join(parts) or "all six rigid motions of the free model are free of strain"
+
+
+def _worst(checks: tuple[RigidMotionCheck, ...]) -> tuple[GroundedDof, ...]:
+    worst = max(checks, key=lambda c: c.relative_force)
+    return tuple(GroundedDof(dof=str(dof), force=force) for dof, force in worst.worst)
+
+
+def _grounding_equations(study: Study, configuration: Configuration) -> int:
+    """Number of active equations that a rigid motion violates (equations on scalar points do not count)."""
+    structure = study.model.structure
+    number = configuration.multipoint_set
+    number = structure.default_multipoint_set if number is None else number
+    rows = [structure.rigid.keep(~np.isin(structure.rigid.owner, list(configuration.elements_off)))]
+    rows += [] if number is None else [structure.multipoint_sets[number]]
+    motions = rigid_body_modes(structure.nodes)
+    count = 0
+    for part in rows:
+        gap, size = np.zeros((len(part), 6)), np.zeros((len(part), 6))
+        np.add.at(gap, part.row, part.coefficient[:, None] * motions[part.dof])
+        np.add.at(size, part.row, np.abs(part.coefficient[:, None] * motions[part.dof]))
+        scalar = np.zeros(len(part), bool)
+        scalar[part.row[part.dof >= 6 * len(structure.nodes.ids)]] = True
+        count += int(((np.abs(gap) > 1e-8 * np.maximum(size, 1e-300)).any(axis=1) & ~scalar).sum())
+    return count
+
+
+def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
+    """How the sensors of a configuration found the model; None without a test."""
+    if case.sensors is None or case.entry.test is None:
+        return None
+    by_id = study.file.sensors.by_id
+    return SensorResults(
+        configuration=case.configured.configuration.name,
+        test_file=case.entry.test,
+        tolerance=None if by_id else study.file.sensors.tolerance,
+        matched=tuple(
+            MatchedSensor(
+                test_dof=str(m.label),
+                test_node=m.label.node,
+                model_node=m.node,
+                distance=float(m.distance) if np.isfinite(m.distance) else None,
+                how=m.how,
+            )
+            for m in case.sensors.matches
+        ),
+        unmatched=(),
+    )
+
+
+def model_modes(name: str, stage: Stage, solution: EigenSolution) -> ModelModes:
+    """The wanted modes of a solution with the proof that none is missing."""
+    freq = solution.freq_hz
+    counted = solution.sturm_count >= 0
+    below = int((solution.eigenvalues < solution.sturm_shift).sum())
+    shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
+    sentence = (
+        f"{solution.sturm_count} eigenvalues lie below {shift_hz:.6g} Hz by the signs of the pivots, {below} were found"
+    )
+    return ModelModes(
+        configuration=name,
+        stage=stage,
+        freq_hz=tuple(float(f) for f in freq),
+        rigid_body_modes=int((freq < 1e-4 * freq[-1]).sum()) if len(freq) else 0,
+        sturm_shift_hz=shift_hz if counted else None,
+        sturm_count=solution.sturm_count if counted else None,
+        modes_below_shift=below if counted else None,
+        sturm_sentence=sentence if counted else "not tested: the factorisation hides the inertia",
+    )

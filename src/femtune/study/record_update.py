@@ -1,0 +1,189 @@
+"""Records of parameters: what they are, what the data determine, what the update found and what was written."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.citations import citation
+from femtune.residuals import Evaluation
+from femtune.select import Combination as SelectedCombination
+from femtune.select import Identifiability, combination_text, sentences, verdict
+from femtune.select.identifiability import NO_EFFECT
+from femtune.study.load import Study
+from femtune.study.results_base import Citation
+from femtune.study.results_update import (
+    BoundState,
+    Combination,
+    Iteration,
+    PairingEvent,
+    ParameterFacts,
+    ParameterResult,
+    ResidualCount,
+    SelectionResults,
+    Share,
+    UpdateResults,
+    WrittenValue,
+)
+from femtune.study.results_update import (
+    Identifiability as IdentifiabilityRecord,
+)
+from femtune.update import UpdateResult
+
+Arrays = dict[str, NDArray]
+
+
+def citations(keys: Iterable[str]) -> tuple[Citation, ...]:
+    """Publications by key."""
+    found = (citation(key) for key in dict.fromkeys(keys))
+    return tuple(Citation(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
+
+
+def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
+    """The parameters as the study describes them."""
+    values = study.parameters.values(np.zeros(len(study.parameters.free)))
+    out = []
+    for p, entry in zip(study.parameters.parameters, study.file.parameter):
+        free = p.free
+        out.append(
+            ParameterFacts(
+                name=p.name,
+                fields=tuple(str(ref) for ref in entry.targets),
+                unit=p.unit,
+                nominal=values[p.name],
+                lower=p.lower if free else None,
+                upper=p.upper if free else None,
+                prior_mean=p.mean if free else None,
+                prior_sd=float(p.sd) if free else None,
+                tie="" if p.tie is None else p.tie.text,
+            )
+        )
+    return tuple(out)
+
+
+def selection_results(result: Identifiability, evaluation: Evaluation, arrays: Arrays) -> SelectionResults:
+    """Identifiability as a record; its matrices are put into `arrays`."""
+    arrays["selection/jacobian"] = result.scaled_jacobian
+    arrays["selection/correlation"] = result.correlation
+    rows = tuple(b.label for b in evaluation.blocks for _ in b.values)
+    return SelectionResults(
+        jacobian_key="selection/jacobian",
+        row_labels=rows,
+        column_labels=result.names,
+        singular_values=tuple(float(s) for s in result.singular_values),
+        rank=result.rank,
+        rank_threshold=NO_EFFECT,
+        undetermined=tuple(_combination(result, c) for c in result.undetermined),
+        weakly_determined=tuple(_combination(result, c) for c in result.weak),
+        correlation_key="selection/correlation",
+        parameters=tuple(
+            IdentifiabilityRecord(parameter=name, sd_ratio=float(ratio), verdict=verdict(float(ratio)))
+            for name, ratio in zip(result.names, result.reduction)
+        ),
+        sentences=tuple(sentences(result)),
+    )
+
+
+def _combination(result: Identifiability, c: SelectedCombination) -> Combination:
+    shares = tuple(
+        Share(parameter=name, coefficient=float(a)) for name, a in zip(result.names, c.coefficients) if abs(a) >= 1e-3
+    )
+    return Combination(
+        singular_value=float(c.singular_value),
+        sd_ratio=float(c.reduction),
+        sentence=combination_text(result.names, c),
+        shares=shares,
+    )
+
+
+def update_results(
+    study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]], mean_error_written: float | None
+) -> UpdateResults:
+    """The update as a record.
+
+    `written` holds what stands in the deck by parameter; `mean_error_written` the mean error of these values.
+    """
+    table = study.file.update
+    weighted = table.regularisation == "minimum-change"
+    return UpdateResults(
+        status=result.status.name,
+        message=result.status.value,
+        ok=result.status.ok,
+        method="sensitivity method: damped Gauss-Newton, bounds inside the step",
+        objective_before_percent=100.0 * result.before.mean_error,
+        objective_after_percent=100.0 * result.after.mean_error,
+        objective_as_written_percent=None if mean_error_written is None else 100.0 * mean_error_written,
+        history_parameters=tuple(p.name for p in result.parameters.free),
+        history=tuple(_iteration(result, i) for i in range(len(result.history))),
+        parameters=tuple(_parameters(study, result, written)),
+        pairing_events=tuple(_events(result)),
+        regularisation=table.regularisation,
+        regularisation_weight=table.weight if weighted else None,
+        residual_counts=_counts(result.after),
+        citations=citations(result.citations),
+    )
+
+
+def _iteration(result: UpdateResult, number: int) -> Iteration:
+    i = result.history[number]
+    return Iteration(
+        iteration=i.number,
+        objective_percent=100.0 * i.mean_error,
+        step_length=i.step if number else None,
+        damping=i.damping if number else None,
+        parameters=tuple(float(v) for v in result.parameters.denormalise(i.x)),
+        active_bounds=i.at_bound,
+        events=i.events,
+    )
+
+
+def _events(result: UpdateResult) -> Iterable[PairingEvent]:
+    for i in result.history:
+        for text in i.events:
+            name, _, rest = text.partition(": ")
+            yield PairingEvent(iteration=i.number, configuration=name, sentence=rest)
+
+
+def _parameters(
+    study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]]
+) -> Iterable[ParameterResult]:
+    values, sd = result.values, result.sd
+    nominal = result.parameters.values(np.zeros(len(result.x)))
+    for p in result.parameters.parameters:
+        spread = sd[p.name]
+        known = bool(np.isfinite(spread))
+        start = nominal[p.name]
+        yield ParameterResult(
+            name=p.name,
+            value=values[p.name],
+            sd=spread if known else None,
+            sd_reason="" if known else _reason(result, p.name),
+            change_percent=100.0 * (values[p.name] - start) / abs(start) if start else None,
+            at_bound=_bound(result, p.name),
+            written=written.get(p.name, ()),
+        )
+
+
+def _reason(result: UpdateResult, name: str) -> str:
+    parameters = result.parameters
+    used = np.flatnonzero(parameters.jets(result.x)[name].grad)
+    reasons = {result.covariance.reasons[int(i)] for i in used if int(i) in result.covariance.reasons}
+    return "; ".join(sorted(reasons)) or "σ not given"
+
+
+def _bound(result: UpdateResult, name: str) -> BoundState:
+    for i, p in enumerate(result.parameters.free):
+        if p.name == name and name in result.history[-1].at_bound:
+            lower, upper = result.parameters.bounds
+            return "lower" if result.x[i] - lower[i] < upper[i] - result.x[i] else "upper"
+    return ""
+
+
+def _counts(evaluation: Evaluation) -> tuple[ResidualCount, ...]:
+    counts = Counter[str]()
+    for b in evaluation.blocks:
+        counts[b.kind] += len(b.values)
+    return tuple(ResidualCount(kind=kind, count=count) for kind, count in counts.items())

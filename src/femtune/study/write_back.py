@@ -1,0 +1,162 @@
+"""The updated deck: written values, what was split, what could not be written, and the deck read again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from femtune.errors import FemtuneError
+from femtune.fem import FieldRef
+from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.edit import FieldChange
+from femtune.files.nastran.write import WrittenDeck, write_deck
+from femtune.files.nastran.write_plan import WritePlan, plan_edits
+from femtune.parameters import Parameter
+from femtune.study.load import Study
+from femtune.study.results_update import EditedField, WriteBackResults, WrittenValue
+from femtune.update import UpdateResult
+
+NAME = "updated.bdf"
+
+
+@dataclass(frozen=True, eq=False)
+class WriteBack:
+    """What was written, and the written deck read again."""
+
+    record: WriteBackResults
+    written: dict[str, tuple[WrittenValue, ...]]
+    built: BuiltModel
+
+
+def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
+    """Write the updated deck into a folder and read it again.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable`` and the codes ``write.*``
+    """
+    values = study.model.field_values(result.x)
+    regions = _regions(study)
+    blocked = {} if study.file.write.split else {r: v for r, v in values.items() if r.region}
+    updates = {ref: value for ref, value in values.items() if ref not in blocked}
+    plan = plan_edits(study.built, updates, regions, wide)
+    deck = write_deck(plan.edited, folder, NAME)
+    rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
+    record = _record(study, plan, deck, folder, values, blocked)
+    return WriteBack(record, _written(study, plan), rebuilt)
+
+
+def _regions(study: Study) -> dict[str, Iterable[int]]:
+    return {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+
+
+def _placed(study: Study) -> Iterable[tuple[str, FieldRef]]:
+    refs = study.model.structure.values.refs
+    return ((name, refs[i]) for name, i, _ in study.model.placed)
+
+
+def _written(study: Study, plan: WritePlan) -> dict[str, tuple[WrittenValue, ...]]:
+    out: dict[str, list[WrittenValue]] = {}
+    for name, ref in _placed(study):
+        if ref in plan.values:
+            out.setdefault(name, []).append(WrittenValue(field=str(ref), value=float(plan.values[ref])))
+    return {name: tuple(values) for name, values in out.items()}
+
+
+def _record(
+    study: Study,
+    plan: WritePlan,
+    deck: WrittenDeck,
+    folder: Path,
+    values: Mapping[FieldRef, float],
+    blocked: Mapping[FieldRef, float],
+) -> WriteBackResults:
+    owners = {ref: name for name, ref in _placed(study)}
+    return WriteBackResults(
+        files=tuple(str(p.relative_to(folder)) for p in deck.files),
+        edits=tuple(_edits(study, plan, values, owners)),
+        splits=tuple(
+            f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
+        ),
+        without_field=(*_no_fields(study), *(_shared(ref) for ref in blocked)),
+        includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
+    )
+
+
+def _edits(
+    study: Study, plan: WritePlan, values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]
+) -> Iterable[EditedField]:
+    by_place = {
+        (place.card, index): ref for ref, place in study.built.fields.items() if ref in values for index in place.fields
+    }
+    for change in plan.edited.changes:
+        ref = by_place.get((change.position, change.index))
+        yield _edit(study, change, ref, values, plan, owners)
+
+
+def _edit(
+    study: Study,
+    change: FieldChange,
+    ref: FieldRef | None,
+    values: Mapping[FieldRef, float],
+    plan: WritePlan,
+    owners: Mapping[FieldRef, str],
+) -> EditedField:
+    card = study.built.deck.cards[change.position]
+    value = float(values[ref]) if ref is not None else _number(change.after)
+    return EditedField(
+        card=f"{ref.card} {ref.id}" if ref is not None else card.record,
+        field=ref.name if ref is not None else f"field {change.index + 2}",
+        file=Path(change.where.file).name,
+        line=change.where.line or 1,
+        old_text=change.before.strip(),
+        new_text=change.after.strip(),
+        value=value,
+        rounded_value=float(plan.values.get(ref, value)) if ref is not None else value,
+        parameter=owners.get(ref, "") if ref is not None else "",
+    )
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def _no_fields(study: Study) -> Iterable[str]:
+    used = {name for name, _ in _placed(study)}
+    for p in study.parameters.parameters:
+        if p.name not in used:
+            yield f"{p.name} has no field of its own in the deck: {_use(p, study)}"
+
+
+def _use(parameter: Parameter, study: Study) -> str:
+    users = [p.name for p in study.parameters.parameters if p.tie and parameter.name in p.tie.names]
+    return f"it acts through {', '.join(users)}" if users else "nothing is written for it"
+
+
+def _shared(ref: FieldRef) -> str:
+    return (
+        f"{ref.region}: {ref.card} {ref.id} {ref.name} is shared with elements that are not updated, so it was not "
+        f"written; split = true in [write] gives the updated elements a card of their own"
+    )
+
+
+def check_written(built: BuiltModel, study: Study) -> None:
+    """The written deck must have the elements of the one that was read.
+
+    Raises
+    ------
+    FemtuneError : ``write.not-read-back``
+    """
+    before, after = set(study.built.structure.element_kinds), set(built.structure.element_kinds)
+    if before != after:
+        raise FemtuneError(
+            "write.not-read-back",
+            "the updated deck, read again, does not have the elements of the deck that was read",
+            values={"missing": ", ".join(map(str, sorted(before - after)[:10]))},
+            hint="report this with the deck",
+        )
