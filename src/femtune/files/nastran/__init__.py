@@ -1,16 +1,20 @@
-"""Nastran bulk data decks: read and written back line by line."""
+"""Nastran bulk data decks: read, turned into structures, and written back line by line."""
 
 from __future__ import annotations
 
+from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.case_control import CaseCommand, CaseControl
 from femtune.files.nastran.deck import Deck, DeckParameter, Executive, read_deck
 from femtune.files.nastran.edit import EditedDeck, FieldChange, NewCard, edit_fields
+from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.nastran.lists import IntegerList, Span, read_list
 from femtune.files.nastran.reals import format_real, parse_integer, parse_real, rounded
 from femtune.files.nastran.write import IncludeChange, WrittenDeck, write_deck
+from femtune.files.nastran.write_plan import WritePlan, plan_edits
 
 __all__ = [
+    "BuiltModel",
     "Card",
     "CaseCommand",
     "CaseControl",
@@ -23,13 +27,18 @@ __all__ = [
     "IntegerList",
     "NewCard",
     "Span",
+    "WritePlan",
     "WrittenDeck",
+    "build_structure",
     "edit_fields",
     "format_real",
+    "parse_field_ref",
     "parse_integer",
     "parse_real",
+    "plan_edits",
     "read_deck",
     "read_list",
+    "resolve",
     "rounded",
     "write_deck",
 ]
