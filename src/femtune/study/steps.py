@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
@@ -249,7 +249,3 @@ def _validation(study: Study, before: _Stage, after: _Stage) -> ValidationResult
         untested.append("the updated model on data that were not used: the study keeps no configuration for validation")
     return ValidationResults(predictions=tuple(predictions), not_tested=(*untested, *_NOT_TESTED))
 
-
-def with_report(run: RunFolder, page: Path) -> RunFolder:
-    """The run folder with the path of its report."""
-    return replace(run, report=page)
