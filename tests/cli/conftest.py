@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from femtune.cli import main
+from femtune.cli import main, output
 from femtune.files.study_file import read_study_file
 from femtune.study.results_model import CardCount
 from femtune.study.run_folder import check_writable
@@ -40,6 +40,8 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         setattr(module, name, _whole(module, name))
     module.report = lambda path, progress: Path(path) / "report.html"
     monkeypatch.setitem(sys.modules, "femtune.study.steps", module)
+    monkeypatch.setitem(sys.modules, "femtune.report.steps", module)
+    monkeypatch.setattr(output, "show_run", lambda run: click.echo(run.results.name))
     return module
 
 

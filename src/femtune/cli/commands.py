@@ -1,11 +1,10 @@
-"""The commands. What they do is `femtune.study.steps`; it is imported when a command runs, so that help is quick."""
+"""The commands. What they do is in the library; it is imported when a command runs, so that help is quick."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import click
@@ -115,8 +114,11 @@ def report(path: Path, quiet: bool) -> None:
     click.echo(f"report: {Path(page).resolve()}")
 
 
-def _steps() -> ModuleType:
-    return importlib.import_module("femtune.study.steps")
+def _function(step: str) -> Callable[..., Any]:
+    """The library's function for a step: what ends with a report lives on the floor of reports."""
+    home = "femtune.report.steps" if step in ("report", "run") else "femtune.study.steps"
+    function: Callable[..., Any] = getattr(importlib.import_module(home), step)
+    return function
 
 
 def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
@@ -125,7 +127,7 @@ def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
     from femtune.cli.display import Display  # noqa: PLC0415
 
     click.get_current_context().find_root().obj = Running(path, options.get("output"))
-    function: Callable[..., Any] = getattr(_steps(), step)
+    function = _function(step)
     with Display(quiet) as progress:
         return function(path, progress=progress, **options)
 
@@ -142,10 +144,10 @@ def _show(step: str, path: Path, as_json: bool, quiet: bool) -> None:
 
 def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
     """Tables, what the update came to, and at last the report; exit code 1 where there is no optimum."""
-    from femtune.cli.output import show  # noqa: PLC0415
+    from femtune.cli import output  # noqa: PLC0415
 
     if not quiet:
-        show(folder.results)
+        output.show_run(folder)
     outcome = folder.results.update
     if outcome is not None and not outcome.ok:
         click.echo(f"{outcome.status}: {outcome.message}", err=True)

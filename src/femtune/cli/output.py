@@ -8,10 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from femtune.errors import printable
+from femtune.study.steps import RunFolder
 
 
 def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
@@ -24,30 +26,69 @@ def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
 
 
 def show(result: BaseModel | Sequence[BaseModel], console: Console | None = None) -> None:
-    """Print a result: single values as lines, lists of records as tables."""
+    """Print a result: single values as lines, lists of plain records as tables, other records one after the other."""
     console = console or Console(highlight=False)
-    for record in [result] if isinstance(result, BaseModel) else result:
-        _show_record(record, console, "")
+    if isinstance(result, BaseModel):
+        _show_record(result, console, 0)
+    else:
+        _show_records("", result, console, 0)
 
 
-def _show_record(record: BaseModel, console: Console, heading: str) -> None:
+def show_run(run: RunFolder) -> None:
+    """Print the short form of the report."""
+    # pictures need matplotlib, which only this one imports
+    from femtune.report import build_report, print_terminal  # noqa: PLC0415
+
+    print_terminal(build_report(run.results, run.arrays))
+
+
+def _show_record(record: BaseModel, console: Console, indent: int) -> None:
     for name, value in record:
-        title = f"{heading}{name.replace('_', ' ')}"
+        title = name.replace("_", " ")
         if isinstance(value, BaseModel):
-            _show_record(value, console, f"{title}, ")
+            _show_records(title, [value], console, indent)
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
-            console.print(_table(title, value))
-        elif value not in (None, "", ()):
-            console.print(Text(f"{title}: {_cell(value)}"))
+            _show_records(title, value, console, indent)
+        elif value is not None and value not in ("", ()):
+            _line(f"{title}: {_cell(value)}", console, indent)
 
 
-def _table(title: str, records: Sequence[BaseModel]) -> Table:
-    table = Table(title=Text(title), title_justify="left")
-    names = list(type(records[0]).model_fields)
-    for name in names:
+def _show_records(title: str, records: Sequence[BaseModel], console: Console, indent: int) -> None:
+    if title:
+        _line(f"{title}:", console, indent)
+    if len(records) > 1 and all(map(_is_plain, records)):
+        console.print(Padding(_table(records), (0, 0, 0, indent + 2)))
+        return
+    for i, record in enumerate(records):
+        if i:
+            console.print()
+        _show_record(record, console, indent + 2)
+
+
+def _line(text: str, console: Console, indent: int) -> None:
+    console.print(Padding(Text(text), (0, 0, 0, indent)))
+
+
+def _is_plain(record: BaseModel) -> bool:
+    """True for a record without records and longer lists in it: a row of a table."""
+    return not any(
+        isinstance(value, BaseModel) or (isinstance(value, tuple) and _is_long(value)) for _, value in record
+    )
+
+
+def _is_long(values: tuple[object, ...]) -> bool:
+    return len(values) > 3 or any(isinstance(value, BaseModel) for value in values)
+
+
+def _table(records: Sequence[BaseModel]) -> Table:
+    """One row a record; columns that are empty throughout are left out."""
+    table = Table(box=None, pad_edge=False)
+    columns = {name: [_cell(getattr(r, name)) for r in records] for name in type(records[0]).model_fields}
+    shown = {name: cells for name, cells in columns.items() if any(cells)}
+    for name in shown:
         table.add_column(Text(name.replace("_", " ")))
-    for record in records:
-        table.add_row(*(Text(_cell(getattr(record, name))) for name in names))
+    for row in zip(*shown.values()):
+        table.add_row(*map(Text, row))
     return table
 
 
@@ -56,6 +97,6 @@ def _cell(value: object) -> str:
         return f"{value:.6g}"
     if isinstance(value, tuple):
         return ", ".join(_cell(entry) for entry in value)
-    if isinstance(value, BaseModel):
-        return ", ".join(f"{name} {_cell(entry)}" for name, entry in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return "" if value is None else printable(str(value))
