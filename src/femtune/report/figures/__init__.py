@@ -1,0 +1,1 @@
+"""Pictures: each function returns a whole SVG file as text."""

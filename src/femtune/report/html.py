@@ -1,0 +1,67 @@
+"""The document as one self-contained HTML file: no script, nothing from the network, every text escaped."""
+
+from __future__ import annotations
+
+import base64
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from femtune.errors import FemtuneError, Where, printable
+from femtune.report.document import Bar, Document
+
+
+def write_html(document: Document, path: Path | str) -> Path:
+    """Write the document to `path`.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    path = Path(path)
+    try:
+        path.write_text(html_text(document), encoding="utf-8")
+    except OSError as error:
+        raise FemtuneError(
+            "run.unwritable",
+            f"the report cannot be written: {error.strerror or error}",
+            where=Where(str(path)),
+            hint="choose another folder, or give yourself the right to write there",
+        ) from error
+    return path
+
+
+def html_text(document: Document) -> str:
+    """The document as HTML."""
+    return _environment().get_template("report.html").render(document=document)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """Templates of the package; undefined names are errors, control characters are spelled out."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("femtune.report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_final,
+    )
+    environment.filters |= {"data_uri": _data_uri, "bar_style": _bar_style}
+    return environment
+
+
+def _final(value: Any) -> Any:
+    """Texts without control characters; what a template marks as safe (its own macros) stays as it is."""
+    return printable(value.expandtabs()) if type(value) is str else value
+
+
+def _data_uri(svg: str) -> str:
+    """An image of its own: nothing inside an image can run or load anything."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+
+
+def _bar_style(bar: Bar) -> str:
+    return f"left:{100 * bar.start:.1f}%;width:{max(100 * (bar.end - bar.start), 0.8):.1f}%"

@@ -1,0 +1,63 @@
+"""Numbers as texts: a true minus sign, a sensible number of digits, and words where there is no number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+NOT_TESTED = "not tested"
+NONE = "–"
+
+
+def typeset(text: str) -> str:
+    """A formatted number with a true minus sign; exponents without padding: 2.1e11."""
+    mantissa, e, exponent = text.partition("e")
+    return (mantissa + (f"e{int(exponent)}" if e else "")).replace("-", "−")
+
+
+def value(number: float | None, none: str = NONE) -> str:
+    """Five significant digits."""
+    return none if number is None else typeset(f"{number:.5g}")
+
+
+def short(number: float | None, none: str = NONE) -> str:
+    """Three significant digits."""
+    return none if number is None else typeset(f"{number:.3g}")
+
+
+def freq(number: float | None, none: str = NONE) -> str:
+    """A frequency in Hz: three decimals below 100, two below 1000, one above."""
+    if number is None:
+        return none
+    decimals = 3 if number < 100 else 2 if number < 1000 else 1
+    return typeset(f"{number:.{decimals}f}")
+
+
+def percent(number: float | None, none: str = NONE) -> str:
+    """Two decimals, without a sign for what is positive by nature."""
+    return none if number is None else typeset(f"{number:.2f}")
+
+
+def signed_percent(number: float | None, none: str = NONE) -> str:
+    """Two decimals with a sign."""
+    return none if number is None else typeset(f"{number:+.2f}")
+
+
+def unit_fraction(number: float | None, none: str = NOT_TESTED) -> str:
+    """A number between 0 and 1, three decimals."""
+    return none if number is None else typeset(f"{number:.3f}")
+
+
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """ "1 mode", "3 modes"."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
+def listed(words: Iterable[str]) -> str:
+    """ "a, b and c"."""
+    found = list(words)
+    return " and ".join([", ".join(found[:-1]), found[-1]]) if len(found) > 1 else "".join(found)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number and its unit."""
+    return f"{text} {unit}" if unit else text

@@ -1,0 +1,38 @@
+"""Sections of the report, one small file each: a function from the source to blocks."""
+
+from collections.abc import Callable
+
+from femtune.report.document import Block
+from femtune.report.sections.checks import checks
+from femtune.report.sections.comac import comac
+from femtune.report.sections.compared import compared
+from femtune.report.sections.convergence import convergence
+from femtune.report.sections.criteria import criteria
+from femtune.report.sections.identifiability import identifiability
+from femtune.report.sections.mac import mac
+from femtune.report.sections.method import method
+from femtune.report.sections.modes import modes
+from femtune.report.sections.parameters import parameters
+from femtune.report.sections.provenance import provenance
+from femtune.report.sections.summary import summary
+from femtune.report.sections.validation import validation
+from femtune.report.sections.write_back import write_back
+from femtune.report.source import Source
+
+BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
+    "summary": summary,
+    "compared": compared,
+    "modes": modes,
+    "mac": mac,
+    "comac": comac,
+    "parameters": parameters,
+    "convergence": convergence,
+    "identifiability": identifiability,
+    "validation": validation,
+    "checks": checks,
+    "write_back": write_back,
+    "criteria": criteria,
+    "method": method,
+    "provenance": provenance,
+}
+"""By the ids of text/report.toml."""

@@ -1,0 +1,38 @@
+"""COMAC by measured DOF."""
+
+from __future__ import annotations
+
+from femtune.report.document import Block, Figure, FigureRow, Paragraph
+from femtune.report.figures.bars import comac_svg
+from femtune.report.source import Source
+from femtune.study.results_correlation import CorrelationResults
+
+_SHOWN = 40
+
+
+def comac(source: Source) -> list[Block]:
+    """A picture each configuration; of many DOFs the worst."""
+    names = [c for c in source.results.study.configurations if source.before(c)]
+    blocks = [_configuration(source, name) for name in names]
+    figures = tuple(b for b in blocks if isinstance(b, Figure))
+    said = [b for b in blocks if isinstance(b, Paragraph)]
+    if not blocks:
+        return [Paragraph("COMAC: not tested, modes were not compared.")]
+    return [*([FigureRow(figures)] if figures else []), *said]
+
+
+def _configuration(source: Source, name: str) -> Figure | Paragraph:
+    before, after = _values(source.before(name)), _values(source.after(name))
+    last = after or before
+    if not last:
+        return Paragraph(f"{name}, COMAC: not tested (it takes shapes of at least two paired modes).")
+    worst = sorted(last, key=lambda dof: last[dof])[:_SHOWN]
+    dofs = [dof for dof in last if dof in set(worst)]
+    svg = comac_svg(dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
+    some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
+    lowest = worst[0]
+    return Figure(svg, f"{name}{some}. Lowest: {last[lowest]:.3f} at {lowest}.", f"COMAC of {name} by measured DOF")
+
+
+def _values(stage: CorrelationResults | None) -> dict[str, float]:
+    return {entry.dof: entry.comac for entry in stage.comac} if stage else {}

@@ -1,0 +1,70 @@
+"""How the update went."""
+
+from __future__ import annotations
+
+from femtune.report.document import Block, Figure, Listing, Paragraph, Table, columns, row
+from femtune.report.figures.convergence import convergence_svg
+from femtune.report.numbers import NONE, percent, short
+from femtune.report.source import Source
+from femtune.study.results_update import ParameterFacts, UpdateResults
+
+
+def convergence(source: Source) -> list[Block]:
+    """Status, picture, pairing events, table of iterations."""
+    update = source.results.update
+    if update is None:
+        return [Paragraph("The update was not run.")]
+    history = [_table(update)] if update.history else [Paragraph("No history was kept.")]
+    return [
+        Paragraph(f"Outcome: {update.message} ({update.status})."),
+        *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
+        _events(update),
+        *history,
+    ]
+
+
+def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
+    by_name = {f.name: f for f in facts}
+    places = [
+        [_place(by_name.get(name), x) for name, x in zip(update.history_parameters, i.parameters, strict=True)]
+        for i in update.history
+    ]
+    svg = convergence_svg(
+        [i.iteration for i in update.history],
+        [i.objective_percent for i in update.history],
+        update.history_parameters,
+        places,
+        sorted({e.iteration for e in update.pairing_events}),
+    )
+    caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
+    return Figure(svg, caption, "Objective and parameters by iteration")
+
+
+def _place(fact: ParameterFacts | None, x: float) -> float:
+    if fact is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return 0.5
+    return (x - fact.lower) / (fact.upper - fact.lower)
+
+
+def _events(update: UpdateResults) -> Block:
+    events = tuple(
+        f"After iteration {e.iteration}, {e.configuration}: {e.sentence}".removesuffix(".") + "."
+        for e in update.pairing_events
+    )
+    return Listing(events) if events else Paragraph("The pairing of modes did not change during the update.")
+
+
+def _table(update: UpdateResults) -> Block:
+    heads = columns(">Iteration", ">Mean error %", ">Step", ">Damping", "At a bound", "Pairing")
+    rows = [
+        row(
+            str(i.iteration),
+            percent(i.objective_percent),
+            short(i.step_length),
+            short(i.damping),
+            ", ".join(i.active_bounds) or NONE,
+            "; ".join(i.events) or NONE,
+        )
+        for i in update.history
+    ]
+    return Table("Iterations", heads, tuple(rows))

@@ -1,0 +1,119 @@
+"""Which parameters, and which combinations, the data determine: in words first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femtune.report.document import Bar, Block, Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.report.figures.bars import combinations_svg, singular_values_svg
+from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
+from femtune.report.numbers import NOT_TESTED, counted, percent, short, value
+from femtune.report.source import Source
+from femtune.study.results_update import Combination, Identifiability, SelectionResults
+
+_PANELS = 4
+
+
+def identifiability(source: Source) -> list[Block]:
+    """Sentences, a table, and pictures of singular values, combinations, correlation and sensitivities."""
+    selection = source.results.selection
+    if selection is None:
+        return [Paragraph("Not tested: the selection step was not run.")]
+    return [
+        Paragraph(_lead(selection)),
+        *_sentences(selection),
+        _table(selection),
+        *_singular(selection),
+        *_combinations(selection),
+        *_correlation(source, selection),
+        *_sensitivities(source, selection),
+    ]
+
+
+def _lead(selection: SelectionResults) -> str:
+    k, open_, weak = len(selection.column_labels), len(selection.undetermined), len(selection.weakly_determined)
+    if not open_:
+        head = f"The data say something about all {k} combinations of the {counted(k, 'free parameter')}"
+    else:
+        head = (
+            f"The data determine {selection.rank} of {k} combinations of parameters; {counted(open_, 'combination')} "
+            f"{'stays' if open_ == 1 else 'stay'} undetermined: the update cannot choose there, the prior does"
+        )
+    return f"{head}; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined."
+
+
+def _sentences(selection: SelectionResults) -> list[Block]:
+    own = [c.sentence for c in (*selection.undetermined, *selection.weakly_determined)]
+    said = [s for s in (*own, *selection.sentences) if s]
+    return [Listing(tuple(dict.fromkeys(said)))] if said else []
+
+
+def _table(selection: SelectionResults) -> Block:
+    heads = columns("Parameter", ">Posterior σ / prior σ", "Verdict")
+    note = "0: the data alone decide. 1: the data add nothing to the prior."
+    return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
+
+
+def _row(p: Identifiability) -> tuple[Cell, ...]:
+    if p.sd_ratio is None:
+        ratio = Cell(NOT_TESTED, tone="muted")
+    else:
+        ratio = Cell(percent(p.sd_ratio), Bar(0.0, max(0.0, min(1.0, p.sd_ratio))))
+    return row(p.parameter, ratio, f"{p.verdict}: {p.sentence}" if p.sentence else p.verdict)
+
+
+def _singular(selection: SelectionResults) -> list[Block]:
+    if not selection.singular_values:
+        return [Paragraph("Singular values: not tested.")]
+    svg = singular_values_svg(selection.singular_values, selection.rank)
+    last = value(selection.singular_values[0])
+    caption = (
+        f"Singular values of the scaled Jacobian; the largest is {last}, "
+        f"values below {short(selection.rank_threshold)} count as zero."
+    )
+    return [Figure(svg, caption, "Singular values of the scaled Jacobian")]
+
+
+def _combinations(selection: SelectionResults) -> list[Block]:
+    found = [
+        *(("undetermined", c) for c in selection.undetermined),
+        *(("weak", c) for c in selection.weakly_determined),
+    ]
+    if not found:
+        return []
+    shown = found[:_PANELS]
+    titles = [f"{kind} {i + 1}" for i, (kind, _) in enumerate(shown)]
+    labels = selection.column_labels
+    svg = combinations_svg(titles, labels, [_coefficients(c, labels) for _, c in shown])
+    more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
+    return [
+        Figure(svg, f"Combinations of parameters that the data determine badly.{more}", "Coefficients by parameter")
+    ]
+
+
+def _coefficients(combination: Combination, labels: tuple[str, ...]) -> list[float]:
+    shares = {s.parameter: s.coefficient for s in combination.shares}
+    return [shares.get(name, 0.0) for name in labels]
+
+
+def _correlation(source: Source, selection: SelectionResults) -> list[Block]:
+    values = source.array(selection.correlation_key)
+    if values is None or not values.size:
+        return [Paragraph("Correlation of the parameters: not tested.")]
+    labels = selection.column_labels
+    svg = matrix_svg(MatrixPicture(values, labels, labels, "", "", signed=True))
+    caption = "Correlation of the parameters after the update. Near ±1: only a combination of the two is determined."
+    return [Figure(svg, caption, "Correlation matrix of the parameters", max(values.shape) > SIDE_BY_SIDE)]
+
+
+def _sensitivities(source: Source, selection: SelectionResults) -> list[Block]:
+    values = source.array(selection.jacobian_key)
+    if values is None or not values.size:
+        return [Paragraph("Sensitivities: not tested.")]
+    strongest = np.sort(np.argsort(-np.linalg.norm(values, axis=1), kind="stable")[:60])
+    limit = float(np.abs(values).max()) or 1.0
+    rows = tuple(selection.row_labels[i] for i in strongest)
+    svg = matrix_svg(MatrixPicture(values[strongest], rows, selection.column_labels, "", "", signed=True, limit=limit))
+    some = f" The {len(rows)} strongest of {len(values)} rows." if len(rows) < len(values) else ""
+    caption = f"Scaled sensitivities: change of each residual over one prior standard deviation of a parameter.{some}"
+    return [Figure(svg, caption, "Scaled Jacobian", wide=True)]

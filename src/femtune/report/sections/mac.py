@@ -1,0 +1,92 @@
+"""MAC matrices before and after, AutoMAC, cross-orthogonality."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from femtune.report.document import Block, Figure, FigureRow, Heading, Paragraph
+from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
+from femtune.report.numbers import freq
+from femtune.report.source import Source
+from femtune.study.results_correlation import CorrelationResults
+
+
+def mac(source: Source) -> list[Block]:
+    """Pictures of each configuration."""
+    names = [c for c in source.results.study.configurations if source.before(c)]
+    blocks = [block for name in names for block in _configuration(source, name)]
+    return blocks or [Paragraph("MAC: not tested, modes were not compared.")]
+
+
+def _configuration(source: Source, name: str) -> list[Block]:
+    stages = [s for s in (source.before(name), source.after(name)) if s is not None]
+    figures = [f for s in stages if (f := _figure(source, s, s.mac_key, "MAC")) is not None]
+    if not figures:
+        return [Heading(name), Paragraph("MAC: not tested, the test has no mode shapes.")]
+    return [Heading(name), *_rows(figures), *_auto(source, stages[-1]), *_orthogonality(source, stages)]
+
+
+def _rows(figures: list[Figure]) -> list[Block]:
+    """Side by side where the matrices are small."""
+    return list(figures) if any(f.wide for f in figures) else [FigureRow(tuple(figures))]
+
+
+def _figure(source: Source, stage: CorrelationResults, key: str | None, what: str) -> Figure | None:
+    values = source.array(key)
+    if values is None or values.size == 0:
+        return None
+    rows = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
+    columns = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
+    picture = MatrixPicture(values, rows, columns, "test", "model", f"{what} {stage.stage}", _pairs(stage))
+    return _shown(picture, f"{stage.configuration}, {what} {stage.stage}")
+
+
+def _shown(picture: MatrixPicture, name: str) -> Figure:
+    wide = max(picture.values.shape) > SIDE_BY_SIDE
+    return Figure(
+        matrix_svg(picture), "", f"{name}: matrix of {' by '.join(map(str, picture.values.shape))} modes", wide
+    )
+
+
+def _labels(names: Any, freqs: tuple[float, ...]) -> tuple[str, ...]:
+    return tuple(f"{name}  {freq(f)} Hz" for name, f in zip(names, freqs, strict=True))
+
+
+def _pairs(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
+    rows, columns = stage.mac_test_labels, stage.mac_model_numbers
+    return tuple(
+        (rows.index(p.test_label), columns.index(p.model_number))
+        for p in stage.pairs
+        if p.test_label in rows and p.model_number in columns
+    )
+
+
+def _auto(source: Source, stage: CorrelationResults) -> list[Block]:
+    """AutoMAC of test and model: which shapes the sensors can tell apart."""
+    test = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
+    model = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
+    parts = (
+        ("AutoMAC of the test", stage.auto_mac_test_key, test),
+        ("AutoMAC of the model", stage.auto_mac_model_key, model),
+    )
+    figures = [_square(source.array(key), labels, title) for title, key, labels in parts if key is not None]
+    if not figures:
+        return [Paragraph("AutoMAC: not tested.", tone="muted")]
+    return _rows(figures)  # fmt: skip
+
+
+def _square(values: NDArray[Any] | None, labels: tuple[str, ...], title: str) -> Figure:
+    assert values is not None
+    return _shown(MatrixPicture(values, labels, labels, "", "", title), title)
+
+
+def _orthogonality(source: Source, stages: list[CorrelationResults]) -> list[Block]:
+    figures = [
+        f for s in stages if (f := _figure(source, s, s.cross_orthogonality_key, "Cross-orthogonality")) is not None
+    ]
+    if figures:
+        return _rows(figures)
+    why = stages[-1].cross_orthogonality_reason
+    return [Paragraph(f"Cross-orthogonality: not tested{f' ({why})' if why else ''}.", tone="muted")]

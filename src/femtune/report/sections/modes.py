@@ -1,0 +1,133 @@
+"""Frequencies and MAC before and after, a table each configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from femtune.report.document import Bar, Block, Cell, Column, Paragraph, Table, Tone, columns, row
+from femtune.report.numbers import NONE, NOT_TESTED, freq, listed, short, signed_percent, unit_fraction
+from femtune.report.source import STAGE_WORDS, Source
+from femtune.study.results_correlation import ClusterMatch, CorrelationResults, PairedMode
+
+
+def modes(source: Source) -> list[Block]:
+    """One table a configuration: before, after, and everything that found no partner."""
+    names = [c for c in source.results.study.configurations if source.before(c)]
+    if not names:
+        return [Paragraph("Modes were not compared: not run.")]
+    scale = max([abs(p.freq_error_percent) for c in source.results.correlations for p in c.pairs], default=1.0) or 1.0
+    return [block for name in names for block in _configuration(source, name, scale)]
+
+
+def _configuration(source: Source, name: str, scale: float) -> list[Block]:
+    before, after = source.before(name), source.after(name)
+    assert before is not None
+    return [_table(name, before, after, scale), *_without_partner(before, after), *_clusters(after or before)]
+
+
+def _without_partner(before: CorrelationResults, after: CorrelationResults | None) -> list[Block]:
+    """Before and after; one table where nothing changed."""
+    name, old, new = before.configuration, _unpaired(before), _unpaired(after) if after else []
+    heads = columns("Mode", ">Hz", "Reason")
+    if old == new:
+        parts = [("before and after the update", old)]
+    else:
+        parts = [(STAGE_WORDS["before"], old), (STAGE_WORDS[after.stage if after else "after"], new)]
+    return [Table(f"{name}: without a partner {when}", heads, tuple(rows)) for when, rows in parts if rows]
+
+
+def _table(name: str, before: CorrelationResults, after: CorrelationResults | None, scale: float) -> Block:
+    heads = [*columns("Test mode", ">Hz"), *_stage_columns("before")]
+    if after:
+        heads += _stage_columns(after.stage)
+    heads.append(Column("Remark"))
+    stages = [before, after] if after else [before]
+    rows = [_row(entry, stages, scale) for entry in _entries(before, after)]
+    if not rows:
+        return Paragraph(f"{name}: the test has no mode.")
+    return Table(name, tuple(heads), tuple(rows))
+
+
+def _stage_columns(stage: str) -> list[Column]:
+    return [Column(title, "right", stage) for title in ("Model no.", "Hz", "Error %", "MAC")]
+
+
+@dataclass(frozen=True)
+class _Entry:
+    label: str
+    freq_hz: float
+    remark: str = ""
+
+
+def _entries(before: CorrelationResults, after: CorrelationResults | None) -> list[_Entry]:
+    """All test modes, sorted by frequency, each once; the left-out ones with their reason."""
+    stages = [before, after] if after else [before]
+    found: dict[str, _Entry] = {}
+    for stage in stages:
+        modes_ = [*((p.test_label, p.test_freq_hz) for p in stage.pairs)]
+        modes_ += [(m.test_label, m.test_freq_hz) for m in stage.unpaired_test]
+        found |= {label: _Entry(label, freq_hz) for label, freq_hz in modes_}
+    for out in before.left_out:
+        found[out.test_label] = _Entry(out.test_label, out.test_freq_hz, f"left out: {out.reason}")
+    return sorted(found.values(), key=lambda e: e.freq_hz)
+
+
+def _row(entry: _Entry, stages: list[CorrelationResults], scale: float) -> tuple[Cell, ...]:
+    pairs = [next((p for p in s.pairs if p.test_label == entry.label), None) for s in stages]
+    cells = [cell for pair in pairs for cell in _pair_cells(pair, scale, bool(entry.remark))]
+    tone: Tone = "muted" if entry.remark else ""
+    remark = entry.remark or _remark(pairs)
+    return row(Cell(entry.label, tone=tone), Cell(freq(entry.freq_hz), tone=tone), *cells, Cell(remark, tone="muted"))
+
+
+def _pair_cells(pair: PairedMode | None, scale: float, left_out: bool) -> list[Cell]:
+    if pair is None:
+        word = "left out" if left_out else "no partner"
+        return [Cell(word, tone="muted"), *[Cell(NONE, tone="muted")] * 3]
+    error = Cell(signed_percent(pair.freq_error_percent), error_bar(pair.freq_error_percent, scale))
+    return [Cell(str(pair.model_number)), Cell(freq(pair.model_freq_hz)), error, mac_cell(pair.mac)]
+
+
+def error_bar(error: float, scale: float) -> Bar:
+    """From the middle to the left for negative errors, to the right for positive ones."""
+    end = 0.5 + 0.5 * max(-1.0, min(1.0, error / scale))
+    return Bar(min(0.5, end), max(0.5, end), 0.5)
+
+
+def mac_cell(mac: float | None) -> Cell:
+    """MAC with a bar; "not tested" where no shape was measured."""
+    return (
+        Cell(NOT_TESTED, tone="muted") if mac is None else Cell(unit_fraction(mac), Bar(0.0, max(0.0, min(1.0, mac))))
+    )
+
+
+def _remark(pairs: list[PairedMode | None]) -> str:
+    found = [p for p in pairs if p]
+    numbers = {p.model_number for p in found}
+    words = [
+        "pair fixed by hand" if any(p.fixed_by_hand for p in found) else "",
+        f"close modes, cluster {found[-1].cluster}" if found and found[-1].cluster is not None else "",
+        "pairing changed" if len(numbers) > 1 else "",
+    ]
+    return ", ".join(w for w in words if w)
+
+
+def _unpaired(stage: CorrelationResults) -> list[tuple[Cell, ...]]:
+    test = [row(f"test {m.test_label}", freq(m.test_freq_hz), m.reason) for m in stage.unpaired_test]
+    model = [
+        row(f"model {m.model_number}", freq(m.model_freq_hz), m.reason or "no test mode answers for it")
+        for m in stage.unpaired_model
+    ]
+    return [*test, *model]
+
+
+def _clusters(stage: CorrelationResults) -> list[Block]:
+    return [Paragraph(_cluster(c)) for c in stage.clusters]
+
+
+def _cluster(c: ClusterMatch) -> str:
+    tail = f" {c.sentence}" if c.sentence else ""
+    return (
+        f"Cluster {c.cluster}: test modes {listed(c.test_labels)} and model modes {listed(map(str, c.model_numbers))} "
+        f"are close and were compared as subspaces; the largest angle between them is {short(c.angle_deg)}°.{tail}"
+    )

@@ -1,0 +1,67 @@
+"""Parameters with their uncertainty."""
+
+from __future__ import annotations
+
+from femtune.report.document import Block, Cell, Figure, Paragraph, Table, columns, row
+from femtune.report.figures.forest import ForestRow, forest_svg
+from femtune.report.numbers import NONE, short, signed_percent, value
+from femtune.report.source import Source
+from femtune.study.results_update import ParameterFacts, ParameterResult
+
+
+def parameters(source: Source) -> list[Block]:
+    """Forest plot and table."""
+    facts, update = source.results.parameters, source.results.update
+    if not facts:
+        return [Paragraph("The study has no parameters.")]
+    if update is None:
+        return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
+    results = {p.name: p for p in update.parameters}
+    rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
+    figure = Figure(forest_svg(rows), "", "Updated parameters between their bounds") if rows else None
+    return [*([figure] if figure else []), _table(facts, results)]
+
+
+def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestRow | None:
+    """None for tied parameters, which have no bounds of their own."""
+    if result is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return None
+    return ForestRow(
+        fact.name, fact.unit, fact.lower, fact.upper, fact.nominal, fact.prior_sd,
+        result.value, result.sd, bool(result.at_bound),
+    )  # fmt: skip
+
+
+def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
+    heads = columns(
+        "Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">Change %", ">Bounds", ">Prior σ", "Fields, or tie"
+    )
+    return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
+
+
+def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ...]:
+    return row(
+        fact.name,
+        fact.unit or NONE,
+        value(fact.nominal),
+        value(result.value) if result else "not updated",
+        _spread(result),
+        signed_percent(result.change_percent) if result else NONE,
+        f"{value(fact.lower)} … {value(fact.upper)}" if fact.lower is not None else NONE,
+        short(fact.prior_sd),
+        _fields(fact),
+    )
+
+
+def _spread(result: ParameterResult | None) -> Cell:
+    if result is None:
+        return Cell(NONE)
+    if result.sd is None:
+        return Cell(result.sd_reason or "not given", tone="poor")
+    return Cell(short(result.sd))
+
+
+def _fields(fact: ParameterFacts) -> str:
+    if fact.tie:
+        return f"tied: {fact.tie}" + (f"; {', '.join(fact.fields)}" if fact.fields else "")
+    return ", ".join(fact.fields) or "no field in the deck"

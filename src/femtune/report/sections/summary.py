@@ -1,0 +1,57 @@
+"""Key numbers before and after, and alerts."""
+
+from __future__ import annotations
+
+from femtune.report.document import AlertBox, Block, KeyNumber, KeyNumbers, Paragraph
+from femtune.report.numbers import NOT_TESTED, percent, signed_percent, unit_fraction
+from femtune.report.source import Scores, Source
+
+_ORDER = ("problem", "warning", "info")
+
+
+def summary(source: Source) -> list[Block]:
+    """The numbers that a reader in a hurry looks at, the status of the update, and what must not be overlooked."""
+    before, update = source.scores("before"), source.results.update
+    after = source.scores(source.final_stage)
+    blocks: list[Block] = [KeyNumbers((*_objective(source), *_scores(before, after)))] if before else []
+    if update is not None:
+        blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
+    if source.final_stage == "after as written":
+        blocks.append(Paragraph("“After” is the model with the values as the updated deck holds them.", tone="muted"))
+    alerts = sorted(source.results.alerts, key=lambda a: _ORDER.index(a.level))
+    blocks += [AlertBox(a.level, a.code, a.sentence, a.where) for a in alerts]
+    return blocks if blocks else [Paragraph("Nothing has been compared yet.")]
+
+
+def _objective(source: Source) -> tuple[KeyNumber, ...]:
+    update = source.results.update
+    if update is None:
+        return ()
+    written = update.objective_as_written_percent
+    final = update.objective_after_percent if written is None else written
+    name = "Objective: weighted mean error"
+    return (KeyNumber(name, f"{percent(update.objective_before_percent)} %", f"{percent(final)} %"),)
+
+
+def _scores(before: Scores, after: Scores | None) -> list[KeyNumber]:
+    return [
+        KeyNumber("Mean |frequency error|", _mean(before), _mean(after) if after else ""),
+        KeyNumber(
+            "Worst frequency error", _worst(before), _worst(after) if after else "", (after or before).worst_label
+        ),
+        KeyNumber(
+            "Lowest MAC of a pair",
+            unit_fraction(before.lowest_mac),
+            unit_fraction(after.lowest_mac) if after else "",
+            (after or before).lowest_label,
+        ),
+        KeyNumber("Paired modes", str(before.pairs), str(after.pairs) if after else ""),
+    ]
+
+
+def _mean(scores: Scores) -> str:
+    return NOT_TESTED if scores.mean_error_percent is None else f"{percent(scores.mean_error_percent)} %"
+
+
+def _worst(scores: Scores) -> str:
+    return NOT_TESTED if scores.worst_error_percent is None else f"{signed_percent(scores.worst_error_percent)} %"

@@ -1,0 +1,52 @@
+"""The outcome in one sentence."""
+
+from __future__ import annotations
+
+from femtune.report.document import Level
+from femtune.report.numbers import counted, percent, unit_fraction
+from femtune.report.source import Scores, Source
+from femtune.study.results_update import UpdateResults
+
+
+def verdict(source: Source) -> tuple[str, Level]:
+    """One sentence and how serious it is."""
+    update, before, after = source.results.update, source.scores("before"), source.scores(source.final_stage)
+    if before is None:
+        return "Test and model have not been compared.", "warning"
+    if update is None or after is None:
+        return f"Test and model were compared, no update was run: {_agreement(before)}.", "info"
+    if not update.ok:
+        return (
+            f"The update did not reach an optimum ({update.message}); its best point: {_agreement(after)}.",
+            "problem",
+        )
+    caveats = _caveats(source, update)
+    sentence = f"After the update {_agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
+    return sentence, "warning" if caveats else "info"
+
+
+def _agreement(scores: Scores) -> str:
+    if not scores.pairs:
+        return "no test mode could be paired with a model mode"
+    return f"{counted(scores.pairs, 'test mode')} and model agree within {_numbers(scores)}"
+
+
+def _numbers(scores: Scores) -> str:
+    if scores.mean_error_percent is None:
+        return "no pairs"
+    mac = f", lowest MAC {unit_fraction(scores.lowest_mac)}" if scores.lowest_mac is not None else ""
+    return f"{percent(scores.mean_error_percent)} % mean frequency error{mac}"
+
+
+def _tail(caveats: list[str]) -> str:
+    return f"; {' and '.join(caveats)}" if caveats else ""
+
+
+def _caveats(source: Source, update: UpdateResults) -> list[str]:
+    """What must be said in the same breath as the success."""
+    at_bound = sum(bool(p.at_bound) for p in update.parameters)
+    open_ = len(source.results.selection.undetermined) if source.results.selection else 0
+    return [
+        *([f"{counted(at_bound, 'parameter')} ended at a bound"] if at_bound else []),
+        *([f"the data leave {counted(open_, 'combination')} of parameters undetermined"] if open_ else []),
+    ]
