@@ -46,7 +46,7 @@ def deck() -> str:
         "BEGIN BULK",
         "$ units: m, kg, s. Floors are rigid in their plane, columns inextensible, members massless:",
         "$ their mass is with the floors, at the slab centroids (grid points 10 and 20).",
-        card("EIGRL", 1, None, None, 6),
+        card("EIGR", 1, "MGIV", None, None, 1, 6),
         card("PARAM", "GRDPNT", 0),
         *_grids(),
         *_members(),
