@@ -41,7 +41,8 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module.report = lambda path, progress: Path(path) / "report.html"
     monkeypatch.setitem(sys.modules, "femtune.study.steps", module)
     monkeypatch.setitem(sys.modules, "femtune.report.steps", module)
-    monkeypatch.setattr(output, "show_run", lambda run: click.echo(run.results.name))
+    monkeypatch.setattr(output, "document_of", lambda run, progress: run.results.name)
+    monkeypatch.setattr(output, "show_document", click.echo)
     return module
 
 

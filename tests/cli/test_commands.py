@@ -78,7 +78,9 @@ def test_run_ends_by_naming_the_report(invoke: Invoke, steps: Any, study: Path) 
 
 
 def test_options_reach_the_step(invoke: Invoke, steps: Any, study: Path, tmp_path: Path) -> None:
-    assert invoke("update", study, "--output", tmp_path / "other", "--wide").exit_code == 0
+    result = invoke("update", study, "--output", tmp_path / "other", "--wide")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[-1] == f"results: {tmp_path / 'other'}"
     assert steps.calls == [("update", study, {"output": tmp_path / "other", "wide": True})]
 
 

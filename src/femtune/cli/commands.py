@@ -143,15 +143,17 @@ def _show(step: str, path: Path, as_json: bool, quiet: bool) -> None:
 
 
 def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
-    """Tables, what the update came to, and at last the report; exit code 1 where there is no optimum."""
+    """Tables, what the update came to, and at last the report or folder; exit code 1 where there is no optimum."""
     from femtune.cli import output  # noqa: PLC0415
+    from femtune.cli.display import Display  # noqa: PLC0415
 
     if not quiet:
-        output.show_run(folder)
+        with Display() as progress:
+            document = output.document_of(folder, progress)
+        output.show_document(document)
     outcome = folder.results.update
     if outcome is not None and not outcome.ok:
         click.echo(f"{outcome.status}: {outcome.message}", err=True)
-    if page is not None:
-        click.echo(f"report: {Path(page).resolve()}")
+    click.echo(f"results: {Path(folder.folder).resolve()}" if page is None else f"report: {Path(page).resolve()}")
     if outcome is not None and not outcome.ok:
         click.get_current_context().exit(1)

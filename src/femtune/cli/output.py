@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 from rich.console import Console
@@ -13,7 +14,14 @@ from rich.table import Table
 from rich.text import Text
 
 from femtune.errors import printable
+from femtune.study.progress import Progress
 from femtune.study.steps import RunFolder
+
+if TYPE_CHECKING:
+    from femtune.report.document import Document
+
+PIPE_WIDTH = 160
+"""Columns where the output is no terminal."""
 
 
 def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
@@ -27,19 +35,33 @@ def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
 
 def show(result: BaseModel | Sequence[BaseModel], console: Console | None = None) -> None:
     """Print a result: single values as lines, lists of plain records as tables, other records one after the other."""
-    console = console or Console(highlight=False)
+    console = console or _console()
     if isinstance(result, BaseModel):
         _show_record(result, console, 0)
     else:
         _show_records("", result, console, 0)
 
 
-def show_run(run: RunFolder) -> None:
-    """Print the short form of the report."""
+def document_of(run: RunFolder, progress: Progress) -> Document:
+    """The report of a run as data."""
+    progress.step("drawing the report", 0, None)
     # pictures need matplotlib, which only this one imports
-    from femtune.report import build_report, print_terminal  # noqa: PLC0415
+    from femtune.report import build_report  # noqa: PLC0415
 
-    print_terminal(build_report(run.results, run.arrays))
+    return build_report(run.results, run.arrays)
+
+
+def show_document(document: Document) -> None:
+    """Print the short form of a report."""
+    from femtune.report import print_terminal  # noqa: PLC0415
+
+    print_terminal(document, _console())
+
+
+def _console() -> Console:
+    """Standard output; a file or pipe is wider than the terminal of old that rich takes it for."""
+    console = Console(highlight=False)
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(highlight=False, width=PIPE_WIDTH)
 
 
 def _show_record(record: BaseModel, console: Console, indent: int) -> None:
