@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import published as p
 
+import published as p
 from femtune.dofs import DofSet
 from femtune.files.nastran.reals import format_real
 from femtune.files.uff import write_uff_modes

@@ -10,11 +10,10 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import published as p
 from make_inputs import write_inputs
 
-from femtune.study import steps
-from femtune.study import RunFolder
+import published as p
+from femtune.study import RunFolder, steps
 
 OBJECTIVE_TOLERANCE, PARAMETER_TOLERANCE = 0.12, 0.03
 USED = ("1", "2", "3", "5", "6")
