@@ -13,7 +13,8 @@ from pathlib import Path
 from make_inputs import write_inputs
 
 import published as p
-from femtune.study import RunFolder, steps
+from femtune import steps
+from femtune.steps import RunFolder
 
 OBJECTIVE_TOLERANCE, PARAMETER_TOLERANCE = 0.12, 0.03
 USED = ("1", "2", "3", "5", "6")

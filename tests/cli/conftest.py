@@ -32,15 +32,14 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
-    module: Any = ModuleType("femtune.study.steps")
+    module: Any = ModuleType("femtune.steps")
     module.calls, module.outcome = [], None
     for name in ("info", "modes", "correlate", "select"):
         setattr(module, name, _single(module, name))
     for name in ("update", "run"):
         setattr(module, name, _whole(module, name))
     module.report = lambda path, progress: Path(path) / "report.html"
-    monkeypatch.setitem(sys.modules, "femtune.study.steps", module)
-    monkeypatch.setitem(sys.modules, "femtune.report.steps", module)
+    monkeypatch.setitem(sys.modules, "femtune.steps", module)
     monkeypatch.setattr(output, "document_of", lambda run, progress: run.results.name)
     monkeypatch.setattr(output, "show_document", click.echo)
     return module

@@ -114,20 +114,13 @@ def report(path: Path, quiet: bool) -> None:
     click.echo(f"report: {Path(page).resolve()}")
 
 
-def _function(step: str) -> Callable[..., Any]:
-    """The library's function for a step: what ends with a report lives on the floor of reports."""
-    home = "femtune.report.steps" if step in ("report", "run") else "femtune.study.steps"
-    function: Callable[..., Any] = getattr(importlib.import_module(home), step)
-    return function
-
-
 def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
     """Run a step of the library with a progress display."""
     # rich is imported here, so that help is quick
     from femtune.cli.display import Display  # noqa: PLC0415
 
     click.get_current_context().find_root().obj = Running(path, options.get("output"))
-    function = _function(step)
+    function: Callable[..., Any] = getattr(importlib.import_module("femtune.steps"), step)
     with Display(quiet) as progress:
         return function(path, progress=progress, **options)
 
