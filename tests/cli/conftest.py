@@ -30,7 +30,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
     module: Any = ModuleType("femtune.steps")
     module.calls, module.outcome = [], None
