@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from femtune.report.figures.canvas import BLUE, INK, ORANGE, PALE, cut, draw_svg, quiet
 from femtune.report.numbers import short, typeset
@@ -56,6 +57,8 @@ def singular_values_svg(values: Sequence[float], rank: int) -> str:
         for i, number in enumerate(values):
             _singular(axes, i, number if i < rank else None, floor)
         axes.axvline(1.0, color=INK, linewidth=0.8, linestyle="--")
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: short(x)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlim(floor, 3.0 * max([*positive, 1.0]))
         axes.set_xlabel("singular value (dashed, 1: the data know as much as the prior)")
         axes.set_ylabel("combination")

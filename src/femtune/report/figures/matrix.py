@@ -89,7 +89,7 @@ def _numbers(axes: Axes, picture: MatrixPicture, font: float) -> None:
     threshold = 0.1 * picture.limit if max(picture.values.shape) > SIDE_BY_SIDE else -1.0
     for (i, j), value in np.ndenumerate(picture.values):
         if np.isfinite(value) and abs(value) >= threshold:
-            dark = abs(value) > 0.6 * picture.limit
+            dark = abs(value) > (0.7 if picture.signed else 0.6) * picture.limit
             axes.text(j, i, _digits(value), ha="center", va="center", fontsize=font, color="white" if dark else INK)
 
 

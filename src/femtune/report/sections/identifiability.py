@@ -75,16 +75,13 @@ def _singular(selection: SelectionResults) -> list[Block]:
 
 
 def _combinations(selection: SelectionResults) -> list[Block]:
-    found = [
-        *(("undetermined", c) for c in selection.undetermined),
-        *(("weak", c) for c in selection.weakly_determined),
-    ]
+    found = [(f"undetermined {i + 1}", c) for i, c in enumerate(selection.undetermined)]
+    found += [(f"weak {i + 1}", c) for i, c in enumerate(selection.weakly_determined)]
     if not found:
         return []
     shown = found[:_PANELS]
-    titles = [f"{kind} {i + 1}" for i, (kind, _) in enumerate(shown)]
     labels = selection.column_labels
-    svg = combinations_svg(titles, labels, [_coefficients(c, labels) for _, c in shown])
+    svg = combinations_svg([title for title, _ in shown], labels, [_coefficients(c, labels) for _, c in shown])
     more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
     return [
         Figure(svg, f"Combinations of parameters that the data determine badly.{more}", "Coefficients by parameter")

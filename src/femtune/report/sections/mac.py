@@ -51,7 +51,7 @@ def _shown(picture: MatrixPicture, name: str) -> Figure:
 
 
 def _labels(names: Any, freqs: tuple[float, ...]) -> tuple[str, ...]:
-    return tuple(f"{name}  {freq(f)} Hz" for name, f in zip(names, freqs, strict=True))
+    return tuple(f"{name}: {freq(f)} Hz" for name, f in zip(names, freqs, strict=True))
 
 
 def _pairs(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
