@@ -12,10 +12,9 @@ class Status(Enum):
     CONVERGED_AT_BOUNDS = "converged, with at least one parameter at its bound"
     UNDETERMINED = "converged, but the data leave combinations of parameters undetermined"
     EXACT = "the residuals vanish: the model repeats the test exactly"
-    MAX_ITERATIONS = "stopped at the iteration limit before it converged; the best point is kept"
+    MAX_ITERATIONS = "stopped at the iteration limit before it converged; the last point is kept"
     STALLED = "no step of any length lowers the objective; the best point is kept"
-    PAIRING_CYCLES = "the pairing of modes changes back and forth; the best point is kept"
-    PAIRING_LOST = "no test mode can be paired with a model mode any more; the best point is kept"
+    PAIRING_CYCLES = "the pairing of modes changes back and forth; the last point is kept"
     SOLVE_FAILED = "the eigen-solution failed at a trial point; the best point is kept"
 
     @property

@@ -13,7 +13,7 @@ from femtune.modal.mac import check_rows, check_shapes
 
 Reals = NDArray[np.float64]
 
-_RANK_TOLERANCE = 1e-3
+RANK_TOLERANCE = 1e-3
 """Directions of a subspace that the DOFs show with less than this fraction of the strongest are not used."""
 
 
@@ -142,7 +142,7 @@ def mostly_real(shape: NDArray) -> Reals:
 
 def _coordinates_of(model: Reals, shape: Reals) -> Reals:
     known = ~np.isnan(shape)
-    return np.linalg.pinv(model[known], rcond=_RANK_TOLERANCE) @ shape[known]
+    return np.linalg.pinv(model[known], rcond=RANK_TOLERANCE) @ shape[known]
 
 
 def _polar_factor(x: Reals) -> tuple[Reals, float]:
@@ -164,7 +164,7 @@ def _basis(vectors: NDArray) -> NDArray:
     """Orthonormal basis of the span of unit columns; directions hardly seen are dropped."""
     length = np.linalg.norm(vectors, axis=0)
     u, s, _ = np.linalg.svd(vectors[:, length > 0.0] / length[length > 0.0], full_matrices=False)
-    return u[:, s > _RANK_TOLERANCE * max(s.max(initial=0.0), 1e-300)]
+    return u[:, s > RANK_TOLERANCE * max(s.max(initial=0.0), 1e-300)]
 
 
 def _cosines(a: NDArray, b: NDArray) -> Reals:

@@ -152,7 +152,7 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
 
 
 def grid_matrix(model: ParametricModel, configuration: Configuration, matrix: MatrixKind) -> sp.csr_array:
-    """(n_g, n_g) matrix of a configuration at nominal values, before any constraint (for mass and rigid-body checks)."""
+    """(n_g, n_g) matrix of a configuration at nominal values, before any constraint: for mass and rigid-body checks."""
     added = mass_terms(model.structure.nodes, configuration.masses)
     terms = [t for t in (*_active(model.terms, configuration), *added) if t.matrix == matrix]
     return _nominal(model, terms, sp.csr_array(sp.eye_array(model.structure.nodes.n_dofs)))

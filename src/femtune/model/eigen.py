@@ -5,19 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
 from femtune.model.configured import ModelPoint
+from femtune.model.eigenpairs import DENSE_UP_TO, lowest
 from femtune.model.factorise import Factor, SingularMatrixError, factorise
-from femtune.model.mechanisms import check_mechanisms
+from femtune.model.shift import spectral_shift
 
-DENSE_UP_TO = 400
-_EXTRA_MODES = 6
-_ACCURACY = 1e-5
+__all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
+
+_DEFAULT_COUNT = 10
+_EXTRA_MODES, _MOST_EXTRA = 6, 400
+_REPEATED = 1e-6
+"""Neighbours whose λ − σ differ by less than this fraction are one repeated mode."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class EigenSolution:
     ----------
     eigenvalues : (m,) λ = ω² in rad²/s², ascending
     shapes : (n_free, m), φᵀMφ = 1
-    wanted : number of modes that were asked for; the others serve the derivatives
+    wanted : number of modes that were asked for, a repeated one at the end kept whole; the others serve the
+        derivatives
     shift, factor : σ and the factors of K − σM
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
         counted from the inertia of K − σM; −1 where it could not be counted
@@ -51,43 +54,36 @@ class EigenSolution:
 
 
 def solve_modes(point: ModelPoint, count: int | None = None, max_hz: float | None = None) -> EigenSolution:
-    """The `count` lowest modes, or all up to `max_hz`, proven complete by the Sturm count.
+    """The `count` lowest modes (ten where nothing is said), or all up to `max_hz` but at least one.
+
+    That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
 
     Raises
     ------
     FemtuneError : ``eigen.mechanism`` (a motion without stiffness and mass, naming the DOFs), ``eigen.no-mass``,
-        ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate`` or ``eigen.negative``
+        ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate``, ``eigen.negative``, ``eigen.no-convergence``,
+        ``eigen.uncounted``
     """
     K, M = point.stiffness, point.mass
     _check_matrices(point, M)
-    shift, factor = _spectral_shift(point, K, M)
+    shift, factor = spectral_shift(point, K, M)
     possible = int((np.abs(M).sum(axis=1) > 0).sum())
-    if max_hz is not None:
-        count = _count_below(K, M, (2.0 * np.pi * max_hz) ** 2) or 1
-    wanted = min(count or 10, possible)
-    for extra in (_EXTRA_MODES, 4 * _EXTRA_MODES):
-        values, shapes = _lowest(K, M, factor, shift, min(wanted + extra, possible))
-        checked, below = _sturm(K, M, values, wanted)
-        if below is None or below == checked[1]:
+    wanted = min(_wanted(K, M, count, max_hz), possible)
+    extra = _EXTRA_MODES
+    while True:
+        asked = min(wanted + extra, possible)
+        values, shapes, known = lowest(K, M, factor, shift, asked, wanted)
+        whole = _with_repeats(values, min(wanted, known), shift)
+        cut = _cut(values, whole, known, shift, asked == possible or len(values) < asked)
+        below = None if cut is None else _count_below(K, M, cut[0])
+        if cut is not None and below in (None, cut[1]):
             break
-    else:
-        raise FemtuneError(
-            "eigen.missed-modes",
-            f"{below} eigenvalues lie below {checked[0]:.6g} rad²/s², but {checked[1]} were found",
-            hint="ask for a few modes more",
-        )
-    wanted, notices = _whole_wanted(values, wanted, below)
-    return EigenSolution(
-        point, values, shapes, wanted, shift, factor, checked[0], -1 if below is None else below, notices
-    )
-
-
-def _whole_wanted(values: NDArray, wanted: int, below: int | None) -> tuple[int, tuple[Notice, ...]]:
-    wanted = min(wanted, len(values))
-    if below is not None:
-        return wanted, ()
-    text = "the modes could not be counted: the factorisation's pivots hide the inertia"
-    return wanted, (Notice("eigen.not-counted", text),)
+        if asked == possible or extra > _MOST_EXTRA:
+            raise _missed(cut, below)
+        extra *= 4
+    notices = (_not_counted(),) if below is None else ()
+    counted = -1 if below is None else below
+    return EigenSolution(point, values[:known], shapes[:, :known], whole, shift, factor, cut[0], counted, notices)
 
 
 def _check_matrices(point: ModelPoint, M: sp.csr_array) -> None:
@@ -102,129 +98,60 @@ def _check_matrices(point: ModelPoint, M: sp.csr_array) -> None:
         )
 
 
-def _spectral_shift(point: ModelPoint, K: sp.csr_array, M: sp.csr_array) -> tuple[float, Factor]:
-    """A shift below zero of the size of the lowest elastic eigenvalues, and the factors there.
-
-    A shift much nearer to zero loses digits of the higher modes to the rigid-body ones; one much further away
-    slows the iteration.
-    """
-    k, m = K.diagonal(), M.diagonal()
-    ratios = k[m > 0] / m[m > 0]
-    positive = ratios[ratios > 0]
-    size = 1e-4 * positive.min() if positive.size else 1.0
-    factor = _factor_below(point, K, M, size)
-    better = _elastic_size(K, M, factor, size)
-    if not 1e-3 < size / better < 1e2:
-        size = better
-        factor = _factor_below(point, K, M, size)
-    return -size, factor
-
-
-def _factor_below(point: ModelPoint, K: sp.csr_array, M: sp.csr_array, size: float) -> Factor:
-    shifted = sp.csr_array(K + size * M)
-    try:
-        factor = factorise(shifted)
-    except SingularMatrixError:
-        factor = None
-    check_mechanisms(point, shifted, factor)
-    assert factor is not None
-    if factor.negative_pivots:
+def _wanted(K: sp.csr_array, M: sp.csr_array, count: int | None, max_hz: float | None) -> int:
+    if max_hz is None:
+        return _DEFAULT_COUNT if count is None else max(count, 1)
+    below = _count_below(K, M, (2.0 * np.pi * max_hz) ** 2)
+    if below is None:
         raise FemtuneError(
-            "eigen.negative",
-            f"the stiffness matrix has {factor.negative_pivots} negative eigenvalues",
-            values={"configuration": point.configured.configuration.name},
-            hint="look for negative stiffness, moduli or masses",
+            "eigen.uncounted",
+            f"the modes up to {max_hz:g} Hz could not be counted: the factorisation's pivots hide the inertia",
+            hint="give the number of modes (count) instead, or another max_hz",
         )
-    return factor
+    return max(below, 1)
 
 
-def _elastic_size(K: sp.csr_array, M: sp.csr_array, factor: Factor, size: float) -> float:
-    """Rough size of the lowest elastic eigenvalue, by a few inverse iterations on a small block."""
-    n = K.shape[0]
-    block = np.random.default_rng(0).standard_normal((n, min(n, 8)))
-    for _ in range(3):
-        block = la.qr(factor.solve(M @ block), mode="economic")[0]
-    k, m = block.T @ (K @ block), block.T @ (M @ block)
-    theta = la.eigvalsh(m, k + size * m)
-    values = 1.0 / theta[theta > 1e-8 * theta[-1]] - size
-    elastic = values[values > 1e-6 * values.max()]
-    return float(elastic.min()) if elastic.size and elastic.min() > 0 else size
+def _with_repeats(values: NDArray, wanted: int, shift: float) -> int:
+    """The number of modes that keeps a repeated mode at the end whole."""
+    while wanted < len(values) and values[wanted] - values[wanted - 1] <= _REPEATED * (values[wanted] - shift):
+        wanted += 1
+    return wanted
 
 
-def _lowest(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    n = K.shape[0]
-    dense = n <= DENSE_UP_TO or count >= n - 1
-    values, shapes = (_dense if dense else _iterative)(K, M, factor, shift, count)
-    order = np.argsort(values)
-    values, shapes = values[order], shapes[:, order]
-    _check_accuracy(K, M, factor, shift, values, shapes)
-    return values, shapes
+def _cut(values: NDArray, wanted: int, known: int, shift: float, complete: bool) -> tuple[float, int] | None:
+    """A shift in the widest relative gap above the wanted modes and the number of modes below it; None without one.
 
-
-def _check_accuracy(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, values: NDArray, shapes: NDArray
-) -> None:
-    """Refuse modes whose residual Kφ − λMφ, measured as energy in (K − σM)⁻¹, is not small."""
-    residual = K @ shapes - (M @ shapes) * values
-    energy = np.einsum("ij,ij->j", residual, factor.solve(residual))
-    error = np.sqrt(np.abs(energy) / (values - shift))
-    worst = int(np.argmax(error))
-    if not error[worst] <= _ACCURACY:
-        raise FemtuneError(
-            "eigen.inaccurate",
-            f"mode {worst + 1} could not be computed accurately: its relative residual is {error[worst]:.1e}",
-            values={"frequency (Hz)": f"{np.sqrt(max(values[worst], 0.0)) / (2 * np.pi):.6g}"},
-            hint="look for stiffnesses that are many orders of magnitude apart, and for nearly loose parts",
-        )
-
-
-def _dense(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
-    L = la.cholesky((K - shift * M).toarray(), lower=True)
-    half = la.solve_triangular(L, M.toarray(), lower=True)
-    inverse = la.solve_triangular(L, half.T, lower=True)
-    n = K.shape[0]
-    theta, y = la.eigh(0.5 * (inverse + inverse.T), subset_by_index=[max(0, n - count), n - 1])
-    finite = theta > 1e-14 * theta[-1]
-    theta, y = theta[finite], y[:, finite]
-    return shift + 1.0 / theta, la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
-
-
-def _iterative(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    n = K.shape[0]
-    inverse = spla.LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
-    start = factor.solve(M @ np.random.default_rng(1).standard_normal(n))
-    values, shapes = spla.eigsh(K, k=count, M=M, sigma=shift, OPinv=inverse, v0=start, tol=0.0)
-    return values, shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
-
-
-def _sturm(
-    K: sp.csr_array, M: sp.csr_array, values: NDArray[np.float64], wanted: int
-) -> tuple[tuple[float, int], int | None]:
-    """((shift, number of modes found below it), number of eigenvalues below it).
-
-    The shift lies in the widest relative gap at or above the wanted modes.
+    Gaps are relative to λ − σ: among rigid-body modes, whose λ are rounding, there is none.
     """
-    if len(values) <= wanted:
-        shift, found = float(values[-1]) * 1.01 + 1e-6 * abs(float(values[0])), len(values)
-    else:
-        upper = values[wanted - 1 :]
-        i = int(np.argmax(np.diff(upper) / np.abs(upper[1:])))
-        shift, found = 0.5 * float(upper[i] + upper[i + 1]), wanted + i
-    return (shift, found), _count_below(K, M, shift)
+    ends = values[wanted - 1 : min(known + 1, len(values))]
+    if wanted > known:
+        return None
+    if len(ends) < 2:
+        return (float(values[-1] + 0.01 * (values[-1] - shift)), len(values)) if complete else None
+    gaps = np.diff(ends) / (ends[1:] - shift)
+    i = int(np.argmax(gaps))
+    return (0.5 * float(ends[i] + ends[i + 1]), wanted + i) if gaps[i] > _REPEATED else None
 
 
 def _count_below(K: sp.csr_array, M: sp.csr_array, eigenvalue: float) -> int | None:
     """Number of eigenvalues below a value: negative pivots of K − λM."""
-    for nudge in (1.0, 1.0 + 1e-7):
+    for nudge in (1.0, 1.0 + 1e-7, 1.0 + 1e-5):
         try:
-            return factorise(sp.csr_array(K - nudge * eigenvalue * M)).negative_pivots
+            count = factorise(sp.csr_array(K - nudge * eigenvalue * M)).negative_pivots
         except SingularMatrixError:
             continue
+        if count is not None:
+            return count
     return None
+
+
+def _missed(cut: tuple[float, int] | None, below: int | None) -> FemtuneError:
+    if cut is None:
+        text = "the modes do not end: no gap above the wanted ones could be found to count them at"
+    else:
+        text = f"{below} eigenvalues lie below {cut[0]:.6g} rad²/s², but {cut[1]} were found"
+    return FemtuneError("eigen.missed-modes", text, hint="ask for a few modes more")
+
+
+def _not_counted() -> Notice:
+    return Notice("eigen.not-counted", "the modes could not be counted: the factorisation's pivots hide the inertia")

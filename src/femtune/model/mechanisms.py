@@ -23,15 +23,20 @@ def check_mechanisms(point: ModelPoint, shifted: sp.csr_array, factor: Factor | 
     FemtuneError : ``eigen.mechanism``
     """
     diagonal = shifted.diagonal()
-    empty = np.flatnonzero(diagonal <= 0.0)
+    empty = np.flatnonzero(diagonal == 0.0)
     if empty.size:
         raise _mechanism(point, empty)
+    if (diagonal < 0.0).any():
+        return
     scale = 1.0 / np.sqrt(diagonal)
-    if factor is None:
-        factor = factorise(sp.csr_array(shifted + sp.diags_array(1e-14 * diagonal)))
-    smallest, motion = _smallest(factor, scale)
+    smallest, motion = _smallest(factor or _nearly(shifted, diagonal), scale)
     if smallest < _SUSPECT and _is_massless_mechanism(point, motion * scale):
         raise _mechanism(point, _largest(motion))
+
+
+def _nearly(shifted: sp.csr_array, diagonal: NDArray) -> Factor:
+    """Factors of a matrix that misses the singular one by rounding."""
+    return factorise(sp.csr_array(shifted + sp.diags_array(1e-13 * diagonal)))
 
 
 def _smallest(factor: Factor, scale: NDArray) -> tuple[float, NDArray]:

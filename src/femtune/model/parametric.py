@@ -66,6 +66,8 @@ def parametric_model(
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()
+    with errors.catch():
+        _check_regions(structure, parameters, assignments)
     placed: list[tuple[str, int, bool]] = []
     for assignment in assignments:
         with errors.catch():
@@ -96,8 +98,23 @@ def _place(
         structure = structure.split(position, chosen, assignment.parameter)
         position = len(structure.values.refs) - len(structure.values.dependents([position]))
     if any(position == i for _, i, _ in placed):
-        raise _error("parameter.field-twice", assignment, parameters, "is set by two parameters")
+        raise _error("parameter.field-twice", assignment, parameters, _TWICE)
     return structure, position
+
+
+def _check_regions(structure: Structure, parameters: ParameterSet, assignments: tuple[Assignment, ...]) -> None:
+    """Refuse regions of one field that overlap: an element has one value."""
+    taken: dict[FieldRef, set[int]] = {}
+    for assignment in assignments:
+        position = structure.values.index(assignment.ref)
+        if position is not None and assignment.elements is not None:
+            mine = set(structure.users(position).tolist()) & assignment.elements
+            if mine & taken.setdefault(assignment.ref, set()):
+                raise _error("parameter.field-twice", assignment, parameters, _TWICE)
+            taken[assignment.ref] |= mine
+
+
+_TWICE = "is set by two parameters, in some elements at least"
 
 
 def _error(code: str, assignment: Assignment, parameters: ParameterSet, why: str) -> FemtuneError:

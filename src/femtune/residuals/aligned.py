@@ -12,6 +12,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from femtune.errors import FemtuneError
+from femtune.modal.subspace import RANK_TOLERANCE
 from femtune.model import SubspaceDerivative
 
 Reals = NDArray[np.float64]
@@ -36,18 +38,20 @@ def align(derivative: SubspaceDerivative, test: Reals) -> AlignedModes:
     Parameters
     ----------
     derivative : of c modes, at s sensors
-    test : (s, t) real test shapes, t ≤ c; rows with NaN in any of them do not count
+    test : (s, t) real test shapes, t ≤ c; NaN marks entries that were not measured
+
+    Raises
+    ------
+    FemtuneError : ``residual.unseen-mode`` where a test shape has no part in the subspace
     """
-    known = ~np.isnan(test).any(axis=1)
-    A, B = derivative.shapes[known], test[known]
-    dA = _basis_gradient(derivative)
-    Q, dQ = _rotation(A, dA[known], B)
+    A, dA = derivative.shapes, _basis_gradient(derivative)
+    Q, dQ = _rotation(A, dA, test)
     small = np.diag(derivative.eigenvalues)
     d_small = _small_gradient(derivative)
     turned = np.einsum("ai,ab,bi->i", Q, small, Q)
     d_turned = 2.0 * np.einsum("aik,ab,bi->ik", dQ, small, Q) + np.einsum("ai,abk,bi->ik", Q, d_small, Q)
-    shapes = derivative.shapes @ Q
-    d_shapes = np.einsum("sak,ai->sik", dA, Q) + np.einsum("sa,aik->sik", derivative.shapes, dQ)
+    shapes = A @ Q
+    d_shapes = np.einsum("sak,ai->sik", dA, Q) + np.einsum("sa,aik->sik", A, dQ)
     return AlignedModes(turned, d_turned, shapes, d_shapes)
 
 
@@ -65,24 +69,44 @@ def _small_gradient(d: SubspaceDerivative) -> Reals:
 
 def _rotation(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
     """Polar factor Q (c, t) of the unit modal coordinates of B in A, and its gradient (c, t, k)."""
-    X, dX = _coordinates(A, dA, B)
-    length = np.linalg.norm(X, axis=0)
-    U = X / length
-    dU = (dX - U[:, :, None] * np.einsum("ai,aik->ik", U, dX)) / length[None, :, None]
+    U, dU = _unit_columns(*_coordinates(A, dA, B))
     u, s, vt = la.svd(U, full_matrices=False)
     Q, H = u @ vt, (vt.T * s) @ vt
     inside = np.einsum("ai,ajk->ijk", Q, dU)
     skew = inside - np.swapaxes(inside, 0, 1)
     across = np.einsum("ab,bjk->ajk", np.eye(len(Q)) - Q @ Q.T, dU)
+    # H S + S H = skew(QᵀU′) for the spin S, solved in the basis where H is diagonal
     turn = vt @ np.moveaxis(skew, -1, 0) @ vt.T / (s[:, None] + s[None, :])
     spin = np.moveaxis(vt.T @ turn @ vt, 0, -1)
     return Q, np.einsum("ai,ijk->ajk", Q, spin) + np.einsum("aik,ij->ajk", across, la.inv(H))
 
 
+def _unit_columns(X: Reals, dX: Reals) -> tuple[Reals, Reals]:
+    length = np.linalg.norm(X, axis=0)
+    if not (length > 0.0).all():
+        raise FemtuneError(
+            "residual.unseen-mode",
+            "a test shape has no part at all in the model modes that it is compared with",
+            values={"test mode within its group (from 1)": int(np.argmin(length)) + 1},
+            hint="take back the pair that was fixed by hand, or leave this mode out",
+        )
+    U = X / length
+    return U, (dX - U[:, :, None] * np.einsum("ai,aik->ik", U, dX)) / length[None, :, None]
+
+
 def _coordinates(A: Reals, dA: Reals, B: Reals) -> tuple[Reals, Reals]:
-    """Least-squares coordinates X = A⁺B and their gradient (c, t, k)."""
-    inverse = np.linalg.pinv(A)
-    X = inverse @ B
-    rest = B - A @ X
-    direct = -np.einsum("as,sbk,bj->ajk", inverse, dA, X)
-    return X, direct + np.einsum("ab,sbk,sj->ajk", inverse @ inverse.T, dA, rest)
+    """Least-squares coordinates (c, t) of each column of B in A over its measured rows, and their gradient."""
+    columns = [_coordinates_of(A, dA, b) for b in B.T]
+    return np.stack([x for x, _ in columns], axis=1), np.stack([d for _, d in columns], axis=1)
+
+
+def _coordinates_of(A: Reals, dA: Reals, b: Reals) -> tuple[Reals, Reals]:
+    """x = A⁺b and its gradient (c, k): Golub and Pereyra (1973), rank kept."""
+    known = ~np.isnan(b)
+    A, dA, b = A[known], dA[known], b[known]
+    inverse = np.linalg.pinv(A, rcond=RANK_TOLERANCE)
+    x = inverse @ b
+    gradient = -np.einsum("as,sbk,b->ak", inverse, dA, x)
+    gradient += np.einsum("ab,sbk,s->ak", inverse @ inverse.T, dA, b - A @ x)
+    unseen = np.eye(A.shape[1]) - inverse @ A
+    return x, gradient + np.einsum("ab,sbk,s->ak", unseen, dA, inverse.T @ x)

@@ -162,7 +162,9 @@ class UpdateProblem:
                 f"configuration {case.name}: the test gives no scatter for mode {case.test.labels[i]}",
                 hint="give frequency_sd a number",
             )
-        return float(case.test.freq_sd_hz[i] / case.test.freq_hz[i])
+        # λ = ω² scatters twice as much as ω, relatively
+        times = 2.0 if self.rules.frequency_form == "eigenvalue" else 1.0
+        return times * float(case.test.freq_sd_hz[i] / case.test.freq_hz[i])
 
 
 def _no_pairs(states: Sequence[CaseState]) -> FemtuneError:

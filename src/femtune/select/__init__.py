@@ -4,10 +4,11 @@ from femtune.select.identifiability import NO_EFFECT, Combination, Identifiabili
 from femtune.select.words import combination_text, sentences, verdict
 
 __all__ = [
-    "UNDETERMINED",
+    "NO_EFFECT",
     "Combination",
     "Identifiability",
     "combination_text",
+    "determined",
     "identifiability",
     "sentences",
     "verdict",

@@ -47,20 +47,30 @@ def parameter_covariance(
     """
     k = J.shape[1]
     free = np.flatnonzero(~at_bound)
-    spare = len(r) - (len(free) if not len(extra) else 0)
-    factor = _noise_factor(float(r @ r), spare, measured)
     matrix = np.full((k, k), np.nan)
     reasons = {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
+    known, rank = _determined(np.vstack([J, extra])[:, free] * prior_sd[free])
+    factor = _noise_factor(float(r @ r), len(r) - (0 if len(extra) else rank), measured)
+    reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}
     if not np.isfinite(factor):
-        return ParameterCovariance(matrix, reasons | {int(i): "no spare residuals, σ not given" for i in free}, factor)
-    rows = np.vstack([J[:, free] / max(factor, 1e-300), extra[:, free]])
-    known, covariance = _inverse(rows, prior_sd[free])
-    for a, i in enumerate(free):
-        if not known[a]:
-            reasons[int(i)] = "not determined by the data, σ not given"
-    some = free[known]
-    matrix[np.ix_(some, some)] = covariance[np.ix_(known, known)]
+        reasons |= {int(i): "no spare residuals, σ not given" for i in free[known]}
+        return ParameterCovariance(matrix, reasons, factor)
+    covariance = _inverse(J[:, free], extra[:, free], factor, prior_sd[free])
+    matrix[np.ix_(free[known], free[known])] = covariance[np.ix_(known, known)]
     return ParameterCovariance(matrix, reasons, factor)
+
+
+def _determined(scaled: Reals) -> tuple[NDArray[np.bool_], int]:
+    """Which parameters have no share in what the rows leave undetermined, and how many combinations they determine."""
+    s, vt = _directions(scaled)
+    good = determined(s)
+    return np.linalg.norm(vt[~good], axis=0) < _SHARE, int(good.sum())
+
+
+def _directions(rows: Reals) -> tuple[Reals, Reals]:
+    k = rows.shape[1]
+    _, s, vt = np.linalg.svd(np.vstack([rows, np.zeros((max(0, k - len(rows)), k))]), full_matrices=False)
+    return s, vt
 
 
 def _noise_factor(squares: float, spare: int, measured: bool) -> float:
@@ -71,12 +81,10 @@ def _noise_factor(squares: float, spare: int, measured: bool) -> float:
     return max(factor, 1.0) if measured else factor
 
 
-def _inverse(rows: Reals, prior_sd: Reals) -> tuple[NDArray[np.bool_], Reals]:
-    """Which parameters have no share in what the rows leave undetermined, and (rowsᵀrows)⁻¹ on the rest."""
-    k = rows.shape[1]
-    padded = np.vstack([rows * prior_sd, np.zeros((max(0, k - len(rows)), k))])
-    _, s, vt = np.linalg.svd(padded, full_matrices=False)
-    good = determined(s)
-    share = np.linalg.norm(vt[~good], axis=0)
+def _inverse(J: Reals, extra: Reals, factor: float, prior_sd: Reals) -> Reals:
+    """(JᵀJ/s² + RᵀR)⁻¹ on the combinations that are determined."""
+    # s is taken out of the rows, since it may be zero: s² (JᵀJ + s² RᵀR)⁻¹
+    s, vt = _directions(np.vstack([J, factor * extra]) * prior_sd)
+    good = determined(s) if not len(extra) else s > 0.0
     inverse = (vt[good].T / s[good] ** 2) @ vt[good]
-    return share < _SHARE, inverse * np.outer(prior_sd, prior_sd)
+    return factor**2 * inverse * np.outer(prior_sd, prior_sd)

@@ -18,13 +18,13 @@ from femtune.status import Status
 from femtune.update.covariance import parameter_covariance
 from femtune.update.regularise import Regularisation
 from femtune.update.result import Iteration, UpdateResult
-from femtune.update.trust import bounded_step, projected_gradient
+from femtune.update.trust import bounded_step
 
 Reals = NDArray[np.float64]
 Report = Callable[[Iteration], None]
 
 _DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-12, 1e12
-_SAME_OBJECTIVE = 1e-9
+_SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
 
 
@@ -74,22 +74,17 @@ def update(
     point = _point(problem, method, before)
     history = [_iteration(problem, 0, point, 0.0, 0.0, ())]
     report(history[0])
-    status, damping = None, _DAMPING_START
+    damping, status = _DAMPING_START, _finished(problem, method, point, history)
     while status is None:
-        if len(history) > method.max_iterations:
-            status = Status.MAX_ITERATIONS
-            break
-        trial, damping, failure = _step(problem, method, point, damping)
-        if trial is None:
-            status = failure
-            break
-        moved = float(np.abs(trial.x - point.x).max(initial=0.0))
-        paired = _point(problem, method, problem.pair_again(trial.evaluation))
-        events = _events(trial.evaluation, paired.evaluation)
-        history.append(_iteration(problem, len(history), paired, moved, damping, events))
-        report(history[-1])
-        status = _judge(problem, method, point, paired, history)
-        point = paired
+        trial, damping, status = _step(problem, method, point, damping)
+        if trial is not None:
+            paired = _point(problem, method, problem.pair_again(trial.evaluation))
+            moved = float(np.abs(trial.x - point.x).max(initial=0.0))
+            events = _events(trial.evaluation, paired.evaluation)
+            history.append(_iteration(problem, len(history), paired, moved, damping, events))
+            report(history[-1])
+            point = paired
+            status = _finished(problem, method, point, history)
     return _result(problem, method, before, point, status, history)
 
 
@@ -102,24 +97,55 @@ def _point(problem: UpdateProblem, method: SensitivityMethod, evaluation: Evalua
     )
 
 
+def _finished(
+    problem: UpdateProblem, method: SensitivityMethod, point: _Point, history: list[Iteration]
+) -> Status | None:
+    """How the iteration ends at this point, or None where it goes on."""
+    if _gauss_newton_gain(problem, method, point) <= _SAME_OBJECTIVE * point.objective:
+        return _optimum(problem, point)
+    if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
+        return Status.PAIRING_CYCLES
+    return Status.MAX_ITERATIONS if len(history) > method.max_iterations else None
+
+
+def _gauss_newton_gain(problem: UpdateProblem, method: SensitivityMethod, point: _Point) -> float:
+    """By how much the linear model lowers the objective inside the bounds; zero where its step is none."""
+    if point.objective < _ZERO_OBJECTIVE:
+        return 0.0
+    d = bounded_step(
+        point.residuals, point.jacobian, _DAMPING_LEAST, *_room(problem, point), problem.parameters.prior[1]
+    )
+    return 0.0 if np.abs(d).max(initial=0.0) <= method.tolerance else _predicted(point, d)
+
+
+def _room(problem: UpdateProblem, point: _Point) -> tuple[Reals, Reals]:
+    lower, upper = problem.parameters.bounds
+    return lower - point.x, upper - point.x
+
+
 def _step(
     problem: UpdateProblem, method: SensitivityMethod, point: _Point, damping: float
 ) -> tuple[_Point | None, float, Status | None]:
     """The next accepted point and its damping, or the status that ends the iteration."""
-    lower, upper = problem.parameters.bounds
     failed = False
     while damping <= _DAMPING_MOST:
-        room = (lower - point.x, upper - point.x)
-        d = bounded_step(point.residuals, point.jacobian, damping, *room, problem.parameters.prior[1])
+        d = bounded_step(point.residuals, point.jacobian, damping, *_room(problem, point), problem.parameters.prior[1])
         if np.abs(d).max(initial=0.0) <= method.tolerance:
-            return None, damping, _end(problem, point, failed)
+            break
         trial = _try(problem, method, point, d)
         failed = failed or trial is None
         gain = _gain(point, d, trial)
         if trial is not None and gain > 1e-4:
             return trial, _relaxed(damping, gain), None
         damping = max(10.0 * damping, 1e-6)
-    return None, damping, Status.SOLVE_FAILED if failed else Status.STALLED
+    return None, damping, _end(problem, method, point, failed)
+
+
+def _end(problem: UpdateProblem, method: SensitivityMethod, point: _Point, failed: bool) -> Status:
+    """Why no step was accepted: rounding at an optimum, unsolvable trial points, or a wall."""
+    if _gauss_newton_gain(problem, method, point) <= _NEARLY_SAME * point.objective:
+        return _optimum(problem, point)
+    return Status.SOLVE_FAILED if failed else Status.STALLED
 
 
 def _try(problem: UpdateProblem, method: SensitivityMethod, point: _Point, d: Reals) -> _Point | None:
@@ -135,40 +161,22 @@ def _gain(point: _Point, d: Reals, trial: _Point | None) -> float:
     """Actual over predicted decrease of the objective."""
     if trial is None:
         return -1.0
-    linear = point.residuals + point.jacobian @ d
-    predicted = point.objective - 0.5 * float(linear @ linear)
+    predicted = _predicted(point, d)
     actual = point.objective - trial.objective
     if predicted <= 1e-14 * point.objective:
         return 1.0 if actual >= 0.0 else -1.0
     return actual / predicted
 
 
+def _predicted(point: _Point, d: Reals) -> float:
+    linear = point.residuals + point.jacobian @ d
+    return point.objective - 0.5 * float(linear @ linear)
+
+
 def _relaxed(damping: float, gain: float) -> float:
     if gain > 0.75:
         return max(0.1 * damping, _DAMPING_LEAST)
     return damping if gain > 0.25 else 4.0 * damping
-
-
-def _end(problem: UpdateProblem, point: _Point, failed: bool) -> Status:
-    if failed:
-        return Status.SOLVE_FAILED
-    return _optimum(problem, point)
-
-
-def _judge(
-    problem: UpdateProblem, method: SensitivityMethod, old: _Point, new: _Point, history: list[Iteration]
-) -> Status | None:
-    """Whether the iteration is over."""
-    if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
-        return Status.PAIRING_CYCLES
-    if history[-1].events:
-        return None
-    lower, upper = problem.parameters.bounds
-    gradient = projected_gradient(new.jacobian.T @ new.residuals, new.x, lower, upper)
-    size = np.linalg.norm(new.jacobian, axis=0) * np.linalg.norm(new.residuals)
-    flat = (np.abs(gradient) <= 1e-10 * np.maximum(size, 1e-300)).all()
-    same = history[-1].step <= method.tolerance or old.objective - new.objective <= _SAME_OBJECTIVE * old.objective
-    return _optimum(problem, new) if flat or same or new.objective < 1e-24 else None
 
 
 def _optimum(problem: UpdateProblem, point: _Point) -> Status:
@@ -209,10 +217,9 @@ def _result(
     method: SensitivityMethod,
     before: Evaluation,
     point: _Point,
-    status: Status | None,
+    status: Status,
     history: list[Iteration],
 ) -> UpdateResult:
-    assert status is not None
     at = point.evaluation
     _, rows = method.regularisation.rows(problem.parameters, at.x)
     prior = rows if method.regularisation.kind == "prior" else rows[:0]
