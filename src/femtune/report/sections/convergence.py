@@ -37,7 +37,7 @@ def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
         sorted({e.iteration for e in update.pairing_events}),
     )
     caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
-    return Figure(svg, caption, "Objective and parameters by iteration")
+    return Figure(svg, caption, "Objective and parameters by iteration", wide=True)
 
 
 def _place(fact: ParameterFacts | None, x: float) -> float:

@@ -71,7 +71,7 @@ def _singular(selection: SelectionResults) -> list[Block]:
         f"Singular values of the scaled Jacobian; the largest is {last}, "
         f"values below {short(selection.rank_threshold)} count as zero."
     )
-    return [Figure(svg, caption, "Singular values of the scaled Jacobian")]
+    return [Figure(svg, caption, "Singular values of the scaled Jacobian", wide=True)]
 
 
 def _combinations(selection: SelectionResults) -> list[Block]:

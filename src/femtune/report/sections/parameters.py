@@ -8,6 +8,11 @@ from femtune.report.numbers import NONE, short, signed_percent, value
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, ParameterResult
 
+_CAPTION = (
+    "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
+    "Blue: the updated value ± one standard deviation. Orange square: at a bound, where no standard deviation is given."
+)
+
 
 def parameters(source: Source) -> list[Block]:
     """Forest plot and table."""
@@ -18,7 +23,7 @@ def parameters(source: Source) -> list[Block]:
         return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
     results = {p.name: p for p in update.parameters}
     rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
-    figure = Figure(forest_svg(rows), "", "Updated parameters between their bounds") if rows else None
+    figure = Figure(forest_svg(rows), _CAPTION, "Updated parameters between their bounds", wide=True) if rows else None
     return [*([figure] if figure else []), _table(facts, results)]
 
 

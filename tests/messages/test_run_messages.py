@@ -1,0 +1,51 @@
+"""What is said about run folders that cannot be read or written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.study.run_folder import check_writable, read_results
+
+
+def _message(folder: Path) -> str:
+    with pytest.raises(FemtuneError) as caught:
+        read_results(folder)
+    return str(caught.value).replace(str(folder), "RUN")
+
+
+def test_no_run_folder(tmp_path: Path) -> None:
+    assert _message(tmp_path) == (
+        "[run.missing] this is no run folder: results.json cannot be read (No such file or directory)\n"
+        "  at RUN/results.json\n\n"
+        "hint: name a folder that `femtune run` wrote"
+    )
+
+
+def test_another_version(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('{"schema_version": "7"}')
+    assert _message(tmp_path) == (
+        "[run.version] the results are of schema version 7; this femtune reads version 1\n"
+        "  at RUN/results.json (schema_version)\n\n"
+        "hint: read them with the version of femtune that wrote them, or run the study again"
+    )
+
+
+def test_a_cut_file(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('{"schema_version": ')
+    message = _message(tmp_path)
+    assert message.startswith("[run.damaged] results.json is damaged: ")
+    assert message.endswith("  at RUN/results.json\n\nhint: run the study again into this folder")
+
+
+def test_an_unwritable_folder(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(FemtuneError) as caught:
+        check_writable(tmp_path / "file" / "run")
+    assert str(caught.value).replace(str(tmp_path), "RUN") == (
+        "[run.unwritable] the run folder cannot be written: Not a directory\n"
+        "  at RUN/file/run\n\n"
+        "hint: choose another folder, or give yourself the right to write there"
+    )
