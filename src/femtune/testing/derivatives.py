@@ -1,0 +1,222 @@
+"""Checks of derivatives that models and residuals inherit, each where it holds.
+
+=====================================  =====================================================  ========
+what                                   how                                                    to
+=====================================  =====================================================  ========
+matrices K(x), M(x)                    complex step                                           1e-9
+simple eigenpairs, small models        complex step through the dense standard form M⁻¹K      1e-9
+eigenvectors of any model              residual of the derivative equation                    1e-7
+whatever is smooth (residuals)         Taylor slope 2 over five halvings                      0.1
+clusters and repeated modes            central difference along one direction, h ≈ 1e-6       1e-6
+=====================================  =====================================================  ========
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.model import EigenSolution, ModelPoint, solve_modes, subspace_derivative
+from femtune.residuals import UpdateProblem
+
+Reals = NDArray[np.float64]
+
+STEP = 1e-30
+"""Complex step: nothing is subtracted, so it may be this small."""
+EIGEN_STEP = 1e-20
+DIFFERENCE_STEP = 1e-6
+TOLERANCE = 1e-9
+
+
+def check_model(point: ModelPoint, modes: Sequence[int] = (), count: int | None = None) -> None:
+    """All checks of a model at a point: matrices, then the given simple modes (positions).
+
+    Raises AssertionError. Modes are checked by complex step where the model has at most 60 DOFs with mass, and by the
+    residual of the derivative equation always.
+    """
+    check_matrix_derivatives(point)
+    if not modes:
+        return
+    solution = solve_modes(point, count if count is not None else max(modes) + 1)
+    for j in modes:
+        check_derivative_equation(solution, [j])
+        if point.configured.n_free <= 60:
+            check_simple_mode(solution, j)
+
+
+def check_matrix_derivatives(point: ModelPoint) -> None:
+    """K and M are symmetric; first and second derivatives agree with complex steps."""
+    for name in ("stiffness", "mass"):
+        matrix = getattr(point, name)
+        _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{name}: symmetry")
+        for i in range(point.n_parameters):
+            stepped = point.configured.at(point.x + 1j * STEP * np.eye(point.n_parameters)[i])
+            exact = getattr(point, f"{name}_derivatives")[i]
+            _close(getattr(stepped, name).imag / STEP, exact, exact, f"{name}: derivative {i}")
+            _check_second(point, stepped, name, i)
+
+
+def _check_second(point: ModelPoint, stepped: ModelPoint, name: str, i: int) -> None:
+    for j in range(point.n_parameters):
+        exact = getattr(point, f"{name}_second_derivative")(i, j)
+        found = getattr(stepped, f"{name}_derivatives")[j].imag / STEP
+        # where the second derivative vanishes, what is left is judged by the first
+        scale = exact if exact.nnz and np.abs(exact.data).max() > 0 else getattr(point, f"{name}_derivatives")[j]
+        _close(found, exact, scale, f"{name}: second derivative {i}, {j}")
+
+
+def _close(found: Any, exact: Any, scale: Any, what: str) -> None:
+    size = float(np.abs(scale.data).max(initial=0.0))
+    worst = float(np.abs((found - exact).toarray()).max(initial=0.0))
+    assert worst <= TOLERANCE * size, f"{what}: off by {worst:.3g} of {size:.3g}"
+
+
+def check_simple_mode(solution: EigenSolution, j: int, tolerance: float = TOLERANCE) -> float:
+    """Gradients of eigenvalue and mass-normalised shape of a simple mode against complex steps; the worst error.
+
+    Dense, standard form M⁻¹K: the model must have mass on every free DOF.
+    """
+    point = solution.point
+    exact = subspace_derivative(solution, [j])
+    worst = 0.0
+    for i in range(point.n_parameters):
+        value, shape = _complex_mode(point, i, float(solution.eigenvalues[j]), solution.shapes[:, j])
+        slope = solution.eigenvalues[j] - solution.shift
+        errors = (
+            abs(value.imag / EIGEN_STEP - exact.eigenvalue_gradient[i]) / slope,
+            float(np.abs(shape.imag / EIGEN_STEP - exact.shape_gradient[:, i]).max() / np.abs(exact.shapes).max()),
+        )
+        worst = max(worst, *errors)
+        assert worst <= tolerance, (
+            f"mode {j}, parameter {i}: eigenvalue off by {errors[0]:.2g}, shape by {errors[1]:.2g}"
+        )
+    return worst
+
+
+def _complex_mode(point: ModelPoint, i: int, eigenvalue: float, shape: Reals) -> tuple[complex, NDArray]:
+    """The mode nearest to a real one at x + ih eᵢ, normalised by φᵀMφ = 1 (no conjugate)."""
+    stepped = point.configured.at(point.x + 1j * EIGEN_STEP * np.eye(point.n_parameters)[i])
+    M = stepped.mass.toarray()
+    values, vectors = np.linalg.eig(np.linalg.solve(M, stepped.stiffness.toarray()))
+    nearest = int(np.argmin(np.abs(values - eigenvalue)))
+    phi = vectors[:, nearest]
+    phi = phi / phi[np.argmax(np.abs(phi))]
+    phi = phi / np.sqrt(phi @ M @ phi)
+    return values[nearest], phi * np.sign((phi.real) @ shape)
+
+
+def check_derivative_equation(solution: EigenSolution, members: Sequence[int], tolerance: float = 1e-7) -> float:
+    """Residual of (K − λM)Φ′ + (K′ − λM′)Φ, as energy, outside the subspace; its worst ratio to the force.
+
+    Holds for single modes, for clusters and at any size of the model.
+    """
+    point, derivative = solution.point, subspace_derivative(solution, members)
+    phi = solution.shapes[:, list(members)]
+    m_phi, worst = point.mass @ phi, 0.0
+    for j, value in enumerate(derivative.eigenvalues):
+        for i in range(point.n_parameters):
+            force = point.stiffness_derivatives[i] @ phi[:, j] - value * (point.mass_derivatives[i] @ phi[:, j])
+            u = derivative.outside[:, j, i]
+            rest = point.stiffness @ u - value * (point.mass @ u) + force
+            rest = rest - m_phi @ (phi.T @ rest)
+            ratio = _energy(solution, rest) / max(_energy(solution, force), 1e-300)
+            worst = max(worst, ratio)
+            assert ratio <= tolerance, f"mode {members[j]}, parameter {i}: the equation is off by {ratio:.2g}"
+    return worst
+
+
+def _energy(solution: EigenSolution, force: Reals) -> float:
+    return float(np.sqrt(abs(force @ solution.factor.solve(force))))
+
+
+def check_taylor_slope(
+    function: Callable[[Reals], Reals], value: Reals, jacobian: Reals, x: Reals, length: float = 0.01, seed: int = 0
+) -> float:
+    """|f(x + t d) − f(x) − t J d| falls with slope 2 over five halvings; returns the slope that is nearest to 2.
+
+    A function that is linear to rounding passes.
+    """
+    d = length * np.random.default_rng(seed).uniform(-1.0, 1.0, len(x))
+    steps = 0.5 ** np.arange(6)
+    rest = np.array([np.linalg.norm(function(x + t * d) - value - t * (jacobian @ d)) for t in steps])
+    if rest[0] <= 1e-11 * max(np.linalg.norm(value), np.linalg.norm(jacobian @ d)):
+        return 2.0
+    slopes = np.log2(rest[:-1] / rest[1:])
+    best = float(slopes[np.argmin(np.abs(slopes - 2.0))])
+    assert np.median(np.abs(slopes - 2.0)) < 0.1, f"Taylor slopes {slopes} are not 2"
+    return best
+
+
+def check_directional(
+    function: Callable[[Reals], Reals],
+    jacobian: Reals,
+    x: Reals,
+    direction: Reals,
+    tolerance: float = 1e-6,
+    step: float = DIFFERENCE_STEP,
+) -> float:
+    """J d against a central difference along one direction; the relative error.
+
+    For functions of clusters and repeated modes, where complex steps fail.
+    """
+    found = (function(x + step * direction) - function(x - step * direction)) / (2.0 * step)
+    exact = jacobian @ direction
+    size = max(float(np.linalg.norm(exact)), float(np.linalg.norm(jacobian)), 1e-300)
+    error = float(np.linalg.norm(found - exact)) / size
+    assert error <= tolerance, f"directional derivative off by {error:.2g}"
+    return error
+
+
+def check_residual(problem: UpdateProblem, x: Reals, tolerance: float = 1e-6, length: float = 0.01) -> None:
+    """Jacobian of all residual blocks: along each parameter by central difference, and by Taylor slope.
+
+    The pairing is frozen and each motion is tracked, as in an update.
+    """
+    start = problem.start(np.asarray(x, dtype=float))
+
+    def residuals(at: Reals) -> Reals:
+        return problem.follow(at, start).residuals
+
+    for direction in np.eye(len(x)):
+        check_directional(residuals, start.jacobian, start.x, direction, tolerance)
+    check_taylor_slope(residuals, start.residuals, start.jacobian, start.x, length)
+
+
+class ModelDerivativeChecks:
+    """Base of test classes: say `make_point`, and the modes that are simple, and inherit the checks."""
+
+    simple_modes: tuple[int, ...] = (0,)
+    clusters: tuple[tuple[int, ...], ...] = ()
+
+    def make_point(self) -> ModelPoint:
+        """The model at the point where its derivatives are checked."""
+        raise AssertionError("a subclass says which model is checked")
+
+    def test_matrices(self) -> None:
+        check_matrix_derivatives(self.make_point())
+
+    def test_simple_modes(self) -> None:
+        check_model(self.make_point(), self.simple_modes)
+
+    def test_clusters(self) -> None:
+        point = self.make_point()
+        for members in self.clusters:
+            check_derivative_equation(solve_modes(point, max(members) + 1), members)
+
+
+class ResidualDerivativeChecks:
+    """Base of test classes: say `make_problem` and the points, and inherit the checks."""
+
+    points: tuple[tuple[float, ...], ...] = ()
+
+    def make_problem(self) -> UpdateProblem:
+        """The problem whose Jacobian is checked."""
+        raise AssertionError("a subclass says which problem is checked")
+
+    def test_jacobian(self) -> None:
+        problem = self.make_problem()
+        for x in self.points or ((0.0,) * len(problem.parameters.free),):
+            check_residual(problem, np.array(x))
