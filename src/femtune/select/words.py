@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from femtune.select.identifiability import Combination, Identifiability
 
-_WELL, _PARTLY, _SMALL = 0.2, 0.7, 0.1
+_WELL, _PARTLY, _SMALL = 1 / 3, 2 / 3, 0.1
 
 
 def verdict(reduction: float) -> str:
@@ -27,7 +27,7 @@ def combination_text(names: tuple[str, ...], combination: Combination) -> str:
 
 
 def sentences(result: Identifiability) -> list[str]:
-    """What the data determine, undetermined combinations first."""
+    """What the data determine: undetermined combinations first, then weak ones; `verdict` speaks of parameters."""
     k, m = len(result.names), len(result.undetermined)
     if not k:
         return ["There is no free parameter."]
@@ -37,8 +37,7 @@ def sentences(result: Identifiability) -> list[str]:
         else f"The data determine all {k} free parameters, some better than others."
     ]
     out += [_undetermined(result, c) for c in result.undetermined]
-    out += [_weak(result, c) for c in result.weak]
-    return out + [_parameter(result, i) for i in range(k) if result.reduction[i] >= _WELL]
+    return out + [_weak(result, c) for c in result.weak]
 
 
 def _count(m: int) -> str:
@@ -61,12 +60,6 @@ def _weak(result: Identifiability, c: Combination) -> str:
     return (
         f"The combination {combination_text(result.names, c)} is weakly determined: "
         f"its spread only falls to {100 * c.reduction:.0f} % of the prior's."
-    )
-
-
-def _parameter(result: Identifiability, i: int) -> str:
-    return (
-        f"{result.names[i]}: {verdict(result.reduction[i])} (spread {100 * result.reduction[i]:.0f} % of the prior's)."
     )
 
 
