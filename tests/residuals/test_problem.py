@@ -1,0 +1,179 @@
+"""Residual blocks: values by hand, Jacobians of all forms and scalings, pairing and tracking."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.modal import ModeSet
+from femtune.model import solve_modes
+from femtune.residuals import ModalCase, PairingRules, ResidualRules, UpdateProblem, describe_change, paired_count
+from femtune.residuals.case import keep_paired, track
+from femtune.residuals.frequency import frequency_residual
+from femtune.residuals.shape import mac_residual, shape_difference
+from femtune.testing import ResidualDerivativeChecks, check_residual
+from femtune.testing.springs import factor_model, sensor_rows, simulated_case, spring_structure
+
+CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
+GROUPS = {"a": [1, 2], "b": [3], "m": [1002]}
+TRUTH = (0.15, -0.2, 0.1)
+
+FORMS = {
+    "frequency": ResidualRules(0.01, 0.0),
+    "eigenvalue": ResidualRules(0.01, 0.0, "eigenvalue"),
+    "unit norm": ResidualRules(0.01, 0.1),
+    "largest entry": ResidualRules(0.0, 0.1, shape_scaling="largest-entry"),
+    "mac": ResidualRules(0.02, 0.5, shape_form="mac"),
+}
+
+
+def chain_case(sensors: tuple[int, ...] = (0, 2, 3), **more: object) -> ModalCase:
+    return simulated_case(
+        factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), GROUPS), TRUTH, sensors, 3, **more
+    )
+
+
+def problem_of(case: ModalCase, rules: ResidualRules) -> UpdateProblem:
+    return UpdateProblem((case,), case.configured.model.parameters, rules)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_jacobian_of_every_form(form: str):
+    check_residual(problem_of(chain_case(), FORMS[form]), np.array([0.02, 0.1, -0.1]))
+
+
+class TestRepeatedPairs(ResidualDerivativeChecks):
+    """A ring whose parameters break the symmetry, with test shapes that are turned in their pairs."""
+
+    points = ((0.0, 0.0, 0.0), (0.05, -0.02, 0.0))
+
+    def make_problem(self) -> UpdateProblem:
+        springs = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]
+        model = factor_model(spring_structure(springs, [1.0] * 6), {"a": [1], "b": [3], "m": [1002]})
+        case = simulated_case(model, (0.2, 0.1, 0.1), range(6), 6)  # type: ignore[arg-type]
+        rules = PairingRules(mac_gate=0.2, relative_gap=0.05)
+        return problem_of(replace(case, rules=rules), ResidualRules(0.01, 0.1))
+
+
+def test_the_pairs_are_compared_as_subspaces():
+    problem = TestRepeatedPairs().make_problem()
+    groups = problem.start(np.zeros(3)).states[0].groups
+    assert {(1, 2), (3, 4)} <= {models for _, models in groups}
+
+
+def test_residuals_vanish_at_the_truth_and_only_there():
+    problem = problem_of(chain_case(), FORMS["unit norm"])
+    assert problem.start(np.array(TRUTH)).objective < 1e-20
+    assert problem.start(np.zeros(3)).objective > 1.0
+
+
+def test_frequency_residuals_by_hand():
+    value = (2 * np.pi * 11.0) ** 2
+    plain, slope = frequency_residual(value, np.array([2.0 * value]), 10.0, 0.05)
+    assert plain[0] == pytest.approx(0.1 / 0.05)
+    # λ ∝ x² has f ∝ x: twice the relative slope of f
+    assert slope[0, 0] == pytest.approx(1.1 / 0.05)
+    squared, slope = frequency_residual(value, np.array([value]), 10.0, 0.05, "eigenvalue")
+    assert squared[0] == pytest.approx(0.21 / 0.05)
+    assert slope[0, 0] == pytest.approx(1.21 / 0.05)
+
+
+def test_shape_residuals_by_hand():
+    shape, test, none = np.array([-3.0, 0.0, -4.0]), np.array([4.0, np.nan, 3.0]), np.zeros((3, 1))
+    unit, _ = shape_difference(shape, none, test, 0.1)
+    np.testing.assert_allclose(unit, [(0.6 - 0.8) / 0.1, (0.8 - 0.6) / 0.1])
+    largest, _ = shape_difference(shape, none, test, 0.1, "largest-entry")
+    np.testing.assert_allclose(largest, [(4 / 3 - 3 / 4) / 0.1])
+    mac, _ = mac_residual(shape, none, test, 0.5)
+    np.testing.assert_allclose(mac, [(1 - 0.96) / 0.96 / 0.5])
+    # the norm of the difference is √(2(1 − √MAC))
+    assert np.linalg.norm(0.1 * unit) == pytest.approx(np.sqrt(2 * (1 - 0.96)))
+
+
+def test_entries_that_were_not_measured_are_left_out():
+    case = chain_case((0, 1, 2, 3))
+    shapes = np.array(case.test.shapes)
+    shapes[1, 0] = shapes[3, 2] = np.nan
+    spoilt = replace(case, test=replace(case.test, shapes=shapes))
+    problem = problem_of(spoilt, FORMS["unit norm"])
+    assert problem.start(np.array(TRUTH)).objective < 1e-20
+    assert [len(b.values) for b in problem.start(np.zeros(3)).blocks if b.kind == "shape"] == [3, 4, 3]
+    check_residual(problem, np.zeros(3))
+
+
+def test_scatter_of_the_test():
+    case = chain_case()
+    sd = 0.002 * case.test.freq_hz
+    known = replace(case, test=replace(case.test, freq_sd_hz=sd))
+    of_frequency = problem_of(known, ResidualRules("test")).start(np.zeros(3))
+    of_eigenvalue = problem_of(known, ResidualRules("test", 0.0, "eigenvalue")).start(np.zeros(3))
+    assert [b.sd for b in of_frequency.blocks] == pytest.approx([0.002] * 3)
+    # λ scatters twice as much as f, so that both forms weigh alike to first order
+    assert [b.sd for b in of_eigenvalue.blocks] == pytest.approx([0.004] * 3)
+    with pytest.raises(FemtuneError, match=r"residual\.no-scatter"):
+        problem_of(case, ResidualRules("test")).start(np.zeros(3))
+
+
+def test_zero_pairs_are_an_error():
+    case = chain_case()
+    far = replace(case, test=replace(case.test, freq_hz=10.0 * case.test.freq_hz))
+    with pytest.raises(FemtuneError, match=r"correlate\.no-pairs"):
+        problem_of(far, FORMS["frequency"]).start(np.zeros(3))
+
+
+def crossing_case() -> ModalCase:
+    """Two uncoupled oscillators, 0 below 1 at nominal and above it at the truth."""
+    model = factor_model(spring_structure([(-1, 0, 100.0), (-1, 1, 130.0)], [1.0, 1.0]), {"a": [1], "b": [2]})
+    rows = sensor_rows(model, (0, 1))
+    test = ModeSet(
+        np.sqrt([150.0, 120.0]) / (2 * np.pi), np.eye(2), DofSet(model.free_dof(i) for i in (0, 1)), labels=("A", "B")
+    )
+    return ModalCase(model, test, rows, count=2)
+
+
+def test_tracking_keeps_the_motion():
+    problem = problem_of(crossing_case(), FORMS["frequency"])
+    start = problem.start(np.zeros(2))
+    assert start.states[0].groups == (((0,), (0,)), ((1,), (1,)))
+    there = problem.follow(np.array([0.5, -0.1]), start)
+    assert there.states[0].groups == (((0,), (1,)), ((1,), (0,)))
+    events = describe_change(start.states[0].case, start.states[0].groups, there.states[0].groups)
+    assert events == [
+        "as the deck: test mode A with model mode 1 before, with model mode 2 now",
+        "as the deck: test mode B with model mode 2 before, with model mode 1 now",
+    ]
+    assert paired_count(there.states) == 2
+    assert problem.pair_again(there) is there
+
+
+def test_tracking_at_exact_crossing_stays_finite():
+    """The trial point where both oscillators have one frequency: neither NaN nor a warning."""
+    problem = problem_of(crossing_case(), FORMS["unit norm"])
+    there = problem.follow(np.array([0.3, 0.0]), problem.start(np.zeros(2)))
+    assert np.isfinite(there.jacobian).all()
+    assert np.isfinite(there.residuals).all()
+
+
+def test_a_paired_mode_does_not_leave_the_residual():
+    before = (((0,), (0,)), ((1,), (2,)))
+    assert keep_paired(before, (((0,), (0,)),)) == before
+    # unless its model mode is claimed by another
+    assert keep_paired(before, (((0,), (2,)),)) == (((0,), (2,)),)
+
+
+def test_tracking_of_nothing():
+    solution = solve_modes(chain_case().configured.at(np.zeros(3)), 2)
+    assert track((), solution, solution) == ()
+
+
+def test_mean_error_of_equal_misfits_is_their_size():
+    case = chain_case()
+    off = replace(case, test=replace(case.test, freq_hz=case.test.freq_hz / 1.03))
+    found = problem_of(off, FORMS["frequency"]).start(np.array(TRUTH))
+    assert found.mean_error == pytest.approx(0.03, rel=1e-9)
+    assert [b.error for b in found.blocks] == pytest.approx([0.03] * 3)
+    assert found.blocks[0].label == "as the deck mode 1 frequency"
