@@ -110,7 +110,7 @@ def main() -> None:
     text = _page(runs)
     print(text)
     if arguments.evidence:
-        (arguments.evidence / "building.md").write_text(text)
+        (arguments.evidence / "01_building.md").write_text(text)
 
 
 def _page(runs: dict[str, RunFolder]) -> str:

@@ -110,7 +110,7 @@ def main() -> None:
     )
     print(text)
     if arguments.evidence:
-        (arguments.evidence / "reference-decks.md").write_text(text + "\n")
+        (arguments.evidence / "03_reference_decks.md").write_text(text + "\n")
 
 
 if __name__ == "__main__":

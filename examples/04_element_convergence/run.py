@@ -53,7 +53,7 @@ def main() -> None:
     )
     print(text)
     if arguments.evidence:
-        (arguments.evidence / "beam-convergence.md").write_text(text + "\n")
+        (arguments.evidence / "04_element_convergence.md").write_text(text + "\n")
 
 
 if __name__ == "__main__":
