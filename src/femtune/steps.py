@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from femtune.files.study_file import read_study_file
-from femtune.report import build_report, write_html
 from femtune.study.progress import Progress, silent
 from femtune.study.run_folder import read_results
 from femtune.study.steps import RunFolder, correlate, info, modes, select, update
@@ -42,6 +41,9 @@ def report(path: Path | str, progress: Progress = silent) -> Path:
     ------
     FemtuneError : ``run.missing``, ``run.damaged``, ``run.version``, ``run.unwritable``
     """
+    # pictures take a second to import, and the other steps need none
+    from femtune.report import build_report, write_html  # noqa: PLC0415
+
     folder = Path(path)
     if folder.is_file():
         folder = read_study_file(folder).output_folder

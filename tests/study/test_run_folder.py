@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.study import run_folder
+from femtune.files import whole_file
 from femtune.study.results import Results
 from femtune.study.run_folder import check_writable, read_results, write_results
 
@@ -82,7 +82,7 @@ def test_a_failure_while_renaming_keeps_the_old_results(folder: Path, monkeypatc
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(run_folder.os, "replace", refuse)
+    monkeypatch.setattr(whole_file.os, "replace", refuse)
     with pytest.raises(FemtuneError, match="No space left") as caught:
         write_results(folder, _results(alerts=[]), _ARRAYS)
     assert caught.value.code == "run.unwritable"

@@ -54,7 +54,7 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     if written is None or update is None:
         return
     for sentence in written.without_field:
-        level: Level = "warning" if "split" in sentence else "info"
+        level: Level = "warning" if "split = true" in sentence else "info"
         yield _alert(level, "write.without-field", sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:

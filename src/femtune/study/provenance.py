@@ -21,45 +21,72 @@ from femtune.study.load import Study
 from femtune.study.results_base import InputFile, Provenance, StepDuration, StudyFacts
 
 
+@dataclass(frozen=True)
+class Inputs:
+    """The files that a run was made of."""
+
+    study_file: InputFile
+    files: tuple[InputFile, ...]
+
+
 @dataclass
 class Stopwatch:
     """Times the steps of a run."""
 
     command: str
     started: datetime = field(default_factory=lambda: datetime.now(UTC))
-    durations: list[StepDuration] = field(default_factory=list)
+    durations: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Time one step."""
+        """Time one step; times of the same step add up."""
         begin = time.perf_counter()
-        yield
-        self.durations.append(StepDuration(step=name, duration_s=round(time.perf_counter() - begin, 3)))
+        try:
+            yield
+        finally:
+            self.durations[name] = self.durations.get(name, 0.0) + time.perf_counter() - begin
 
 
-def provenance(study: Study, watch: Stopwatch) -> Provenance:
+def provenance(inputs: Inputs, watch: Stopwatch) -> Provenance:
     """Files, versions and times of a run."""
-    file = study.file
-    base = file.path.parent
-    paths = [Path(f.file) for f in study.built.deck.files]
-    paths += [file.path_of(c.entry.test) for c in study.cases if c.entry.test is not None]
     return Provenance(
         femtune_version=__version__,
         started_at=watch.started.isoformat(timespec="seconds"),
         command=watch.command,
-        study_file=_input(file.path, base),
-        input_files=tuple(_input(p, base) for p in dict.fromkeys(paths)),
+        study_file=inputs.study_file,
+        input_files=inputs.files,
         python_version=platform.python_version(),
         numpy_version=np.__version__,
         scipy_version=scipy.__version__,
         eigen_solver=f"shift-invert; sparse factorisation by {' or '.join(available_solvers())}",
-        durations=tuple(watch.durations),
+        durations=tuple(StepDuration(step=name, duration_s=round(t, 3)) for name, t in watch.durations.items()),
     )
+
+
+def inputs_of(study: Study) -> Inputs:
+    """The files of a study with their check sums, as they are now: call it before a long run, not after."""
+    base = study.file.path.parent
+    return Inputs(_input(study.file.path, base), tuple(_input(p, base) for p in input_paths(study)))
+
+
+def input_paths(study: Study) -> tuple[Path, ...]:
+    """Decks with their INCLUDEs, and tests."""
+    paths = [Path(f.file) for f in study.built.deck.files]
+    paths += [study.file.path_of(c.entry.test) for c in study.cases if c.entry.test is not None]
+    return tuple(dict.fromkeys(paths))
 
 
 def _input(path: Path, base: Path) -> InputFile:
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return InputFile(path=os.path.relpath(path, base), sha256=digest)
+    return InputFile(path=relative(path, base), sha256=digest)
+
+
+def relative(path: Path, base: Path) -> str:
+    """`path` as seen from `base`."""
+    try:
+        return os.path.relpath(path, base)
+    except ValueError:  # another drive
+        return str(path)
 
 
 def study_facts(study: Study) -> StudyFacts:
@@ -69,5 +96,5 @@ def study_facts(study: Study) -> StudyFacts:
         title=table.title,
         units=table.units,
         deck_file=table.deck,
-        configurations=tuple(c.configured.configuration.name for c in study.cases),
+        configurations=tuple(c.name for c in study.cases),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -25,6 +26,8 @@ from femtune.study.results_correlation import (
 
 Arrays = dict[str, NDArray]
 
+_NOT_IN_KEYS = re.compile(r"[^\w +-]")
+
 
 def correlate_case(case: ModalCase, solution: EigenSolution) -> Correlation:
     """All comparisons of a case at its solved modes."""
@@ -43,9 +46,15 @@ def correlate_case(case: ModalCase, solution: EigenSolution) -> Correlation:
     )
 
 
-def correlation_results(name: str, stage: Stage, c: Correlation, arrays: Arrays) -> CorrelationResults:
-    """The record; its matrices are put into `arrays`."""
-    prefix = f"{stage.replace(' ', '_')}/{name}"
+def array_prefix(stage: Stage, name: str, number: int) -> str:
+    """Head of the keys of a configuration's arrays: its name, with its number where the name cannot be a key."""
+    # keys are names of files in an archive; brackets tell a changed name from every unchanged one
+    safe = _NOT_IN_KEYS.sub("_", name)
+    return f"{stage.replace(' ', '_')}/{safe if safe == name else f'{safe}({number})'}"
+
+
+def correlation_results(name: str, stage: Stage, c: Correlation, prefix: str, arrays: Arrays) -> CorrelationResults:
+    """The record; its matrices are put into `arrays` under keys that begin with `prefix`."""
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
         arrays[f"{prefix}/cross_orthogonality"] = _spread(c)

@@ -12,7 +12,8 @@ from femtune.fem.checks import MassProperties, RigidMotionCheck, mass_properties
 from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
-from femtune.study.load import Study, StudyCase
+from femtune.study.cases import StudyCase, sensor_tolerance
+from femtune.study.load import Study
 from femtune.study.results_base import Alert, Level, Stage, Vector3
 from femtune.study.results_model import (
     CardCount,
@@ -178,7 +179,7 @@ def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
     return SensorResults(
         configuration=case.configured.configuration.name,
         test_file=case.entry.test,
-        tolerance=None if by_id else study.file.sensors.tolerance,
+        tolerance=None if by_id else sensor_tolerance(study.file, study.built.structure),
         matched=tuple(
             MatchedSensor(
                 test_dof=str(m.label),
@@ -206,9 +207,16 @@ def model_modes(name: str, stage: Stage, solution: EigenSolution) -> ModelModes:
         configuration=name,
         stage=stage,
         freq_hz=tuple(float(f) for f in freq),
-        rigid_body_modes=int((freq < 1e-4 * freq[-1]).sum()) if len(freq) else 0,
+        rigid_body_modes=_rigid_body_modes(solution),
         sturm_shift_hz=shift_hz if counted else None,
         sturm_count=solution.sturm_count if counted else None,
         modes_below_shift=below if counted else None,
         sturm_sentence=sentence if counted else "not tested: the factorisation hides the inertia",
     )
+
+
+def _rigid_body_modes(solution: EigenSolution) -> int:
+    """Wanted modes without strain: λ is rounding beside that of the highest mode solved, wanted or not."""
+    values = solution.eigenvalues
+    # eigenvalues are squares: a ten-thousandth of the frequency
+    return int((values[: solution.wanted] < 1e-8 * values[-1]).sum()) if len(values) else 0

@@ -204,7 +204,7 @@ class EditedField(Record):
     field: str
     """Name of the field: "I1"."""
     file: str
-    """File that holds it, relative to the run folder."""
+    """File of the deck that was read, relative to the study file."""
     line: int
     """Line in that file, from 1."""
     old_text: str

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import tempfile
 import zipfile
 import zlib
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from femtune.errors import FemtuneError, Where
+from femtune.files.whole_file import write_whole
 from femtune.study.results import SCHEMA_VERSION, Results
 
 RESULTS_FILE = "results.json"
@@ -39,10 +39,10 @@ def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDA
     packed = _pack(arrays)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _replace(folder / ARRAYS_FILE, packed)
-        _replace(folder / RESULTS_FILE, text.encode())
+        write_whole(folder / ARRAYS_FILE, packed)
+        write_whole(folder / RESULTS_FILE, text.encode())
     except OSError as error:
-        raise _unwritable(folder, error) from error
+        raise unwritable(folder, error) from error
     return folder / RESULTS_FILE
 
 
@@ -73,10 +73,11 @@ def check_writable(folder: Path | str) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise _unwritable(folder, error) from error
+        raise unwritable(folder, error) from error
 
 
-def _unwritable(folder: Path, error: OSError) -> FemtuneError:
+def unwritable(folder: Path, error: OSError) -> FemtuneError:
+    """The error that a run folder refuses a file."""
     return FemtuneError(
         "run.unwritable",
         f"the run folder cannot be written: {error.strerror or error}",
@@ -94,28 +95,6 @@ def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
             with archive.open(zipfile.ZipInfo(f"{key}.npy", (1980, 1, 1, 0, 0, 0)), "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, np.asanyarray(arrays[key]), allow_pickle=False)
     return buffer.getvalue()
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write beside `path`, flush to the disk, rename: readers see the old file or the new one."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        # mkstemp makes private files; a result is an ordinary one
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _read_json(path: Path) -> Results:

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from femtune.errors import FemtuneError
+import numpy as np
+
+from femtune.errors import FemtuneError, Where
 from femtune.fem import FieldRef
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.edit import FieldChange
-from femtune.files.nastran.write import WrittenDeck, write_deck
+from femtune.files.nastran.reals import parse_real
+from femtune.files.nastran.write import WrittenDeck, check_overwrites, write_deck
 from femtune.files.nastran.write_plan import WritePlan, plan_edits
 from femtune.parameters import Parameter
+from femtune.study.history import HISTORY_FILE
 from femtune.study.load import Study
+from femtune.study.provenance import input_paths, relative
 from femtune.study.results_update import EditedField, WriteBackResults, WrittenValue
+from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.update import UpdateResult
 
 NAME = "updated.bdf"
@@ -28,6 +35,25 @@ class WriteBack:
     record: WriteBackResults
     written: dict[str, tuple[WrittenValue, ...]]
     built: BuiltModel
+
+
+def check_inputs_safe(study: Study, folder: Path) -> None:
+    """Refuse a run folder in which a file of the run would take the place of an input, before hours of work.
+
+    Raises
+    ------
+    FemtuneError : ``write.overwrites-input``
+    """
+    check_overwrites(study.built.deck, folder, NAME)
+    inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
+    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE):
+        if os.path.realpath(folder / name) in inputs:
+            raise FemtuneError(
+                "write.overwrites-input",
+                "a file of the run would overwrite a file that the study reads",
+                where=Where(str(folder / name)),
+                hint="choose another folder for the run",
+            )
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -109,7 +135,7 @@ def _edit(
     return EditedField(
         card=f"{ref.card} {ref.id}" if ref is not None else card.record,
         field=ref.name if ref is not None else f"field {change.index + 2}",
-        file=Path(change.where.file).name,
+        file=relative(Path(change.where.file), study.file.path.parent),
         line=change.where.line or 1,
         old_text=change.before.strip(),
         new_text=change.after.strip(),
@@ -120,10 +146,7 @@ def _edit(
 
 
 def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return 0.0
+    return parse_real(text) or 0.0
 
 
 def _no_fields(study: Study) -> Iterable[str]:
@@ -146,17 +169,18 @@ def _shared(ref: FieldRef) -> str:
 
 
 def check_written(built: BuiltModel, study: Study) -> None:
-    """The written deck must have the elements of the one that was read.
+    """The written deck must have the elements and grid points of the one that was read.
 
     Raises
     ------
     FemtuneError : ``write.not-read-back``
     """
     before, after = set(study.built.structure.element_kinds), set(built.structure.element_kinds)
-    if before != after:
+    same_grids = np.array_equal(study.built.structure.nodes.ids, built.structure.nodes.ids)
+    if before != after or not same_grids:
         raise FemtuneError(
             "write.not-read-back",
-            "the updated deck, read again, does not have the elements of the deck that was read",
-            values={"missing": ", ".join(map(str, sorted(before - after)[:10]))},
+            "the updated deck, read again, does not have the elements and grid points of the deck that was read",
+            values={"elements that differ": ", ".join(map(str, sorted(before ^ after)[:10])) or "none"},
             hint="report this with the deck",
         )

@@ -16,6 +16,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.edit import EditedDeck, new_text
 from femtune.files.nastran.source import ENCODING, IncludeStatement, SourceLine, plain_path
+from femtune.files.whole_file import write_whole
 
 _PATH_COLUMNS = 56
 _STATEMENT = re.compile(r"\s*INCLUDE\s*=?\s*", re.IGNORECASE)
@@ -47,8 +48,8 @@ def write_deck(edited: EditedDeck, folder: str | Path, name: str = "updated.bdf"
     FemtuneError : ``run.unwritable``, ``write.overwrites-input``
     """
     folder, deck = Path(folder), edited.deck
-    names = _new_names(edited, name)
-    _check_no_input(deck, folder, names)
+    check_overwrites(deck, folder, name)
+    names = _new_names(edited, name, folder)
     includes = _rewritten_includes(deck, names, folder)
     replacements = {**edited.replacements, **_include_lines(deck, includes)}
     texts = {names[file.file]: new_text(file, replacements) for file in deck.files if file.file in names}
@@ -59,36 +60,41 @@ def write_deck(edited: EditedDeck, folder: str | Path, name: str = "updated.bdf"
     return WrittenDeck(folder / name, tuple(folder / new for new in texts), changes)
 
 
-def _new_names(edited: EditedDeck, name: str) -> dict[str, str]:
-    """Names in the run folder of all files that must be written, by their present file."""
+def _new_names(edited: EditedDeck, name: str, folder: Path) -> dict[str, str]:
+    """Names in the run folder of all files that must be written, by their present file; none is that of an input."""
     main = edited.deck.files[0].file
     written = {main} | set(edited.texts)
     for _ in edited.deck.files:
         written |= {one.file for one in edited.deck.source.includes if one.target in written}
+    read = {os.path.realpath(file.file) for file in edited.deck.files}
     names = {main: name}
     for file in edited.deck.files[1:]:
         if file.file in written:
-            names[file.file] = _free_name(os.path.basename(file.file), names)
+            names[file.file] = _free_name(os.path.basename(file.file), names, folder, read)
     return names
 
 
-def _free_name(name: str, names: Mapping[str, str]) -> str:
+def _free_name(name: str, names: Mapping[str, str], folder: Path, read: set[str]) -> str:
     taken = {other.lower() for other in names.values()}
     stem, ending = os.path.splitext(name)
-    candidates = [name, *(f"{stem}_{number}{ending}" for number in range(2, len(names) + 3))]
-    return next(one for one in candidates if one.lower() not in taken)
+    candidates = [name, *(f"{stem}_{number}{ending}" for number in range(2, len(names) + len(read) + 3))]
+    return next(one for one in candidates if one.lower() not in taken and os.path.realpath(folder / one) not in read)
 
 
-def _check_no_input(deck: Deck, folder: Path, names: Mapping[str, str]) -> None:
-    read = {Path(file.file).resolve(): file.file for file in deck.files}
-    for name in names.values():
-        if (folder / name).resolve() in read:
-            raise FemtuneError(
-                "write.overwrites-input",
-                "the updated deck would overwrite a file of the deck that was read",
-                where=Where(str(folder / name)),
-                hint="choose another folder for the run",
-            )
+def check_overwrites(deck: Deck, folder: Path, name: str) -> None:
+    """Refuse a folder in which the updated deck would overwrite the deck that was read, or one of its INCLUDEs.
+
+    Raises
+    ------
+    FemtuneError : ``write.overwrites-input``
+    """
+    if os.path.realpath(folder / name) in {os.path.realpath(file.file) for file in deck.files}:
+        raise FemtuneError(
+            "write.overwrites-input",
+            "the updated deck would overwrite a file of the deck that was read",
+            where=Where(str(folder / name)),
+            hint="choose another folder for the run",
+        )
 
 
 def _rewritten_includes(deck: Deck, names: Mapping[str, str], folder: Path) -> dict[IncludeStatement, str]:
@@ -154,7 +160,7 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
-            (folder / name).write_bytes(text.encode(ENCODING))
+            write_whole(folder / name, text.encode(ENCODING))
     except OSError as broken:
         raise FemtuneError(
             "run.unwritable",

@@ -60,9 +60,8 @@ def plan_edits(
     for ref, value in updates.items():
         if not ref.region:
             planning.change(ref, value)
-    for region in sorted({ref.region for ref in updates if ref.region}):
-        chosen = {ref: value for ref, value in updates.items() if ref.region == region}
-        planning.split(region, _elements(built, region, regions or {}), chosen)
+    names = sorted({ref.region for ref in updates if ref.region})
+    planning.split({name: _elements(built, name, regions or {}) for name in names}, updates)
     return planning.result()
 
 
@@ -97,16 +96,18 @@ class _Planning:
         self.edits.update({(place.card, index): float(value) for index in place.fields})
         self.at[ref] = (place.card, place.fields[0])
 
-    def split(self, region: str, elements: set[int], updates: Mapping[FieldRef, float]) -> None:
-        """Copies of cards for the elements of a region."""
+    def split(self, regions: Mapping[str, set[int]], updates: Mapping[FieldRef, float]) -> None:
+        """Copies of cards for the elements of regions; an element may lie in several of them."""
         changed: dict[Owner, dict[FieldRef, float]] = {}
         for ref, value in updates.items():
+            if not ref.region:
+                continue
             if ref.card not in CATALOGUE or CATALOGUE[ref.card].role not in (PROPERTY, MATERIAL):
                 self.change(ref, value)
             else:
                 changed.setdefault((ref.card, ref.id), {})[ref] = value
-        copying = _Copying(self, region, changed)
-        for number, owners in sorted(_owners(self.built, elements).items()):
+        copying = _Copying(self, regions, changed)
+        for number, owners in sorted(_owners(self.built, set().union(*regions.values())).items()):
             copying.repoint(number, owners)
         copying.finish()
 
@@ -125,16 +126,24 @@ class _Planning:
         return WritePlan(edited, tuple(self.splits), values)
 
 
+@dataclass(frozen=True)
+class _Copy:
+    """A card to be copied: what changes in it, and the new material that it refers to (0: the one it has)."""
+
+    owner: Owner
+    changes: frozenset[FieldRef]
+    material: int = 0
+
+
 @dataclass
 class _Copying:
-    """Copies for one region."""
+    """Copies for regions; elements that change in the same way share a copy."""
 
     planning: _Planning
-    region: str
+    regions: Mapping[str, set[int]]
     changed: Mapping[Owner, Mapping[FieldRef, float]]
-    new: dict[Owner, int] = field(default_factory=dict)
-    users: dict[Owner, list[int]] = field(default_factory=dict)
-    material_of: dict[Owner, Owner] = field(default_factory=dict)
+    new: dict[_Copy, int] = field(default_factory=dict)
+    users: dict[_Copy, list[int]] = field(default_factory=dict)
 
     def repoint(self, number: int, owners: Mapping[str, Owner]) -> None:
         """Make an element refer to copies of what changes."""
@@ -142,42 +151,60 @@ class _Copying:
         card = built.element_cards[number]
         names = CATALOGUE[built.deck.cards[card].name].fields
         material, own = owners.get(MATERIAL), owners.get(PROPERTY)
-        new_material = material is not None and material in self.changed
-        if material is not None and new_material:
-            self._copy(material, number)
-            if own is None:
-                self.planning.edits[card, names.index("MID")] = self.new[material]
-        if own is not None and (own in self.changed or new_material):
-            if material is not None and new_material:
-                self.material_of[own] = material
-            self._copy(own, number)
-            self.planning.edits[card, names.index("PID")] = self.new[own]
+        new_material = self._copy(_Copy(material, self._changes(material, number)), number) if material else 0
+        if new_material and own is None:
+            self.planning.edits[card, names.index("MID")] = new_material
+        new_own = self._copy(_Copy(own, self._changes(own, number), new_material), number) if own else 0
+        if new_own:
+            self.planning.edits[card, names.index("PID")] = new_own
 
-    def _copy(self, owner: Owner, element: int) -> None:
-        if owner not in self.new:
-            self.new[owner] = self.planning.free_number(owner[0][0])
-        self.users.setdefault(owner, []).append(element)
+    def _changes(self, owner: Owner, element: int) -> frozenset[FieldRef]:
+        return frozenset(ref for ref in self.changed.get(owner, {}) if element in self.regions[ref.region])
+
+    def _copy(self, copy: _Copy, element: int) -> int:
+        """Number of a copy; 0 where there is nothing to change."""
+        if not copy.changes and not copy.material:
+            return 0
+        if copy not in self.new:
+            self.new[copy] = self.planning.free_number(copy.owner[0][0])
+        self.users.setdefault(copy, []).append(element)
+        return self.new[copy]
 
     def finish(self) -> None:
-        """The new cards; what no element of the region uses is an error."""
-        unused = [ref for owner, refs in self.changed.items() if owner not in self.new for ref in refs]
+        """The new cards; what no element of its region uses is an error."""
+        used = {ref for copy in self.new for ref in copy.changes}
+        unused = [ref for refs in self.changed.values() for ref in refs if ref not in used]
         if unused:
-            raise FemtuneError("write.unknown-region", f"no element of region '{self.region}' uses {unused[0]}",
-                               hint="name elements that refer to this card")  # fmt: skip
-        for owner in self.new:
-            self._write(owner)
+            what = f"no element of region '{unused[0].region}' uses {replace(unused[0], region='')}"
+            raise FemtuneError("write.unknown-region", what, hint="name elements that refer to this card")
+        for copy in self.new:
+            self._write(copy)
 
-    def _write(self, owner: Owner) -> None:
-        record = _record(self.planning.built, owner)
+    def _write(self, copy: _Copy) -> None:
+        record, number = _record(self.planning.built, copy.owner), self.new[copy]
         fields: list[float | int | str | None] = list(_own_fields(record))
-        fields[0] = self.new[owner]
-        if owner in self.material_of:
-            fields[record.names.index("MID")] = self.new[self.material_of[owner]]
-        for ref, value in self.changed.get(owner, {}).items():
+        for ref, value in self._in_place(record).items():
             self._put(fields, record, ref, value)
+        fields[0] = number
+        if copy.material:
+            fields[record.names.index("MID")] = copy.material
+        for ref in copy.changes:
+            self._put(fields, record, ref, self.changed[copy.owner][ref])
         self.planning.new_cards.append(NewCard(record.card.position, record.name, tuple(fields)))
-        source, copy = f"{owner[0]} {owner[1]}", f"{owner[0]} {self.new[owner]}"
-        self.planning.splits.append(Split(source, copy, self.region, tuple(self.users[owner])))
+        regions = ", ".join(sorted({ref.region for ref in copy.changes} or self._regions_of(copy)))
+        source, made = f"{copy.owner[0]} {copy.owner[1]}", f"{copy.owner[0]} {number}"
+        self.planning.splits.append(Split(source, made, regions, tuple(self.users[copy])))
+
+    def _in_place(self, record: Record) -> dict[FieldRef, float]:
+        """What changes on the card itself, and so in its copies."""
+        planning = self.planning
+        owner = (record.name, record.card.integer(record.start))
+        own = {ref: at for ref, at in planning.at.items() if not ref.region and (ref.card, ref.id) == owner}
+        return {ref: float(planning.edits[at]) for ref, at in own.items()}
+
+    def _regions_of(self, copy: _Copy) -> set[str]:
+        """Regions of the material that a property is copied for."""
+        return {ref.region for c, n in self.new.items() if n == copy.material for ref in c.changes if _is_material(c)}
 
     def _put(self, fields: list[float | int | str | None], record: Record, ref: FieldRef, value: float) -> None:
         place = self.planning.built.fields.get(replace(ref, region=""))
@@ -188,7 +215,12 @@ class _Copying:
             at = index - record.start
             fields += [""] * (at + 1 - len(fields))
             fields[at] = format_real(value, width)
-        self.planning.values[ref] = rounded(value, width)
+        if ref.region:
+            self.planning.values[ref] = rounded(value, width)
+
+
+def _is_material(copy: _Copy) -> bool:
+    return CATALOGUE[copy.owner[0]].role == MATERIAL
 
 
 def _owners(built: BuiltModel, elements: set[int]) -> dict[int, dict[str, Owner]]:

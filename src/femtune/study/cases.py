@@ -1,0 +1,198 @@
+"""Configurations of a study: the model in each state, its test in the study's units and axes, and the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.correlate import SensorMap, map_sensors, rigid_motion_sensor
+from femtune.correlate.generalised import GeneralisedSensor
+from femtune.dofs import DIRECTIONS
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.fem import Structure
+from femtune.files.study_file import ConfigurationEntry, StudyFile, overlay
+from femtune.files.uff import read_uff
+from femtune.modal import ModeSet
+from femtune.model import ConfiguredModel, ParametricModel, configure
+from femtune.residuals import ModalCase, PairingRules
+from femtune.study.located import located, located_in, place_of
+from femtune.testdata import ModalTest
+from femtune.testdata.checks import check_test, real_modes
+from femtune.testdata.convert import place
+from femtune.units import unit_system
+
+
+@dataclass(frozen=True, eq=False)
+class StudyCase:
+    """One configuration: its entry in the study, the model in this state, and its test where there is one."""
+
+    entry: ConfigurationEntry
+    configured: ConfiguredModel
+    test: ModalTest | None = None
+    sensors: SensorMap | None = None
+    modal: ModalCase | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the configuration."""
+        return self.entry.name
+
+
+def study_case(
+    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry
+) -> tuple[StudyCase, tuple[Notice, ...]]:
+    """A configuration with what was found while its test was read.
+
+    Raises
+    ------
+    FemtuneError : what is wrong with the overlay, the test or the sensors
+    """
+    with located_in(file, entry):
+        configured = configure(model, overlay(entry))
+    if entry.test is None:
+        return StudyCase(entry, configured), ()
+    test, notices = _read_test(file, entry)
+    with located(place_of(file, entry, "test")):
+        sensors = _sensor_map(file, test, model.structure)
+    modal = None
+    if test.modes is not None:
+        modal = _modal_case(file, entry, configured, test.modes, sensors)
+    return StudyCase(entry, configured, test, sensors, modal), (*notices, *sensors.notices)
+
+
+def on_model(case: StudyCase, model: ParametricModel) -> StudyCase:
+    """The same configuration, test and sensors on another model of the same grid points."""
+    configured = configure(model, case.configured.configuration)
+    if case.modal is None or case.sensors is None:
+        return replace(case, configured=configured)
+    sensors = sp.csr_array(case.sensors.matrix @ configured.transformation)
+    return replace(case, configured=configured, modal=replace(case.modal, configured=configured, sensors=sensors))
+
+
+def sensor_tolerance(file: StudyFile, structure: Structure) -> float:
+    """The study's tolerance; without one a thousandth of the model's diagonal.
+
+    That is enough for rounded coordinates and too little for a wrong node.
+    """
+    if file.sensors.tolerance is not None:
+        return file.sensors.tolerance
+    xyz = structure.nodes.xyz
+    size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 0.0
+    # a model of one point, or of scalar points only, has no size
+    return 1e-3 * size or 1e-3
+
+
+def _read_test(file: StudyFile, entry: ConfigurationEntry) -> tuple[ModalTest, tuple[Notice, ...]]:
+    assert entry.test is not None
+    units = file.study.unit_system
+    own = unit_system(entry.test_units) if entry.test_units else None
+    with located(place_of(file, entry, "test")):
+        content = read_uff(
+            file.path_of(entry.test), units=units, file_units=own, records=entry.records, name=entry.name
+        )
+        test = place(content.test, entry.rotation, entry.origin)
+        notices = (*content.notices, *check_test(test))
+    if test.modes is None:
+        return test, notices
+    modes = real_modes(test.modes).modes
+    return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def _labelled(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> ModeSet:
+    if entry.mode_labels is None:
+        return modes
+    if len(entry.mode_labels) != len(modes):
+        raise FemtuneError(
+            "study.mode-labels",
+            f"configuration {entry.name}: {len(entry.mode_labels)} labels for the {len(modes)} modes of the test",
+            where=place_of(file, entry, "mode_labels"),
+            values={"labels": ", ".join(entry.mode_labels), "test modes": _listed(modes)},
+            hint="give one label for each mode of the test, in the order of the file",
+        )
+    return replace(modes, labels=entry.mode_labels)
+
+
+def _listed(modes: ModeSet) -> str:
+    return ", ".join(f"{label} ({f:.4g} Hz)" for label, f in zip(modes.labels, modes.freq_hz))
+
+
+def _sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
+    return map_sensors(
+        test,
+        structure,
+        tolerance=sensor_tolerance(file, structure),
+        by_id=file.sensors.by_id,
+        given=file.sensors.nodes,
+        combinations=[*_combinations(file), *_floors(file, structure)],
+    )
+
+
+def _combinations(file: StudyFile) -> Iterable[GeneralisedSensor]:
+    for sensor in file.sensor:
+        terms = tuple((t.node, DIRECTIONS.index(t.component), t.factor) for t in sensor.terms)
+        yield GeneralisedSensor(sensor.label, terms)
+
+
+def _floors(file: StudyFile, structure: Structure) -> Iterable[GeneralisedSensor]:
+    for i, floor in enumerate(file.rigid_floor):
+        with located(file.where("rigid_floor", i)):
+            yield from rigid_motion_sensor(structure, floor.test_node, floor.nodes, floor.origin, floor.digits)
+
+
+def _modal_case(
+    file: StudyFile, entry: ConfigurationEntry, configured: ConfiguredModel, modes: ModeSet, sensors: SensorMap
+) -> ModalCase:
+    known = modes.select_dofs(sensors.dofs)
+    gates = file.correlate
+    return ModalCase(
+        configured,
+        known,
+        sp.csr_array(sensors.matrix @ configured.transformation),
+        _left_out(file, entry, known),
+        tuple(_fixed_pairs(file, entry, known)),
+        file.modes.wanted,
+        file.modes.max_hz,
+        PairingRules(gates.frequency_gate, gates.mac_gate, gates.cluster_gap),
+    )
+
+
+def _fixed_pairs(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Iterable[tuple[int, int]]:
+    for i, pair in enumerate(entry.pairs):
+        where = place_of(file, entry, "pairs", i, "test")
+        yield _position(entry, modes, pair.test, where), pair.model - 1
+
+
+def _left_out(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> dict[int, str]:
+    found = {}
+    for i, one in enumerate(entry.leave_out):
+        where = place_of(file, entry, "leave_out", i)
+        by_label = one.mode is not None
+        at = _position(entry, modes, one.mode or "", where) if by_label else _nearest(entry, modes, one.hz or 0, where)
+        found[at] = one.reason
+    return found
+
+
+def _position(entry: ConfigurationEntry, modes: ModeSet, label: str, where: Where) -> int:
+    if label not in modes.labels:
+        raise _no_mode(entry, modes, f"no mode is called '{label}'", where)
+    return modes.labels.index(label)
+
+
+def _nearest(entry: ConfigurationEntry, modes: ModeSet, hz: float, where: Where) -> int:
+    i = int(np.argmin(np.abs(modes.freq_hz - hz)))
+    if abs(modes.freq_hz[i] - hz) > 0.01 * hz:
+        raise _no_mode(entry, modes, f"there is no mode within 1 % of {hz:g} Hz", where)
+    return i
+
+
+def _no_mode(entry: ConfigurationEntry, modes: ModeSet, what: str, where: Where) -> FemtuneError:
+    return FemtuneError(
+        "study.unknown-mode",
+        f"configuration {entry.name}: {what} in the test",
+        where=where,
+        values={"test modes": _listed(modes)},
+        hint="name one of these modes",
+    )

@@ -1,0 +1,69 @@
+"""Errors from lower floors get the place that they lack: a key of the study, or a line of the deck."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from femtune.errors import FemtuneError, FemtuneErrors, Where
+from femtune.files.nastran.deck import Deck
+from femtune.files.study_file import ConfigurationEntry, StudyFile
+
+_KEYS = {
+    "configuration.unknown-element": "elements_off",
+    "configuration.not-held": "supports_removed",
+    "correlate.fixed-pair": "pairs",
+}
+_NODE = re.compile(r"(\d+)")
+
+
+@contextmanager
+def located(where: Where) -> Iterator[None]:
+    """Give `where` to errors that are raised inside without a place."""
+    try:
+        yield
+    except FemtuneError as error:
+        for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
+            if not str(one.where or ""):
+                one.where = where
+        raise
+
+
+def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Where:
+    """Where a key of a configuration stands: in its [[configuration]], or in [test] of a study without."""
+    if file.configuration:
+        return file.where("configuration", file.configurations.index(entry), *keys)
+    return file.where("test", *("file" if key == "test" else key for key in keys))
+
+
+@contextmanager
+def located_in(file: StudyFile, entry: ConfigurationEntry) -> Iterator[None]:
+    """Errors about a configuration point to the key at fault, or to the configuration."""
+    try:
+        yield
+    except FemtuneError as error:
+        for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
+            if not str(one.where or ""):
+                key = _KEYS.get(one.code)
+                one.where = place_of(file, entry, *([key] if key else []))
+        raise
+
+
+@contextmanager
+def located_in_deck(deck: Deck) -> Iterator[None]:
+    """Errors of the eigen-solution point to the deck: to the grid point that moves where one is named."""
+    try:
+        yield
+    except FemtuneError as error:
+        if error.code.startswith("eigen.") and not str(error.where or ""):
+            error.where = _grid_point(deck, str(error.values.get("DOFs that move", "")))
+        raise
+
+
+def _grid_point(deck: Deck, dofs: str) -> Where:
+    node = _NODE.match(dofs)
+    cards = (card for card in deck.by_name("GRID") if node and card.is_integer(0) and card.integer(0) == int(node[1]))
+    card = next(cards, None)
+    return Where(str(Path(deck.files[0].file))) if card is None or node is None else card.where()

@@ -1,0 +1,182 @@
+"""One run of a whole study: correlate, select, update, write back, correlate again; nothing computed is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.residuals import Evaluation
+from femtune.select import identifiability
+from femtune.study.alerts import alerts_of
+from femtune.study.history import History
+from femtune.study.load import Study, on_deck
+from femtune.study.progress import Progress
+from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
+from femtune.study.record_model import model_facts, sensor_results
+from femtune.study.record_update import citations, parameter_facts, selection_results, update_results
+from femtune.study.results import Results
+from femtune.study.results_base import Alert, Stage
+from femtune.study.results_update import SelectionResults
+from femtune.study.run_folder import RESULTS_FILE, write_results
+from femtune.study.stages import StageRecords, as_written, solutions_of, stage_records, start, validation
+from femtune.study.write_back import WriteBack, check_written, write_back
+from femtune.update import Iteration, Regularisation, SensitivityMethod, UpdateResult
+from femtune.update import update as find_parameters
+
+Arrays = dict[str, NDArray]
+T = TypeVar("T")
+
+_UNFINISHED = Alert(
+    level="problem",
+    code="run.unfinished",
+    sentence="the run ended before the updated deck was written and checked; an updated deck in this folder may be "
+    "of an earlier run",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RunFolder:
+    """A run folder and what is in it."""
+
+    folder: Path
+    results: Results
+    arrays: Mapping[str, NDArray] = field(repr=False)
+    report: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of a whole study into a folder."""
+
+    study: Study
+    folder: Path
+    wide: bool
+    watch: Stopwatch
+    progress: Progress
+    inputs: Inputs
+    arrays: Arrays = field(default_factory=dict)
+
+    def go(self) -> RunFolder:
+        """All steps. The results are on disk once the update is done, and again when all is done.
+
+        Raises
+        ------
+        FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``
+        """
+        facts = self._timed("model", self._facts)
+        at = self._timed("correlate", lambda: start(self.study))
+        before = self._timed("correlate", lambda: self._stage(self.study, "before", at))
+        selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
+        result = self._timed("update", self._update)
+        after = self._timed("correlate after", lambda: self._stage(self.study, "after", result.after))
+        self._keep(self._results(facts, [before, after], selection, result), _UNFINISHED)
+        try:
+            written, last, error = self._written(result)
+        except FemtuneError as problem:
+            problem.values["results so far"] = str(self.folder / RESULTS_FILE)
+            raise
+        results = self._results(facts, [before, after, last], selection, result, written, error)
+        return RunFolder(self.folder, self._keep(results), self.arrays)
+
+    def _written(self, result: UpdateResult) -> tuple[WriteBack, StageRecords, float]:
+        """The updated deck, read again, with its correlation and mean error."""
+        written = self._timed("write back", lambda: self._write(result))
+        again = on_deck(self.study, written.built)
+        evaluation = self._timed("correlate as written", lambda: as_written(again, result.after))
+        records = self._timed("correlate as written", lambda: self._stage(again, "after as written", evaluation))
+        return written, records, evaluation.mean_error
+
+    def _timed(self, name: str, work: Callable[[], T]) -> T:
+        with self.watch.step(name):
+            return work()
+
+    def _facts(self) -> Results:
+        """What is known before anything is solved."""
+        study = self.study
+        self.progress.step("mass and rigid-body check", 0, None)
+        return Results(
+            provenance=provenance(self.inputs, self.watch),
+            study=study_facts(study),
+            model=model_facts(study),
+            sensors=tuple(s for s in (sensor_results(study, c) for c in study.cases) if s is not None),
+            parameters=parameter_facts(study),
+            citations=citations(("allemang1982", "lieven1988", "guyan1965")),
+        )
+
+    def _stage(self, study: Study, stage: Stage, at: Evaluation) -> StageRecords:
+        return stage_records(study, stage, at.x, solutions_of(at), self.arrays, self.progress)
+
+    def _update(self) -> UpdateResult:
+        table = self.study.file.update
+        method = SensitivityMethod(
+            table.max_iterations, table.tolerance, Regularisation(table.regularisation, table.weight)
+        )
+        history = History(self.folder, self.study.parameters)
+        history.begin()
+
+        def report(iteration: Iteration) -> None:
+            # kept before it is shown: whoever shows it may be interrupted
+            history.add(iteration)
+            text = f"update: mean error {100 * iteration.mean_error:.4g} %"
+            self.progress.step(text, iteration.number, table.max_iterations)
+
+        return find_parameters(self.study.problem(), method, report)
+
+    def _write(self, result: UpdateResult) -> WriteBack:
+        self.progress.step("writing the updated deck", 0, None)
+        written = write_back(self.study, result, self.folder, self.wide)
+        check_written(written.built, self.study)
+        return written
+
+    def _results(
+        self,
+        facts: Results,
+        stages: list[StageRecords],
+        selection: SelectionResults,
+        result: UpdateResult,
+        written: WriteBack | None = None,
+        error: float | None = None,
+    ) -> Results:
+        values = {} if written is None else written.written
+        parts = {
+            "provenance": provenance(self.inputs, self.watch),
+            "modes": tuple(m for s in stages for m in s.modes),
+            "correlations": tuple(c for s in stages for c in s.correlations),
+            "selection": selection,
+            "update": update_results(self.study, result, values, error),
+            "write_back": None if written is None else written.record,
+            "validation": validation(self.study, stages[0], stages[-1]),
+        }
+        return facts.model_copy(update=parts)
+
+    def _keep(self, results: Results, *alerts: Alert) -> Results:
+        """Write the results with their alerts."""
+        found = (*alerts, *alerts_of(self.study, results))
+        results = results.model_copy(update={"alerts": found})
+        write_results(self.folder, results, self.arrays)
+        return results
+
+
+def check_parameters(study: Study) -> None:
+    """Refuse a study without free parameters (error ``study.no-parameters``)."""
+    if not study.parameters.free:
+        raise FemtuneError(
+            "study.no-parameters",
+            "the study has no free parameter",
+            where=study.file.where("parameter") if study.file.parameter else study.file.where("study"),
+            hint="add a [[parameter]] with fields and bounds",
+        )
+
+
+def select_at(study: Study, at: Evaluation, arrays: Arrays, progress: Progress) -> SelectionResults:
+    """Which parameters, and which combinations of them, the data determine at an evaluation."""
+    progress.step("sensitivities", 0, None)
+    names = tuple(p.name for p in study.parameters.free)
+    known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
+    return selection_results(known, at, arrays)

@@ -1,0 +1,129 @@
+"""Modes and correlations of all configurations before the update, after it, and as written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.correlate import Correlation
+from femtune.model import EigenSolution, solve_modes
+from femtune.residuals import CaseState, Evaluation, solve_case
+from femtune.study.cases import StudyCase
+from femtune.study.load import Study
+from femtune.study.located import located, located_in_deck, place_of
+from femtune.study.progress import Progress
+from femtune.study.record_correlation import array_prefix, correlate_case, correlation_results, prediction
+from femtune.study.record_model import model_modes
+from femtune.study.results_base import Stage
+from femtune.study.results_correlation import CorrelationResults, ValidationResults
+from femtune.study.results_model import ModelModes
+
+Arrays = dict[str, NDArray]
+Solutions = Mapping[str, EigenSolution]
+
+_NOT_TESTED = (
+    "damping and forced response: only natural frequencies and mode shapes were compared",
+    "linearity: the test's modes were taken as those of one linear structure",
+    "mesh convergence: the deck's mesh was taken as it is",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class StageRecords:
+    """Modes and correlations of all configurations at one parameter vector; `raw` by name of the configuration."""
+
+    modes: tuple[ModelModes, ...]
+    correlations: tuple[CorrelationResults, ...]
+    raw: dict[str, Correlation]
+
+
+def nominal(study: Study) -> NDArray[np.float64]:
+    """Normalised parameters of the start."""
+    return np.zeros(len(study.parameters.free))
+
+
+def start(study: Study) -> Evaluation:
+    """The update problem at the start values; its errors point into the study or the deck.
+
+    Raises
+    ------
+    FemtuneError : ``study.no-test``, ``correlate.no-pairs``, ``residual.*``, ``eigen.*``
+    """
+    problem = study.problem()
+    first = next(c.entry for c in study.cases if c.modal is problem.cases[0])
+    with located(place_of(study.file, first, "test")), located_in_deck(study.built.deck):
+        return problem.start(nominal(study))
+
+
+def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
+    """Modes of one configuration."""
+    with located_in_deck(study.built.deck):
+        if case.modal is not None:
+            return solve_case(case.modal, x)
+        table = study.file.modes
+        return solve_modes(case.configured.at(x), table.wanted, table.max_hz)
+
+
+def solutions_of(evaluation: Evaluation) -> Solutions:
+    """What an evaluation has solved, by name of the configuration."""
+    return {state.case.name: state.solution for state in evaluation.states}
+
+
+def modes_of(study: Study, stage: Stage, progress: Progress) -> list[ModelModes]:
+    """Modes of each configuration at the start values."""
+    out = []
+    for i, case in enumerate(study.cases):
+        progress.step(f"modes of {case.name}", i, len(study.cases))
+        out.append(model_modes(case.name, stage, solve(study, case, nominal(study))))
+    return out
+
+
+def stage_records(
+    study: Study, stage: Stage, x: NDArray, known: Solutions, arrays: Arrays, progress: Progress
+) -> StageRecords:
+    """Modes and correlations at `x`; what `known` has is not solved again."""
+    found, records, raw = [], [], {}
+    for i, case in enumerate(study.cases):
+        progress.step(f"modes and correlation {stage} the update: {case.name}", i, len(study.cases))
+        solution = known[case.name] if case.name in known else solve(study, case, x)
+        found.append(model_modes(case.name, stage, solution))
+        if case.modal is not None:
+            with located(place_of(study.file, case.entry, "test")):
+                raw[case.name] = correlate_case(case.modal, solution)
+            prefix = array_prefix(stage, case.name, i + 1)
+            records.append(correlation_results(case.name, stage, raw[case.name], prefix, arrays))
+    return StageRecords(tuple(found), tuple(records), raw)
+
+
+def as_written(study: Study, after: Evaluation) -> Evaluation:
+    """The study on the written deck, its modes paired as at the end of the update.
+
+    Modes are tracked by their shapes, so that the two mean errors compare the same pairs; where the free DOFs
+    differ they are paired afresh.
+    """
+    problem = study.problem()
+    same = all(c.configured.n_free == s.case.configured.n_free for c, s in zip(problem.cases, after.states))
+    if not same:
+        return start(study)
+    states = tuple(CaseState(c, s.solution, s.groups) for c, s in zip(problem.cases, after.states))
+    with located_in_deck(study.built.deck):
+        return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))
+
+
+def validation(study: Study, before: StageRecords, after: StageRecords) -> ValidationResults:
+    """Modes that the update did not use beside their predictions, and what was not tested."""
+    predictions = []
+    for case in study.cases:
+        if case.modal is None:
+            continue
+        held = range(len(case.modal.test)) if case.entry.use == "validation" else ()
+        for i in sorted({*held, *case.modal.left_out}):
+            remark = case.modal.left_out.get(i, "this configuration was not used in the update")
+            predictions.append(prediction(case.name, after.raw[case.name], i, remark, before.raw[case.name]))
+    untested = [f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None]
+    if not any(c.entry.use == "validation" and c.modal is not None for c in study.cases):
+        untested.append("the updated model on data that were not used: the study keeps no configuration for validation")
+    return ValidationResults(predictions=tuple(predictions), not_tested=(*untested, *_NOT_TESTED))
