@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from femtune.study import results_base, results_correlation, results_model, results_update
+from femtune.study import results_base, results_correlation, results_model, results_shapes, results_update
 from femtune.study.results_base import Alert, Citation, Provenance, Record, StudyFacts
 from femtune.study.results_correlation import CorrelationResults, ValidationResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
+from femtune.study.results_shapes import ModeShapes
 from femtune.study.results_update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
 
 SCHEMA_VERSION = "1"
@@ -36,6 +37,8 @@ class Results(Record):
     """Solved modes by configuration and stage."""
     correlations: tuple[CorrelationResults, ...] = ()
     """Test against model by configuration and stage."""
+    mode_shapes: tuple[ModeShapes, ...] = ()
+    """Shapes for drawing, by configuration, before the update and at the last stage."""
     selection: SelectionResults | None = None
     """Identifiability; None where not run."""
     update: UpdateResults | None = None
@@ -51,7 +54,7 @@ class Results(Record):
 
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
-        owners: list[Record] = [*self.correlations, *([self.selection] if self.selection else [])]
+        owners: list[Record] = [*self.correlations, *self.mode_shapes, *([self.selection] if self.selection else [])]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)
 
@@ -63,7 +66,7 @@ def json_schema() -> dict[str, Any]:
 
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
-    modules = (results_base, results_model, results_correlation, results_update)
+    modules = (results_base, results_model, results_correlation, results_shapes, results_update)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

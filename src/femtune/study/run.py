@@ -148,6 +148,7 @@ class Run:
             "provenance": provenance(self.inputs, self.watch),
             "modes": tuple(m for s in stages for m in s.modes),
             "correlations": tuple(c for s in stages for c in s.correlations),
+            "mode_shapes": tuple(m for s in stages for m in s.shapes),
             "selection": selection,
             "update": update_results(self.study, result, values, error),
             "write_back": None if written is None else written.record,

@@ -17,9 +17,11 @@ from femtune.study.located import located, located_in_deck, place_of
 from femtune.study.progress import Progress
 from femtune.study.record_correlation import array_prefix, correlate_case, correlation_results, prediction
 from femtune.study.record_model import model_modes
+from femtune.study.record_shapes import mode_shapes
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import CorrelationResults, ValidationResults
 from femtune.study.results_model import ModelModes
+from femtune.study.results_shapes import ModeShapes
 
 Arrays = dict[str, NDArray]
 Solutions = Mapping[str, EigenSolution]
@@ -37,6 +39,7 @@ class StageRecords:
 
     modes: tuple[ModelModes, ...]
     correlations: tuple[CorrelationResults, ...]
+    shapes: tuple[ModeShapes, ...]
     raw: dict[str, Correlation]
 
 
@@ -85,17 +88,19 @@ def stage_records(
     study: Study, stage: Stage, x: NDArray, known: Solutions, arrays: Arrays, progress: Progress
 ) -> StageRecords:
     """Modes and correlations at `x`; what `known` has is not solved again."""
-    found, records, raw = [], [], {}
+    found, records, shapes, raw = [], [], [], {}
     for i, case in enumerate(study.cases):
-        progress.step(f"modes and correlation {stage} the update: {case.name}", i, len(study.cases))
+        progress.step(f"modes and correlation, {stage}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else solve(study, case, x)
         found.append(model_modes(case.name, stage, solution))
+        prefix = array_prefix(stage, case.name, i + 1)
+        if stage != "after":
+            shapes.append(mode_shapes(case, stage, solution, prefix, arrays))
         if case.modal is not None:
             with located(place_of(study.file, case.entry, "test")):
                 raw[case.name] = correlate_case(case.modal, solution)
-            prefix = array_prefix(stage, case.name, i + 1)
             records.append(correlation_results(case.name, stage, raw[case.name], prefix, arrays))
-    return StageRecords(tuple(found), tuple(records), raw)
+    return StageRecords(tuple(found), tuple(records), tuple(shapes), raw)
 
 
 def as_written(study: Study, after: Evaluation) -> Evaluation:

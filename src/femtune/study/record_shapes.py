@@ -1,0 +1,115 @@
+"""Mode shapes for pictures: lines of the active elements, motion of all grid points, the test's motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.correlate import SensorMap
+from femtune.fem import ConstraintRows, ElementBatch, Structure
+from femtune.fem.structure import NodeTable
+from femtune.model import ConfiguredModel, EigenSolution
+from femtune.study.cases import StudyCase
+from femtune.study.results_base import Stage
+from femtune.study.results_shapes import ModeShapes
+
+Arrays = dict[str, NDArray]
+
+MOST_LINES, MOST_MODES = 4000, 50
+ELEMENT, RIGID = 0, 1
+_LINE_KINDS = ("bar", "rod", "spring", "bush")
+
+
+def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: str, arrays: Arrays) -> ModeShapes:
+    """The record; its arrays go into `arrays` under `prefix`. Very large models and very many modes are not kept."""
+    lines, kinds = active_lines(case.configured)
+    reason = _too_much(len(lines), solution.wanted)
+    if reason:
+        return ModeShapes(configuration=case.name, stage=stage, reason=reason)
+    nodes = case.configured.model.structure.nodes
+    found = {
+        "points": nodes.xyz,
+        "lines": lines.astype(np.int32),
+        "line_kinds": kinds.astype(np.int8),
+        "translations": grid_translations(case.configured, solution),
+        **_measured(case, solution),
+    }
+    small = {name: a.astype(np.float32) if a.dtype == float else a for name, a in found.items()}
+    arrays |= {f"{prefix}/shapes/{name}": a for name, a in small.items()}
+    keys = {f"{name}_key": f"{prefix}/shapes/{name}" for name in found}
+    return ModeShapes.model_validate({"configuration": case.name, "stage": stage, **keys})
+
+
+def _too_much(lines: int, modes: int) -> str:
+    if lines == 0:
+        return "the model has no two-node or rigid elements to draw"
+    if lines > MOST_LINES:
+        return f"the model has {lines} lines, and shapes are kept for drawing up to {MOST_LINES}"
+    return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
+
+
+def active_lines(configured: ConfiguredModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the grid points at both ends, (lines, 2), and the kind of each line, of a configuration's elements."""
+    structure = configured.model.structure
+    off = list(configured.configuration.elements_off)
+    elements = [_batch_lines(b, off) for b in structure.batches if b.kind in _LINE_KINDS]
+    rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, off))
+    first = _drawable(structure, np.concatenate([np.zeros((0, 2), np.int64), *elements]))
+    second = _drawable(structure, _rigid_lines(rigid, len(structure.nodes.ids)))
+    kinds = np.repeat([ELEMENT, RIGID], [len(first), len(second)])
+    return np.concatenate([first, second]), kinds
+
+
+def _batch_lines(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:
+    return batch.nodes[~np.isin(batch.ids, off), :2] if batch.nodes.shape[1] >= 2 else np.zeros((0, 2), np.int64)
+
+
+def _rigid_lines(rigid: ConstraintRows, n_grids: int) -> NDArray[np.int64]:
+    """From the grid point of each eliminated DOF to the others of its equation."""
+    grid = np.where(rigid.dof < 6 * n_grids, rigid.dof // 6, -1)
+    own = rigid.dependent[rigid.row]
+    return np.column_stack([np.where(own < 6 * n_grids, own // 6, -1), grid])
+
+
+def _drawable(structure: Structure, lines: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Each line once; none to ground, to scalar points, or of no length."""
+    xyz = structure.nodes.xyz
+    lines = np.unique(np.sort(lines, axis=1), axis=0)
+    lines = lines[(lines >= 0).all(axis=1) & (lines < len(xyz)).all(axis=1)]
+    return lines[np.linalg.norm(xyz[lines[:, 1]] - xyz[lines[:, 0]], axis=1) > 0.0]
+
+
+def grid_translations(configured: ConfiguredModel, solution: EigenSolution) -> NDArray[np.float64]:
+    """(grid points, 3, modes) motion of the wanted modes in basic axes."""
+    nodes = configured.model.structure.nodes
+    moved = configured.transformation @ solution.shapes[:, : solution.wanted]
+    own = moved[: 6 * len(nodes.ids)].reshape(len(nodes.ids), 6, -1)[:, :3]
+    return np.einsum("nij,njm->nim", nodes.frames, own)
+
+
+def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:
+    if case.modal is None or case.sensors is None or case.test is None:
+        return {}
+    places = {(s.label.node, s.label.direction): s.position for s in case.test.sensors}
+    known = [places.get((m.label.node, m.label.direction), np.full(3, np.nan)) for m in case.sensors.matches]
+    nodes = case.configured.model.structure.nodes
+    seats = [_seat(case.sensors, i, known[i], nodes) for i in range(len(known))]
+    return {
+        "sensor_positions": np.array([s[0] for s in seats]).reshape(-1, 3),
+        "sensor_directions": np.array([s[1] for s in seats]).reshape(-1, 3),
+        "sensor_rotations": np.array([m.label.component > 3 for m in case.sensors.matches], dtype=np.int8),
+        "test_shapes": case.modal.test.shapes,
+        "model_at_sensors": case.modal.sensors @ solution.shapes[:, : solution.wanted],
+    }
+
+
+def _seat(sensors: SensorMap, i: int, known: NDArray, nodes: NodeTable) -> tuple[NDArray, NDArray]:
+    """Place and direction of a sensor: on the grid point it was matched with; a combination where the test says."""
+    match = sensors.matches[i]
+    if match.label.component == 0:
+        return np.full(3, np.nan), np.zeros(3)
+    if match.node is None:
+        return known, match.label.sign * np.eye(3)[(match.label.component - 1) % 3]
+    at = nodes.position(match.node)
+    first = 6 * at + (3 if match.label.component > 3 else 0)
+    return nodes.xyz[at], nodes.frames[at] @ sensors.matrix[[i], first : first + 3].toarray()[0]
