@@ -36,7 +36,8 @@ def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, rat
     checked = np.flatnonzero(largest > 0.0)
     padded = blocks[checked] + np.eye(3) * (~present[checked] * largest[checked, None])[:, None, :]
     values, vectors = np.linalg.eigh(padded)
-    null = values <= ratio * largest[checked, None]
+    # negative stiffness is a fault that the eigen-solution reports, not a missing one that may be held
+    null = np.abs(values) <= ratio * largest[checked, None]
     for k in np.flatnonzero(null.any(axis=1)):
         found.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
     scalar = free >= n_grid

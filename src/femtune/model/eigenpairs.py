@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -15,6 +17,7 @@ Reals = NDArray[np.float64]
 Pairs = tuple[Reals, Reals]
 
 DENSE_UP_TO = 400
+_MOST_ENTRIES = 20_000_000
 _ACCURACY = 1e-5
 _INFINITE = 1e-14
 """θ below this fraction of the largest are directions without mass."""
@@ -31,9 +34,7 @@ def lowest(
     ------
     FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
     """
-    n = K.shape[0]
-    dense = n <= DENSE_UP_TO or count >= n - 1
-    values, shapes = (_dense if dense else _iterative)(K, M, factor, shift, count)
+    values, shapes = _way(M, count)(K, M, factor, shift, count)
     order = np.argsort(values)
     values, shapes = values[order], shapes[:, order]
     _check_negative(K, values, shapes)
@@ -43,6 +44,19 @@ def lowest(
     if known < min(wanted, len(values)):
         raise _inaccurate(known, float(values[known]), float(error[known]))
     return values, shapes, known
+
+
+def _way(M: sp.csr_array, count: int) -> Callable[..., Pairs]:
+    """Dense for small models, condensed where few DOFs have mass or most modes are wanted, Lanczos else."""
+    n, heavy = M.shape[0], _with_mass(M).size
+    if n <= DENSE_UP_TO:
+        return _dense
+    few = heavy <= DENSE_UP_TO and n * heavy <= _MOST_ENTRIES
+    return _condensed if few or 2 * count >= heavy else _iterative
+
+
+def _with_mass(M: sp.csr_array) -> NDArray[np.int64]:
+    return np.flatnonzero(np.abs(M).sum(axis=1) > 0.0)
 
 
 def _errors(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, values: Reals, shapes: Reals) -> Reals:
@@ -103,6 +117,19 @@ def _polished(K: sp.csr_array, M: sp.csr_array, shift: float, theta: Reals, shap
     values[high], y = la.eigh(X.T @ (K @ X), X.T @ (M @ X))
     shapes[:, high] = X @ y
     return values, shapes
+
+
+def _condensed(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int) -> Pairs:
+    """All modes from the flexibility G of the DOFs with mass: θ of LᵀML with G = LLᵀ."""
+    heavy = _with_mass(M)
+    unit = np.zeros((M.shape[0], heavy.size))
+    unit[heavy, np.arange(heavy.size)] = 1.0
+    X = factor.solve(unit)
+    G, m = X[heavy], M[heavy][:, heavy].toarray()
+    L = la.cholesky(0.5 * (G + G.T), lower=True)
+    first = max(0, heavy.size - count)
+    theta, y = _finite(*la.eigh(L.T @ m @ L, subset_by_index=[first, heavy.size - 1]))
+    return _polished(K, M, shift, theta, X @ (m @ (L @ y)) / theta**1.5)
 
 
 def _iterative(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int) -> Pairs:

@@ -60,8 +60,8 @@ def _is_massless_mechanism(point: ModelPoint, v: NDArray) -> bool:
 
 
 def _largest(motion: NDArray) -> NDArray[np.int64]:
-    order = np.argsort(-np.abs(motion))
-    return order[np.abs(motion[order]) > 0.3 * np.abs(motion[order[0]])]
+    size = np.abs(motion)
+    return np.flatnonzero(size > 0.3 * size.max())
 
 
 def _mechanism(point: ModelPoint, free: NDArray[np.int64]) -> FemtuneError:
