@@ -68,14 +68,14 @@ def sensor_rows(configured: ConfiguredModel, sensors: Sequence[int]) -> sp.csr_a
 
 
 def simulated_case(
-    configured: ConfiguredModel, truth: Sequence[float], sensors: Sequence[int], count: int, **more: object
+    configured: ConfiguredModel, truth: Sequence[float], sensors: Sequence[int], n_modes: int, **more: object
 ) -> ModalCase:
-    """A case whose test is the model itself at the normalised parameters `truth`: `count` modes at some free DOFs.
+    """A case whose test is the model itself at the normalised parameters `truth`: `n_modes` modes at some free DOFs.
 
     `more` are further fields of ModalCase.
     """
     rows = sensor_rows(configured, sensors)
-    modes = solve_modes(configured.at(np.array(truth, dtype=float)), count)
-    shapes = (rows @ modes.shapes)[:, :count]
-    test = ModeSet(modes.freq_hz[:count], shapes, DofSet(configured.free_dof(i) for i in sensors), source="simulated")
-    return ModalCase(configured, test, rows, **{"count": count, **more})  # type: ignore[arg-type]
+    modes = solve_modes(configured.at(np.array(truth, dtype=float)), n_modes)
+    shapes = (rows @ modes.shapes)[:, :n_modes]
+    test = ModeSet(modes.freq_hz[:n_modes], shapes, DofSet(configured.free_dof(i) for i in sensors), source="simulated")
+    return ModalCase(configured, test, rows, **{"count": n_modes, **more})  # type: ignore[arg-type]

@@ -1,0 +1,123 @@
+"""The bounded step, the side constraints and the covariance, each against something else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from femtune.parameters import Parameter, ParameterSet
+from femtune.update import Regularisation, parameter_covariance
+from femtune.update.trust import bounded_step
+
+RNG = np.random.default_rng(2)
+WIDE = (np.full(3, -1e9), np.full(3, 1e9))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.floats(-8, 1))
+def test_the_step_is_the_constrained_optimum(seed: int, exponent: float):
+    rng = np.random.default_rng(seed)
+    J, r, spread = rng.standard_normal((6, 3)), 3 * rng.standard_normal(6), rng.uniform(0.3, 2.0, 3)
+    lower, upper = -rng.uniform(0.0, 1.0, 3), rng.uniform(0.0, 1.0, 3)
+    damping = 10.0**exponent
+    d = bounded_step(r, J, damping, lower, upper, spread)
+    size = np.linalg.norm(J * spread, 2)
+    rows = np.vstack([J, np.sqrt(damping) * size * np.diag(1 / spread)])
+    best = lsq_linear(rows, np.concatenate([-r, np.zeros(3)]), (lower, upper), tol=1e-13).x
+    assert ((lower <= d) & (d <= upper)).all()
+    np.testing.assert_allclose(d, best, atol=1e-6)
+
+
+def test_the_step_without_bounds_or_damping_is_that_of_gauss_newton():
+    J, r = RNG.standard_normal((6, 3)), RNG.standard_normal(6)
+    np.testing.assert_allclose(bounded_step(r, J, 0.0, *WIDE, np.ones(3)), -np.linalg.pinv(J) @ r, atol=1e-12)
+
+
+def test_undetermined_combinations_stay():
+    """Two columns that act alike move together; an effect of a thousandth of a standard deviation moves nothing."""
+    base = RNG.standard_normal(6)
+    J = np.column_stack([base, base, 1e-3 * RNG.standard_normal(6)]) * [50.0, 50.0, 0.1]
+    d = bounded_step(RNG.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))
+    assert d[0] == pytest.approx(d[1], abs=1e-12)
+    assert abs(d[2]) < 1e-8
+    # the same with weights that say nothing: the small effect is followed
+    assert abs(bounded_step(1e-3 * RNG.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))[2]) > 1e-3
+
+
+def test_no_room_no_step():
+    assert bounded_step(np.ones(2), np.eye(2), 0.1, np.zeros(2), np.zeros(2), np.ones(2)).tolist() == [0.0, 0.0]
+
+
+def test_side_constraints_by_hand():
+    parameters = ParameterSet((Parameter("a", 2.0, 1.0, 4.0, prior_mean=3.0, prior_sd=0.5), Parameter("b")))
+    x = np.array([0.25, 0.1])
+    values, rows = Regularisation("minimum-change", 0.3).rows(parameters, x)
+    np.testing.assert_allclose(values, 0.3 * x)
+    np.testing.assert_allclose(rows, 0.3 * np.eye(2))
+    values, rows = Regularisation("prior").rows(parameters, x)
+    # a = 2.5, half a unit below its mean; b = 1.1, sd = 1.5/√12
+    np.testing.assert_allclose(values, [-1.0, 0.1 * np.sqrt(12.0) / 1.5])
+    np.testing.assert_allclose(np.diag(rows), [2.0 / 0.5, np.sqrt(12.0) / 1.5])
+    assert Regularisation().rows(parameters, x)[1].shape == (0, 2)
+
+
+NONE = np.zeros((0, 3))
+FREE = np.zeros(3, bool)
+
+
+def test_covariance_of_linear_regression():
+    J, r = RNG.standard_normal((20, 3)), RNG.standard_normal(20)
+    found = parameter_covariance(r, J, NONE, FREE, np.ones(3), measured=False)
+    s2 = r @ r / 17
+    np.testing.assert_allclose(found.matrix, s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.noise_factor == pytest.approx(np.sqrt(s2))
+    # measured scatter is not made smaller by a lucky fit, and larger by a bad one
+    lucky = parameter_covariance(0.1 * r, J, NONE, FREE, np.ones(3), measured=True)
+    np.testing.assert_allclose(lucky.matrix, np.linalg.inv(J.T @ J), rtol=1e-10)
+    bad = parameter_covariance(5 * r, J, NONE, FREE, np.ones(3), measured=True)
+    np.testing.assert_allclose(bad.matrix, 25 * s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+
+
+def test_covariance_with_a_prior_is_bayes():
+    J, r, prior = RNG.standard_normal((20, 3)), RNG.standard_normal(20), np.diag([1.0, 2.0, 0.5])
+    found = parameter_covariance(r, J, prior, FREE, np.ones(3), measured=False)
+    s2 = r @ r / 20
+    np.testing.assert_allclose(found.matrix, np.linalg.inv(J.T @ J / s2 + prior.T @ prior), rtol=1e-10)
+
+
+def test_at_bounds_and_undetermined_parameters_have_no_deviation():
+    base = RNG.standard_normal((20, 4))
+    J = np.column_stack([base[:, 0], base[:, 1], base[:, 1], base[:, 2]]) * 10.0
+    bound = np.array([False, False, False, True])
+    found = parameter_covariance(base[:, 3], J, np.zeros((0, 4)), bound, np.ones(4), measured=False)
+    assert np.isfinite(found.sd).tolist() == [True, False, False, False]
+    assert found.reasons == {
+        1: "not determined by the data, σ not given",
+        2: "not determined by the data, σ not given",
+        3: "at bound, σ not given",
+    }
+    # two combinations are determined, one parameter is at its bound: 20 − 2 spare residuals
+    assert found.noise_factor == pytest.approx(np.linalg.norm(base[:, 3]) / np.sqrt(18.0))
+
+
+def test_no_spare_residuals():
+    found = parameter_covariance(np.zeros(3), 10 * np.eye(3), NONE, FREE, np.ones(3), measured=False)
+    assert set(found.reasons.values()) == {"no spare residuals, σ not given"}
+    known = parameter_covariance(np.zeros(3), 10 * np.eye(3), NONE, FREE, np.ones(3), measured=True)
+    np.testing.assert_allclose(known.sd, 0.1)
+
+
+def test_an_exact_fit_has_no_scatter():
+    J = np.vstack([np.eye(3), np.eye(3)])
+    assert parameter_covariance(np.zeros(6), J, NONE, FREE, np.ones(3), measured=False).sd.tolist() == [0.0] * 3
+
+
+def test_a_tiny_misfit_makes_nothing_determined():
+    """Unit weights and residuals of 1e-12: what was undetermined stays so."""
+    base = RNG.standard_normal((9, 2))
+    J = np.column_stack([base[:, 0], base[:, 0], base[:, 1]])
+    found = parameter_covariance(1e-12 * base[:, 1], J, NONE, FREE, np.ones(3), measured=False)
+    assert np.isfinite(found.sd).tolist() == [False, False, True]
