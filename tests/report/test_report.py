@@ -33,8 +33,7 @@ def _section(document: Document, name: str) -> Section:
 def _texts(section: Section) -> str:
     console = Console(width=400, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     try:
-        shown = Section(section.id, section.title, section.blocks, True)
-        print_terminal(Document("", "", "info", (), (shown,)), console)
+        print_terminal(Document("", "", "info", (), (), (section,)), console)
         return console.export_text()
     finally:
         console.file.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
@@ -14,7 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from femtune.errors import printable
+from femtune.study.history import HISTORY_FILE
 from femtune.study.progress import Progress
+from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.study.steps import RunFolder
 
 if TYPE_CHECKING:
@@ -43,12 +46,20 @@ def show(result: BaseModel | Sequence[BaseModel], console: Console | None = None
 
 
 def document_of(run: RunFolder, progress: Progress) -> Document:
-    """The report of a run as data."""
-    progress.step("drawing the report", 0, None)
-    # pictures need matplotlib, which only this one imports
+    """The report of a run as data, with the names of the files that were written."""
+    progress.step("reading the results", 0, None)
     from femtune.report import build_report  # noqa: PLC0415
+    from femtune.report.document import Paragraph, Section  # noqa: PLC0415
 
-    return build_report(run.results, run.arrays)
+    document = build_report(run.results, run.arrays)
+    files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(_written(run))}"),))
+    return replace(document, short=(*document.short, files))
+
+
+def _written(run: RunFolder) -> list[str]:
+    deck = run.results.write_back.files if run.results.write_back else ()
+    page = (run.report.name,) if run.report else ()
+    return [*page, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]
 
 
 def show_document(document: Document) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal
 
 Tone = Literal["", "good", "poor", "muted"]
@@ -119,13 +120,21 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture: `svg` is a whole SVG file; `alt` says in words what it shows; a `wide` one may be scrolled."""
+    """A picture: `alt` says in words what it shows; a `wide` one may be scrolled.
 
-    svg: str
+    `draw` returns a whole SVG file; it is called when somebody asks for `svg`, so a terminal never waits for it.
+    """
+
+    draw: Callable[[], str]
     caption: str
     alt: str
     wide: bool = False
     kind: ClassVar[str] = "figure"
+
+    @cached_property
+    def svg(self) -> str:
+        """The picture, drawn once."""
+        return self.draw()
 
 
 @dataclass(frozen=True)
@@ -150,23 +159,23 @@ Block = Paragraph | Heading | Listing | AlertBox | KeyNumbers | Table | Figure |
 
 @dataclass(frozen=True)
 class Section:
-    """A section; `on_terminal` says whether the short form shows it."""
+    """A section of the page, or of the short form."""
 
     id: str
     title: str
     blocks: tuple[Block, ...]
-    on_terminal: bool = False
 
 
 @dataclass(frozen=True)
 class Document:
-    """The whole report: `verdict` is one sentence, `facts` are lines under the title."""
+    """The whole report: `verdict` is one sentence, `facts` are lines under the title, `short` fits a terminal."""
 
     title: str
     verdict: str
     verdict_level: Level
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
+    short: tuple[Section, ...] = ()
 
 
 def row(*cells: Cell | str) -> tuple[Cell, ...]:

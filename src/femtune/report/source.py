@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.report.document import Paragraph
 from femtune.study.results import Results
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import CorrelationResults, PairedMode
@@ -16,8 +17,10 @@ from femtune.study.results_correlation import CorrelationResults, PairedMode
 STAGE_WORDS: dict[Stage, str] = {
     "before": "before the update",
     "after": "after the update",
-    "after as written": "after the update, as written to the deck",
+    "after as written": "after the update",
 }
+STAGE_HEADS: dict[Stage, str] = {"before": "before", "after": "after", "after as written": "after"}
+"""For narrow places; a note says which values "after" has."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +65,44 @@ class Source:
         written = any(c.stage == "after as written" for c in self.results.correlations)
         return "after as written" if written else "after"
 
+    @property
+    def after_notes(self) -> list[Paragraph]:
+        """What "after" means; [] where there is nothing to explain."""
+        written = self.final_stage == "after as written"
+        return [Paragraph("“After” is the model with the values that the updated deck holds.", "muted")] * written
+
+    def shown(self, configuration: str) -> list[CorrelationResults]:
+        """What the report shows of a configuration: before, and the last stage where there is one."""
+        return [c for c in (self.before(configuration), self.after(configuration)) if c is not None]
+
+    def left_out(self) -> list[LeftOut]:
+        """Modes that the study leaves out, those with the same reason and the same labels joined."""
+        by_reason: dict[str, dict[str, list[str]]] = {}
+        for c in self.results.correlations:
+            for m in c.left_out if c.stage == "before" else ():
+                by_reason.setdefault(m.reason, {}).setdefault(c.configuration, []).append(m.test_label)
+        return [entry for reason, found in by_reason.items() for entry in _joined(reason, found)]
+
     def scores(self, stage: Stage) -> Scores | None:
         """Scores over all configurations; None where that stage was not solved."""
         found = [c for c in self.results.correlations if c.stage == stage]
         return _scores([(c.configuration, pair) for c in found for pair in c.pairs]) if found else None
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Modes left out for one reason: `configurations` that leave out the same `labels`."""
+
+    configurations: tuple[str, ...]
+    labels: tuple[str, ...]
+    reason: str
+
+
+def _joined(reason: str, found: Mapping[str, list[str]]) -> list[LeftOut]:
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for configuration, labels in found.items():
+        alike.setdefault(tuple(labels), []).append(configuration)
+    return [LeftOut(tuple(names), labels, reason) for labels, names in alike.items()]
 
 
 def _scores(pairs: list[tuple[str, PairedMode]]) -> Scores:

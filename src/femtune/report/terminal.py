@@ -31,17 +31,15 @@ _LEVELS = {"info": "blue", "warning": "yellow", "problem": "bold red"}
 
 
 def print_terminal(document: Document, console: Console | None = None) -> None:
-    """Print title, verdict, and the sections that belong to the short form; pictures are left to the HTML file."""
+    """Print title, verdict and the short form; pictures are left to the HTML file."""
     console = console or Console()
     console.print(_text(document.title, "bold"))
     console.print(_text(document.verdict, _LEVELS[document.verdict_level]))
-    for section in document.sections:
-        if section.on_terminal:
-            console.print()
-            console.rule(_text(section.title, "bold"), align="left")
-            for block in section.blocks:
-                for renderable in _render(block):
-                    console.print(renderable)
+    for section in document.short:
+        console.rule(_text(section.title, "bold"), align="left")
+        for block in section.blocks:
+            for renderable in _render(block):
+                console.print(renderable)
 
 
 def _text(text: str, style: str = "") -> Text:
@@ -79,13 +77,15 @@ def _key_numbers(block: KeyNumbers) -> list[RenderableType]:
 
 
 def _table(block: Table) -> list[RenderableType]:
-    table = RichTable(title=_text(block.title), title_justify="left", title_style="bold", box=None, pad_edge=False)
+    table = RichTable(box=None, pad_edge=False)
+    if block.title:
+        table.title, table.title_justify, table.title_style = _text(block.title), "left", "bold"
     for column in block.columns:
         head = f"{column.group}\n{column.title}" if column.group else column.title
         table.add_column(_text(head), justify=column.align)
     for cells in block.rows:
         table.add_row(*map(_cell, cells))
-    return [table]
+    return [table, *([_text(block.note, "dim")] if block.note else [])]
 
 
 def _cell(cell: Cell) -> Text:

@@ -14,7 +14,6 @@ class SectionText:
     id: str
     title: str
     intro: str = ""
-    terminal: bool = False
 
 
 def section_texts() -> tuple[SectionText, ...]:

@@ -27,7 +27,7 @@ def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: 
     if reason:
         return ModeShapes(configuration=case.name, stage=stage, reason=reason)
     nodes = case.configured.model.structure.nodes
-    found = {
+    found: Arrays = {
         "points": nodes.xyz,
         "lines": lines.astype(np.int32),
         "line_kinds": kinds.astype(np.int8),

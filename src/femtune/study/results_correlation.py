@@ -143,6 +143,8 @@ class CorrelationResults(Record):
     """Why it was not tested; "" where it was."""
     criteria: tuple[Criterion, ...]
     """Acceptance criteria."""
+    mac_gate: float | None = None
+    """Least MAC of a pair, 0 to 1, as the study asks; None where not recorded."""
 
 
 class Prediction(Record):

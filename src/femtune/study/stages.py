@@ -99,7 +99,8 @@ def stage_records(
         if case.modal is not None:
             with located(place_of(study.file, case.entry, "test")):
                 raw[case.name] = correlate_case(case.modal, solution)
-            records.append(correlation_results(case.name, stage, raw[case.name], prefix, arrays))
+            record = correlation_results(case.name, stage, raw[case.name], prefix, arrays)
+            records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
     return StageRecords(tuple(found), tuple(records), tuple(shapes), raw)
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from femtune.report.figures.canvas import BLUE, INK, ORANGE, PALE, cut, draw_svg, quiet
+from femtune.report.figures.canvas import draw_svg, quiet
+from femtune.report.figures.labels import cut
+from femtune.report.figures.svg import BLUE, INK, ORANGE, PALE
 from femtune.report.numbers import short, typeset
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def comac_svg(labels: Sequence[str], before: Sequence[float | None], after: Sequence[float | None]) -> str:
@@ -57,8 +61,8 @@ def singular_values_svg(values: Sequence[float], rank: int) -> str:
         for i, number in enumerate(values):
             _singular(axes, i, number if i < rank else None, floor)
         axes.axvline(1.0, color=INK, linewidth=0.8, linestyle="--")
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: short(x)))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.xaxis.set_major_formatter(lambda x, _: short(x))
+        axes.xaxis.set_minor_formatter("")
         axes.set_xlim(floor, 3.0 * max([*positive, 1.0]))
         axes.set_xlabel("singular value (dashed, 1: the data know as much as the prior)")
         axes.set_ylabel("combination")

@@ -5,18 +5,16 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
+from femtune.report.figures.svg import FONT, INK, LINE, PALE
 
-INK, PALE, LINE = "#1d2733", "#9aa7b4", "#d4dae0"
-BLUE, ORANGE = "#1f5a92", "#c8641b"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
-_MEASURED, _SHOWN = "'DejaVu Sans'", "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+_MEASURED = "'DejaVu Sans'"
 
 _STYLE: dict[str, Any] = {
     "svg.hashsalt": "femtune",
@@ -48,6 +46,11 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
     A reader's own matplotlib settings have no influence. With `arrange` matplotlib makes room for labels; without,
     `draw` places its axes itself.
     """
+    # matplotlib is imported where a picture is drawn: who only looks at numbers does not wait for it
+    import matplotlib  # noqa: PLC0415
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
     with matplotlib.rc_context(), warnings.catch_warnings():
         # a letter that the font lacks is shown as a box: no reason to stop
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from")
@@ -59,13 +62,7 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
         draw(figure)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    return buffer.getvalue().replace(_MEASURED, _SHOWN)
-
-
-def cut(text: str, length: int = 24) -> str:
-    """A label that fits: long ones are cut, line breaks and control characters removed."""
-    clean = "".join(c if c.isprintable() else " " for c in text)
-    return clean if len(clean) <= length else clean[: length - 1] + "…"
+    return buffer.getvalue().replace(_MEASURED, FONT)
 
 
 def quiet(axes: Axes, *, sides: tuple[str, ...] = ("left",)) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from femtune.report.figures.canvas import BLUE, INK, PALE, cut, draw_svg
+from femtune.report.figures.canvas import draw_svg
+from femtune.report.figures.labels import cut
+from femtune.report.figures.svg import BLUE, INK, PALE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
 
@@ -56,7 +60,7 @@ def _parameters(axes: Axes, iterations: Sequence[int], names: Sequence[str], pla
     axes.set_ylim(-0.06, 1.06)
     axes.set_yticks([0, 1], ["lower\nbound", "upper\nbound"])
     axes.set_xlabel("iteration")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.locator_params(axis="x", integer=True)
     last, gap = iterations[-1], 1.12 / max(15.0, len(names))
     width = max(iterations[-1] - iterations[0], 1)
     for k, y in enumerate(_apart(places[-1], gap)):

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from femtune.report.figures.canvas import BLUE, INK, LINE, ORANGE, PALE, cut, draw_svg, quiet
+from femtune.report.figures.canvas import draw_svg, quiet
+from femtune.report.figures.labels import cut
+from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE
 from femtune.report.numbers import short, value, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)

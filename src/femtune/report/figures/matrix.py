@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from femtune.report.figures.canvas import INK, ORANGE, cut, draw_svg
+from femtune.report.figures.labels import cut
+from femtune.report.figures.svg import ORANGE, label, legible_on, mixed, rectangle, svg_file
 from femtune.report.numbers import typeset
 
 SIDE_BY_SIDE = 12
 """Matrices with more rows or columns than this don't stand side by side."""
 _MANY = 24
+_BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
+_ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
+_LETTER = 4.75
+"""Points that a letter of the labels takes, generously."""
 
 
 @dataclass(frozen=True)
 class MatrixPicture:
     """What to draw: `values` (rows, columns), labels, and cells to frame.
 
-    `signed` matrices run from −limit to limit, others from 0 to limit.
+    `signed` matrices run from −limit to limit, others from 0 to limit; NaN is an empty cell.
     """
 
     values: NDArray[Any]
@@ -37,60 +40,82 @@ class MatrixPicture:
     limit: float = 1.0
 
 
+@dataclass(frozen=True)
+class _Sheet:
+    """Where things are, in points."""
+
+    left: float
+    top: float
+    size: float
+    rows: int
+    columns: int
+
+    @property
+    def right(self) -> float:
+        return self.left + self.columns * self.size
+
+    @property
+    def bottom(self) -> float:
+        return self.top + self.rows * self.size
+
+    def corner(self, i: int, j: int) -> tuple[float, float]:
+        return self.left + j * self.size, self.top + i * self.size
+
+
 def matrix_svg(picture: MatrixPicture) -> str:
     """The matrix as a picture whose cells stay legible: it grows with their number."""
     rows, columns = picture.values.shape
-    size = _cell_inches(picture)
-    left, below = _room(picture.row_labels, picture.row_title), _room(picture.column_labels, picture.column_title)
-    width, height = left + columns * size + 0.06, below + rows * size + (0.3 if picture.title else 0.06)
-    place = (left / width, below / height, columns * size / width, rows * size / height)
-    return draw_svg(width, height, lambda f: _draw(f, picture, size, place), arrange=False)
+    left = _room(picture.row_labels) + (16.0 if picture.row_title else 4.0)
+    sheet = _Sheet(left, 20.0 if picture.title else 4.0, _cell_size(picture), rows, columns)
+    below = _room(picture.column_labels) + (16.0 if picture.column_title else 4.0)
+    width = max(sheet.right + 4.0, 5.6 * len(picture.title) + 4.0)
+    return svg_file(width, sheet.bottom + below, [*_words(picture, sheet), *_cells(picture, sheet)])
 
 
-def _room(labels: tuple[str, ...], title: str) -> float:
-    """Inches that labels and their title take."""
-    return 0.071 * max([len(cut(t)) for t in labels], default=1) + (0.3 if title else 0.12)
+def _room(labels: tuple[str, ...]) -> float:
+    return _LETTER * max([len(cut(t)) for t in labels], default=1) + 6.0
 
 
-def _cell_inches(picture: MatrixPicture) -> float:
+def _cell_size(picture: MatrixPicture) -> float:
     largest = max(picture.values.shape)
-    return 0.46 if largest <= 6 else 0.38 if largest <= SIDE_BY_SIDE else 0.32 if largest <= _MANY else 0.26
+    return 33.0 if largest <= 6 else 27.0 if largest <= SIDE_BY_SIDE else 23.0 if largest <= _MANY else 19.0
 
 
-def _draw(figure: Figure, picture: MatrixPicture, size: float, place: tuple[float, float, float, float]) -> None:
-    axes = figure.add_axes(place)
-    low = -picture.limit if picture.signed else 0.0
-    colours = "RdBu_r" if picture.signed else "Blues"
-    axes.imshow(np.ma.masked_invalid(picture.values), cmap=colours, vmin=low, vmax=picture.limit, aspect="equal")
-    _labels(axes, picture)
-    _numbers(axes, picture, font=min(8.0, 72.0 * size * 0.27))
-    for i, j in picture.framed:
-        axes.add_patch(Rectangle((j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=ORANGE, linewidth=1.6))
+def _words(picture: MatrixPicture, s: _Sheet) -> Iterable[str]:
+    if picture.title:
+        yield label(2.0, 12.0, picture.title, 9.5, bold=True)
+    if picture.row_title:
+        yield label(10.0, (s.top + s.bottom) / 2, picture.row_title, anchor="middle", turned=True)
+    for i, text in enumerate(picture.row_labels):
+        yield label(s.left - 4.0, s.corner(i, 0)[1] + s.size / 2 + 3.0, cut(text), anchor="end")
+    for j, text in enumerate(picture.column_labels):
+        yield label(s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text), anchor="end", turned=True)
+    if picture.column_title:
+        y = s.bottom + _room(picture.column_labels) + 10.0
+        yield label((s.left + s.right) / 2, y, picture.column_title, anchor="middle")
 
 
-def _labels(axes: Axes, picture: MatrixPicture) -> None:
-    rows, columns = picture.values.shape
-    axes.set_xticks(range(columns), [cut(t) for t in picture.column_labels], rotation=90)
-    axes.set_yticks(range(rows), [cut(t) for t in picture.row_labels])
-    axes.set_xlabel(picture.column_title)
-    axes.set_ylabel(picture.row_title)
-    axes.set_title(picture.title)
-    axes.tick_params(length=0)
-    axes.set_xticks(np.arange(0.5, columns - 1), minor=True)
-    axes.set_yticks(np.arange(0.5, rows - 1), minor=True)
-    axes.grid(which="minor", color="white", linewidth=1.0)
-    axes.tick_params(which="minor", length=0)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-def _numbers(axes: Axes, picture: MatrixPicture, font: float) -> None:
-    """Values in the cells; in large matrices only those that are not small, so that they stand out."""
+def _cells(picture: MatrixPicture, s: _Sheet) -> Iterable[str]:
+    """Coloured cells with their values; in large matrices only values that are not small, so that they stand out."""
     threshold = 0.1 * picture.limit if max(picture.values.shape) > SIDE_BY_SIDE else -1.0
+    font = min(8.5, 0.3 * s.size)
     for (i, j), value in np.ndenumerate(picture.values):
-        if np.isfinite(value) and abs(value) >= threshold:
-            dark = abs(value) > (0.7 if picture.signed else 0.6) * picture.limit
-            axes.text(j, i, _digits(value), ha="center", va="center", fontsize=font, color="white" if dark else INK)
+        if not np.isfinite(value):
+            continue
+        x, y = s.corner(i, j)
+        colour = _colour(float(value), picture)
+        yield rectangle(x + 0.5, y + 0.5, s.size - 1.0, s.size - 1.0, colour)
+        if abs(value) >= threshold:
+            middle = x + s.size / 2, y + s.size / 2 + 0.36 * font
+            yield label(*middle, _digits(float(value)), font, legible_on(colour), "middle")
+    for i, j in picture.framed:
+        x, y = s.corner(i, j)
+        yield rectangle(x + 0.8, y + 0.8, s.size - 1.6, s.size - 1.6, "none", ORANGE)
+
+
+def _colour(value: float, picture: MatrixPicture) -> str:
+    stops = _ORANGES if picture.signed and value < 0 else _BLUES
+    return mixed(stops, abs(value) / picture.limit)
 
 
 def _digits(value: float) -> str:

@@ -11,6 +11,7 @@ from femtune.report.sections.criteria import criteria
 from femtune.report.sections.identifiability import identifiability
 from femtune.report.sections.mac import mac
 from femtune.report.sections.method import method
+from femtune.report.sections.mode_shapes import mode_shapes
 from femtune.report.sections.modes import modes
 from femtune.report.sections.parameters import parameters
 from femtune.report.sections.provenance import provenance
@@ -23,6 +24,7 @@ BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
     "summary": summary,
     "compared": compared,
     "modes": modes,
+    "mode_shapes": mode_shapes,
     "mac": mac,
     "comac": comac,
     "parameters": parameters,

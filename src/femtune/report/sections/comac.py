@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from femtune.report.document import Block, Figure, FigureRow, Paragraph
 from femtune.report.figures.bars import comac_svg
+from femtune.report.numbers import listed, unit_fraction
 from femtune.report.source import Source
 from femtune.study.results_correlation import CorrelationResults
 
@@ -28,10 +31,11 @@ def _configuration(source: Source, name: str) -> Figure | Paragraph:
         return Paragraph(f"{name}, COMAC: not tested (it takes shapes of at least two paired modes).")
     worst = sorted(last, key=lambda dof: last[dof])[:_SHOWN]
     dofs = [dof for dof in last if dof in set(worst)]
-    svg = comac_svg(dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
+    draw = partial(comac_svg, dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
     some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
     lowest = worst[0]
-    return Figure(svg, f"{name}{some}. Lowest: {last[lowest]:.3f} at {lowest}.", f"COMAC of {name} by measured DOF")
+    caption = f"{name}{some}. Lowest: {last[lowest]:.3f} at {lowest}."
+    return Figure(draw, caption, f"COMAC by measured DOF, {listed(f'{d} {unit_fraction(last[d])}' for d in dofs)}")
 
 
 def _values(stage: CorrelationResults | None) -> dict[str, float]:

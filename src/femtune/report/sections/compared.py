@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from femtune.report.document import Block, Heading, Paragraph, Table, columns, row, table_or_none
-from femtune.report.numbers import NONE, counted, freq, short
+from femtune.report.numbers import NONE, counted, short
 from femtune.report.source import Source
 from femtune.study.results_model import SensorResults
 
@@ -42,13 +42,8 @@ def _configuration(source: Source, name: str) -> tuple:
 
 
 def _left_out(source: Source) -> Block:
-    rows = [
-        row(c.configuration, mode.test_label, freq(mode.test_freq_hz), mode.reason)
-        for c in source.results.correlations
-        if c.stage == "before"
-        for mode in c.left_out
-    ]
-    heads = columns("Configuration", "Test mode", ">Hz", "Reason")
+    rows = [row(", ".join(m.configurations), ", ".join(m.labels), m.reason) for m in source.left_out()]
+    heads = columns("Configurations", "Test modes", "Reason")
     return table_or_none("Modes left out by the study", heads, rows, "The study leaves no mode out.")
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from femtune.report.document import Block, Figure, Listing, Paragraph, Table, columns, row
 from femtune.report.figures.convergence import convergence_svg
-from femtune.report.numbers import NONE, percent, short
+from femtune.report.numbers import NONE, counted, percent, short
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, UpdateResults
 
@@ -29,7 +31,8 @@ def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
         [_place(by_name.get(name), x) for name, x in zip(update.history_parameters, i.parameters, strict=True)]
         for i in update.history
     ]
-    svg = convergence_svg(
+    draw = partial(
+        convergence_svg,
         [i.iteration for i in update.history],
         [i.objective_percent for i in update.history],
         update.history_parameters,
@@ -37,7 +40,12 @@ def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
         sorted({e.iteration for e in update.pairing_events}),
     )
     caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
-    return Figure(svg, caption, "Objective and parameters by iteration", wide=True)
+    first, last = update.history[0], update.history[-1]
+    alt = (
+        f"Weighted mean error from {percent(first.objective_percent)} % to {percent(last.objective_percent)} % "
+        f"in {counted(last.iteration, 'iteration')}, and the parameters between their bounds"
+    )
+    return Figure(draw, caption, alt, wide=True)
 
 
 def _place(fact: ParameterFacts | None, x: float) -> float:

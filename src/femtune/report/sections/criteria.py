@@ -14,7 +14,7 @@ _TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"
 def criteria(source: Source) -> list[Block]:
     """One table a stage."""
     blocks = [table for stage in stages(source) if (table := _table(source, stage)) is not None]
-    return blocks or [Paragraph("Not tested: no criterion was evaluated.")]
+    return [*blocks, *source.after_notes] if blocks else [Paragraph("Not tested: no criterion was evaluated.")]
 
 
 def _table(source: Source, stage: Stage) -> Block | None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.report.document import Bar, Block, Cell, Figure, Listing, Paragraph, Table, columns, row
 from femtune.report.figures.bars import combinations_svg, singular_values_svg
 from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
-from femtune.report.numbers import NOT_TESTED, counted, percent, short, value
+from femtune.report.numbers import NOT_TESTED, counted, listed, percent, short, value
 from femtune.report.source import Source
 from femtune.study.results_update import Combination, Identifiability, SelectionResults
 
@@ -20,7 +24,6 @@ def identifiability(source: Source) -> list[Block]:
     if selection is None:
         return [Paragraph("Not tested: the selection step was not run.")]
     return [
-        Paragraph(_lead(selection)),
         *_sentences(selection),
         _table(selection),
         *_singular(selection),
@@ -43,9 +46,13 @@ def _lead(selection: SelectionResults) -> str:
 
 
 def _sentences(selection: SelectionResults) -> list[Block]:
-    own = [c.sentence for c in (*selection.undetermined, *selection.weakly_determined)]
-    said = [s for s in (*own, *selection.sentences) if s]
-    return [Listing(tuple(dict.fromkeys(said)))] if said else []
+    """The selection's own sentences, or ours where it gives none; each fact once."""
+    first, *others = selection.sentences or (_lead(selection), *_own_words(selection))
+    return [Paragraph(first), *([Listing(tuple(others))] if others else [])]
+
+
+def _own_words(selection: SelectionResults) -> list[str]:
+    return [c.sentence for c in (*selection.undetermined, *selection.weakly_determined) if c.sentence]
 
 
 def _table(selection: SelectionResults) -> Block:
@@ -65,13 +72,14 @@ def _row(p: Identifiability) -> tuple[Cell, ...]:
 def _singular(selection: SelectionResults) -> list[Block]:
     if not selection.singular_values:
         return [Paragraph("Singular values: not tested.")]
-    svg = singular_values_svg(selection.singular_values, selection.rank)
+    draw = partial(singular_values_svg, selection.singular_values, selection.rank)
     last = value(selection.singular_values[0])
     caption = (
         f"Singular values of the scaled Jacobian; the largest is {last}, "
         f"values below {short(selection.rank_threshold)} count as zero."
     )
-    return [Figure(svg, caption, "Singular values of the scaled Jacobian", wide=True)]
+    alt = f"Singular values of the scaled Jacobian: {listed(map(short, selection.singular_values))}"
+    return [Figure(draw, caption, alt, wide=True)]
 
 
 def _combinations(selection: SelectionResults) -> list[Block]:
@@ -81,11 +89,16 @@ def _combinations(selection: SelectionResults) -> list[Block]:
         return []
     shown = found[:_PANELS]
     labels = selection.column_labels
-    svg = combinations_svg([title for title, _ in shown], labels, [_coefficients(c, labels) for _, c in shown])
+    titles, coefficients = [title for title, _ in shown], [_coefficients(c, labels) for _, c in shown]
+    draw = partial(combinations_svg, titles, labels, coefficients)
     more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
-    return [
-        Figure(svg, f"Combinations of parameters that the data determine badly.{more}", "Coefficients by parameter")
-    ]
+    alt = "; ".join(f"{title}: {_in_words(c)}" for title, c in shown)
+    caption = f"Combinations of parameters that the data determine badly.{more}"
+    return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]
+
+
+def _in_words(combination: Combination) -> str:
+    return listed(f"{s.parameter} {short(s.coefficient)}" for s in combination.shares)
 
 
 def _coefficients(combination: Combination, labels: tuple[str, ...]) -> list[float]:
@@ -98,9 +111,18 @@ def _correlation(source: Source, selection: SelectionResults) -> list[Block]:
     if values is None or not values.size:
         return [Paragraph("Correlation of the parameters: not tested.")]
     labels = selection.column_labels
-    svg = matrix_svg(MatrixPicture(values, labels, labels, "", "", signed=True))
+    draw = partial(matrix_svg, MatrixPicture(values, labels, labels, "", "", signed=True))
     caption = "Correlation of the parameters after the update. Near ±1: only a combination of the two is determined."
-    return [Figure(svg, caption, "Correlation matrix of the parameters", max(values.shape) > SIDE_BY_SIDE)]
+    alt = f"Correlation matrix of the parameters{_strongest(values, labels)}"
+    return [Figure(draw, caption, alt, max(values.shape) > SIDE_BY_SIDE)]
+
+
+def _strongest(values: NDArray[Any], labels: tuple[str, ...]) -> str:
+    """The three largest coefficients off the diagonal."""
+    rows, columns = np.triu_indices(len(values), 1)
+    order = np.argsort(-np.abs(np.nan_to_num(values[rows, columns])), kind="stable")[:3]
+    pairs = [f"{labels[rows[k]]} and {labels[columns[k]]} {short(float(values[rows[k], columns[k]]))}" for k in order]
+    return f"; largest: {listed(pairs)}" if pairs else ""
 
 
 def _sensitivities(source: Source, selection: SelectionResults) -> list[Block]:
@@ -110,7 +132,12 @@ def _sensitivities(source: Source, selection: SelectionResults) -> list[Block]:
     strongest = np.sort(np.argsort(-np.linalg.norm(values, axis=1), kind="stable")[:60])
     limit = float(np.abs(values).max()) or 1.0
     rows = tuple(selection.row_labels[i] for i in strongest)
-    svg = matrix_svg(MatrixPicture(values[strongest], rows, selection.column_labels, "", "", signed=True, limit=limit))
+    picture = MatrixPicture(values[strongest], rows, selection.column_labels, "", "", signed=True, limit=limit)
     some = f" The {len(rows)} strongest of {len(values)} rows." if len(rows) < len(values) else ""
     caption = f"Scaled sensitivities: change of each residual over one prior standard deviation of a parameter.{some}"
-    return [Figure(svg, caption, "Scaled Jacobian", wide=True)]
+    i, j = np.unravel_index(int(np.abs(values).argmax()), values.shape)
+    alt = (
+        f"Scaled sensitivities, {counted(len(rows), 'row')}; the largest is {short(float(values[i, j]))}, "
+        f"{selection.row_labels[i]} to {selection.column_labels[j]}"
+    )
+    return [Figure(partial(matrix_svg, picture), caption, alt, wide=True)]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from femtune.report.document import Block, Figure, FigureRow, Heading, Paragraph
 from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
-from femtune.report.numbers import freq
-from femtune.report.source import Source
+from femtune.report.numbers import NOT_TESTED, freq, listed, unit_fraction
+from femtune.report.source import STAGE_HEADS, Source
 from femtune.study.results_correlation import CorrelationResults
 
 
@@ -17,7 +19,7 @@ def mac(source: Source) -> list[Block]:
     """Pictures of each configuration."""
     names = [c for c in source.results.study.configurations if source.before(c)]
     blocks = [block for name in names for block in _configuration(source, name)]
-    return blocks or [Paragraph("MAC: not tested, modes were not compared.")]
+    return [*blocks, *source.after_notes] if blocks else [Paragraph("MAC: not tested, modes were not compared.")]
 
 
 def _configuration(source: Source, name: str) -> list[Block]:
@@ -39,15 +41,24 @@ def _figure(source: Source, stage: CorrelationResults, key: str | None, what: st
         return None
     rows = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
     columns = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
-    picture = MatrixPicture(values, rows, columns, "test", "model", f"{what} {stage.stage}", _pairs(stage))
-    return _shown(picture, f"{stage.configuration}, {what} {stage.stage}")
+    title = f"{what} {STAGE_HEADS[stage.stage]}"
+    picture = MatrixPicture(values, rows, columns, "test", "model", title, _pairs(stage))
+    return _shown(picture, f"{stage.configuration}, {title}")
 
 
 def _shown(picture: MatrixPicture, name: str) -> Figure:
-    wide = max(picture.values.shape) > SIDE_BY_SIDE
-    return Figure(
-        matrix_svg(picture), "", f"{name}: matrix of {' by '.join(map(str, picture.values.shape))} modes", wide
+    """The picture; its alternative text has the numbers of the framed cells."""
+    rows, columns = picture.values.shape
+    cells = listed(
+        f"{picture.row_labels[i]} and {picture.column_labels[j]} {_text(picture.values[i, j])}"
+        for i, j in picture.framed
     )
+    alt = f"{name}: matrix of {rows} by {columns} modes{f'; pairs: {cells}' if cells else ''}"
+    return Figure(partial(matrix_svg, picture), "", alt, max(rows, columns) > SIDE_BY_SIDE)
+
+
+def _text(value: float) -> str:
+    return unit_fraction(value) if np.isfinite(value) else NOT_TESTED
 
 
 def _labels(names: Any, freqs: tuple[float, ...]) -> tuple[str, ...]:

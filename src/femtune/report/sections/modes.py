@@ -6,34 +6,28 @@ from dataclasses import dataclass
 
 from femtune.report.document import Bar, Block, Cell, Column, Paragraph, Table, Tone, columns, row
 from femtune.report.numbers import NONE, NOT_TESTED, freq, listed, short, signed_percent, unit_fraction
-from femtune.report.source import STAGE_WORDS, Source
+from femtune.report.sections.unpaired import unpaired_model, unpaired_test
+from femtune.report.source import STAGE_HEADS, Source
+from femtune.study.results_base import Stage
 from femtune.study.results_correlation import ClusterMatch, CorrelationResults, PairedMode
+
+_LEFT_OUT = "reason: What was compared"
 
 
 def modes(source: Source) -> list[Block]:
-    """One table a configuration: before, after, and everything that found no partner."""
+    """One table a configuration: before and after; then all modes without a partner."""
     names = [c for c in source.results.study.configurations if source.before(c)]
     if not names:
         return [Paragraph("Modes were not compared: not run.")]
     scale = max([abs(p.freq_error_percent) for c in source.results.correlations for p in c.pairs], default=1.0) or 1.0
-    return [block for name in names for block in _configuration(source, name, scale)]
+    tables = [block for name in names for block in _configuration(source, name, scale)]
+    return [*tables, *source.after_notes, *unpaired_test(source, names), *unpaired_model(source, names)]
 
 
 def _configuration(source: Source, name: str, scale: float) -> list[Block]:
     before, after = source.before(name), source.after(name)
     assert before is not None
-    return [_table(name, before, after, scale), *_without_partner(before, after), *_clusters(after or before)]
-
-
-def _without_partner(before: CorrelationResults, after: CorrelationResults | None) -> list[Block]:
-    """Before and after; one table where nothing changed."""
-    name, old, new = before.configuration, _unpaired(before), _unpaired(after) if after else []
-    heads = columns("Mode", ">Hz", "Reason")
-    if old == new:
-        parts = [("before and after the update", old)]
-    else:
-        parts = [(STAGE_WORDS["before"], old), (STAGE_WORDS[after.stage if after else "after"], new)]
-    return [Table(f"{name}: without a partner {when}", heads, tuple(rows)) for when, rows in parts if rows]
+    return [_table(name, before, after, scale), *_clusters(after or before)]
 
 
 def _table(name: str, before: CorrelationResults, after: CorrelationResults | None, scale: float) -> Block:
@@ -48,8 +42,8 @@ def _table(name: str, before: CorrelationResults, after: CorrelationResults | No
     return Table(name, tuple(heads), tuple(rows))
 
 
-def _stage_columns(stage: str) -> list[Column]:
-    return [Column(title, "right", stage) for title in ("Model no.", "Hz", "Error %", "MAC")]
+def _stage_columns(stage: Stage) -> list[Column]:
+    return [Column(title, "right", STAGE_HEADS[stage]) for title in ("Model no.", "Hz", "Error %", "MAC")]
 
 
 @dataclass(frozen=True)
@@ -60,7 +54,7 @@ class _Entry:
 
 
 def _entries(before: CorrelationResults, after: CorrelationResults | None) -> list[_Entry]:
-    """All test modes, sorted by frequency, each once; the left-out ones with their reason."""
+    """All test modes, sorted by frequency, each once; those left out marked."""
     stages = [before, after] if after else [before]
     found: dict[str, _Entry] = {}
     for stage in stages:
@@ -68,7 +62,7 @@ def _entries(before: CorrelationResults, after: CorrelationResults | None) -> li
         modes_ += [(m.test_label, m.test_freq_hz) for m in stage.unpaired_test]
         found |= {label: _Entry(label, freq_hz) for label, freq_hz in modes_}
     for out in before.left_out:
-        found[out.test_label] = _Entry(out.test_label, out.test_freq_hz, f"left out: {out.reason}")
+        found[out.test_label] = _Entry(out.test_label, out.test_freq_hz, _LEFT_OUT)
     return sorted(found.values(), key=lambda e: e.freq_hz)
 
 
@@ -110,15 +104,6 @@ def _remark(pairs: list[PairedMode | None]) -> str:
         "pairing changed" if len(numbers) > 1 else "",
     ]
     return ", ".join(w for w in words if w)
-
-
-def _unpaired(stage: CorrelationResults) -> list[tuple[Cell, ...]]:
-    test = [row(f"test {m.test_label}", freq(m.test_freq_hz), m.reason) for m in stage.unpaired_test]
-    model = [
-        row(f"model {m.model_number}", freq(m.model_freq_hz), m.reason or "no test mode answers for it")
-        for m in stage.unpaired_model
-    ]
-    return [*test, *model]
 
 
 def _clusters(stage: CorrelationResults) -> list[Block]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from femtune.report.document import Block, Cell, Figure, Paragraph, Table, columns, row
 from femtune.report.figures.forest import ForestRow, forest_svg
-from femtune.report.numbers import NONE, short, signed_percent, value
+from femtune.report.numbers import NONE, listed, short, signed_percent, value
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, ParameterResult
 
@@ -23,8 +25,12 @@ def parameters(source: Source) -> list[Block]:
         return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
     results = {p.name: p for p in update.parameters}
     rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
-    figure = Figure(forest_svg(rows), _CAPTION, "Updated parameters between their bounds", wide=True) if rows else None
-    return [*([figure] if figure else []), _table(facts, results)]
+    return [*([_figure(rows)] if rows else []), _table(facts, results)]
+
+
+def _figure(rows: list[ForestRow]) -> Figure:
+    alt = f"Updated parameters between their bounds: {listed(f'{r.name} {value(r.final)}' for r in rows)}"
+    return Figure(partial(forest_svg, rows), _CAPTION, alt, wide=True)
 
 
 def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestRow | None:

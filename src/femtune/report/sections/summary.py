@@ -16,8 +16,7 @@ def summary(source: Source) -> list[Block]:
     blocks: list[Block] = [KeyNumbers((*_objective(source), *_scores(before, after)))] if before else []
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
-    if source.final_stage == "after as written":
-        blocks.append(Paragraph("“After” is the model with the values as the updated deck holds them.", tone="muted"))
+    blocks += source.after_notes
     alerts = sorted(source.results.alerts, key=lambda a: _ORDER.index(a.level))
     blocks += [AlertBox(a.level, a.code, a.sentence, a.where) for a in alerts]
     return blocks if blocks else [Paragraph("Nothing has been compared yet.")]
