@@ -53,17 +53,21 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     written, update = results.write_back, results.update
     if written is None or update is None:
         return
+    shared = [sentence for sentence in written.without_field if "split = true" in sentence]
     for sentence in written.without_field:
-        level: Level = "warning" if "split = true" in sentence else "info"
-        yield _alert(level, "write.without-field", sentence)
+        yield _alert("warning" if sentence in shared else "info", "write.without-field", sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
-        yield _alert(
-            "warning",
-            "write.rounding",
-            f"the values that the deck's fields can hold give a mean error of {as_written:.3g} % instead of "
-            f"{update.objective_after_percent:.3g} %; wide = true keeps more digits",
-        )
+        errors = f"a mean error of {as_written:.3g} % instead of {update.objective_after_percent:.3g} %"
+        if shared:
+            yield _alert(
+                "warning", "write.incomplete", f"without the values that were not written the deck has {errors}"
+            )
+        else:
+            hint = "wide = true keeps more digits"
+            yield _alert(
+                "warning", "write.rounding", f"the values that the deck's fields can hold give {errors}; {hint}"
+            )
 
 
 def _of_model(results: Results) -> Iterable[Alert]:

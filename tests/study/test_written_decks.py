@@ -1,0 +1,301 @@
+"""The updated deck of a study: INCLUDEs, regions, cards shared by several parameters, and inputs that stay whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.study import RunFolder, load_study
+from femtune.study.alerts import alerts_of
+
+Bench = Any
+
+SHARED = """
+[[parameter]]
+name = "clamp"
+fields = ["PBAR 1 I1"]
+elements = [1]
+lower = 0.5
+upper = 2.0
+"""
+STIFF_CLAMP = (
+    ("CBAR    1       1  ", "CBAR    1       3  "),
+    ("PBAR    2 ", "PBAR    3       1       1.0-3   2.8-7   5.0-7   4.0-7\nPBAR    2 "),
+)
+
+
+def frequencies(run: RunFolder, stage: str) -> tuple[float, ...]:
+    return next(m.freq_hz for m in run.results.modes if m.stage == stage)
+
+
+def values(run: RunFolder) -> dict[str, float]:
+    assert run.results.update is not None
+    return {p.name: p.value for p in run.results.update.parameters}
+
+
+def codes(run: RunFolder) -> list[str]:
+    return [a.code for a in run.results.alerts]
+
+
+def role(deck: Path, element: int, name: str) -> float:
+    structure = build_structure(read_deck(deck)).structure
+    batch = next(b for b in structure.batches if element in b.ids)
+    return float(structure.values.values[batch.roles[name][batch.ids.tolist().index(element)]])
+
+
+@pytest.fixture
+def clamp(bench: Bench) -> Bench:
+    """A real beam that is stiffer at its clamp, where the deck has one property for two elements."""
+    bench.uff(bench.measure(bench.truth(STIFF_CLAMP)))
+    return bench
+
+
+def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
+    run = steps.update(clamp.study(SHARED))
+    assert values(run)["clamp"] == pytest.approx(1.4, rel=1e-4)
+    assert (run.folder / "updated.bdf").read_bytes() == (clamp.folder / "beam.bdf").read_bytes()
+    written = [a for a in run.results.alerts if a.code == "write.without-field"]
+    assert written[0].level == "warning"
+    assert "split = true" in written[0].sentence
+    assert "PBAR 1 I1" in written[0].sentence
+    # the as-written stage tells that the deck on disk is no better than before
+    assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "before"), rel=1e-12)
+    update = run.results.update
+    assert update is not None
+    assert update.objective_as_written_percent == pytest.approx(update.objective_before_percent, rel=1e-6)
+    assert update.parameters[0].written == ()
+
+
+def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
+    found = codes(steps.update(clamp.study(SHARED)))
+    assert "write.incomplete" in found
+    assert "write.rounding" not in found
+
+
+def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
+    study = beam.study()
+    results = steps.update(study).results
+    assert results.update is not None
+    worse = results.update.model_copy(update={"objective_as_written_percent": 1.0})
+    found = alerts_of(load_study(study), results.model_copy(update={"update": worse}))
+    assert [(a.level, a.code) for a in found] == [("warning", "write.rounding")]
+    assert "1 %" in found[0].sentence
+
+
+def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
+    run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
+    deck = run.folder / "updated.bdf"
+    assert role(deck, 1, "I1") == pytest.approx(2.8e-7, rel=1e-3)
+    assert role(deck, 2, "I1") == 2e-7
+    assert codes(run) == []
+    assert run.results.write_back is not None
+    assert run.results.write_back.splits == ("PBAR 1 was copied to PBAR 3 for the 1 elements of clamp",)
+    assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-4)
+    assert frequencies(run, "after as written") == pytest.approx(clamp.modes(deck), rel=1e-9)
+    assert run.results.update is not None
+    assert run.results.update.parameters[0].written[0].value == role(deck, 1, "I1")
+
+
+TWO_ON_ONE_REGION = """
+[write]
+split = true
+wide = true
+[[parameter]]
+name = "clamp"
+fields = ["PBAR 1 I1"]
+elements = [1]
+lower = 0.5
+upper = 2.0
+[[parameter]]
+name = "side"
+fields = ["PBAR 1 I2"]
+elements = {side}
+lower = 0.5
+upper = 2.0
+"""
+
+
+@pytest.mark.parametrize("side", ["[1]", "[1, 2]", "[2]"])
+def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) -> None:
+    run = steps.update(clamp.study(TWO_ON_ONE_REGION.format(side=side)))
+    assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-9)
+    deck, found = run.folder / "updated.bdf", values(run)
+    assert role(deck, 1, "I1") == pytest.approx(2e-7 * found["clamp"], rel=1e-9)
+    for element in (1, 2):
+        expected = 5e-7 * (found["side"] if str(element) in side else 1.0)
+        assert role(deck, element, "I2") == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_region_and_all_others_of_one_card(clamp: Bench) -> None:
+    rest = '[[parameter]]\nname = "rest"\nfields = ["PBAR 1 I2"]\nlower = 0.5\nupper = 2.0\n'
+    run = steps.update(clamp.study(SHARED + rest + "[write]\nsplit = true\nwide = true\n"))
+    assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-7)
+
+
+def test_material_of_a_region_with_derived_shear_modulus(clamp: Bench) -> None:
+    text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\nwide = true\n"
+    run = steps.update(clamp.study(text))
+    deck = run.folder / "updated.bdf"
+    assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-9)
+    assert role(deck, 1, "G") == pytest.approx(role(deck, 1, "E") / 2.6)
+    assert role(deck, 2, "E") == 2.1e11
+
+
+@pytest.fixture
+def parts(beam: Bench) -> Bench:
+    """The deck in three files: properties in a folder of their own, coordinates beside."""
+    lines = beam.text.splitlines()
+    for name, cards in (("parts/props.inc", ("PBAR", "MAT1")), ("grids.inc", ("GRID",))):
+        beam.write(name, "\n".join(line for line in lines if line.startswith(cards)) + "\n")
+    kept = [line for line in lines if not line.startswith(("PBAR", "MAT1", "GRID"))]
+    at = kept.index("BEGIN BULK") + 1
+    beam.write("beam.bdf", "\n".join([*kept[:at], "INCLUDE 'parts/props.inc'", "INCLUDE 'grids.inc'", *kept[at:], ""]))
+    return beam
+
+
+@pytest.mark.parametrize("folder", ["run", "far/away from here", "../elsewhere", "."])
+def test_includes_are_kept(parts: Bench, folder: str) -> None:
+    inputs = {p: p.read_bytes() for p in parts.folder.rglob("*") if p.is_file()}
+    run = steps.update(parts.study(), parts.folder / folder)
+    assert {p: p.read_bytes() for p in inputs} == inputs
+    assert run.results.write_back is not None
+    assert run.results.write_back.files == ("updated.bdf", "props.inc")
+    assert "INCLUDE 'props.inc'" in (run.folder / "updated.bdf").read_text()
+    read = {Path(f.file).resolve() for f in read_deck(run.folder / "updated.bdf").files}
+    assert (parts.folder / "grids.inc").resolve() in read
+    assert (parts.folder / "parts/props.inc").resolve() not in read
+    assert frequencies(run, "after as written") == pytest.approx(parts.modes(run.folder / "updated.bdf"), rel=1e-9)
+    edit = run.results.write_back.edits[0]
+    assert edit.file == "parts/props.inc"
+    assert (parts.folder / edit.file).read_text().splitlines()[edit.line - 1].startswith("PBAR    1")
+
+
+def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> None:
+    original = (parts.folder / "parts/props.inc").read_bytes()
+    run = steps.update(parts.study(), parts.folder / "parts")
+    assert (parts.folder / "parts/props.inc").read_bytes() == original
+    assert run.results.write_back is not None
+    assert run.results.write_back.files == ("updated.bdf", "props_2.inc")
+    assert frequencies(run, "after as written") == pytest.approx(parts.modes(run.folder / "updated.bdf"), rel=1e-9)
+
+
+def refused(bench: Bench, study: Path, folder: Path) -> FemtuneError:
+    before = {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()}
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(study, folder)
+    assert {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()} == before
+    return caught.value
+
+
+def test_a_deck_called_updated_is_not_overwritten(beam: Bench) -> None:
+    (beam.folder / "beam.bdf").rename(beam.folder / "updated.bdf")
+    error = refused(beam, beam.study(deck="updated.bdf"), beam.folder)
+    assert error.code == "write.overwrites-input"
+
+
+@pytest.mark.parametrize("link", ["updated.bdf", "results.json", "history.jsonl", "arrays.npz"])
+def test_links_to_inputs_are_refused(beam: Bench, link: str) -> None:
+    (beam.folder / "run").mkdir()
+    (beam.folder / "run" / link).symlink_to(beam.folder / "beam.bdf")
+    assert refused(beam, beam.study(), beam.folder / "run").code == "write.overwrites-input"
+
+
+def test_hard_links_and_links_to_other_files_are_replaced(beam: Bench) -> None:
+    folder, other = beam.folder / "run", beam.write("notes.txt", "mine")
+    folder.mkdir()
+    (folder / "updated.bdf").hardlink_to(beam.folder / "beam.bdf")
+    (folder / "history.jsonl").symlink_to(other)
+    steps.update(beam.study())
+    assert other.read_text() == "mine"
+    assert (beam.folder / "beam.bdf").read_text() == beam.text
+    assert (folder / "updated.bdf").read_text() != beam.text
+
+
+def test_parameter_of_ties_only_is_listed(beam: Bench) -> None:
+    tail = """
+[[parameter]]
+name = "common"
+lower = 0.5
+upper = 2.0
+[[parameter]]
+name = "root"
+fields = ["PBAR 1 I1"]
+tie = "common*1.3/0.85"
+[[parameter]]
+name = "tip"
+fields = ["PBAR 2 I1"]
+tie = "common"
+"""
+    run = steps.update(beam.study(tail))
+    assert values(run) == pytest.approx({"common": 0.85, "root": 1.3, "tip": 0.85}, rel=1e-4)
+    alert = next(a for a in run.results.alerts if a.code == "write.without-field")
+    assert (alert.level, alert.sentence) == (
+        "info",
+        "common has no field of its own in the deck: it acts through root, tip",
+    )
+    assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2.6e-7, rel=1e-4)
+    assert run.results.update is not None
+    spread = {p.name: p.sd for p in run.results.update.parameters}
+    assert spread["common"] is not None
+    assert spread["root"] == pytest.approx(spread["common"] * 1.3 / 0.85)
+
+
+def test_absolute_parameters_hold_the_fields_value(beam: Bench) -> None:
+    tail = beam.parameters.replace("lower = 0.5\nupper = 2.0", "lower = 1e-7\nupper = 4e-7\nabsolute = true")
+    run = steps.update(beam.study(tail))
+    assert values(run) == pytest.approx({"root": 2.6e-7, "tip": 1.7e-7}, rel=1e-4)
+    assert [p.nominal for p in run.results.parameters] == [2e-7, 2e-7]
+    assert role(run.folder / "updated.bdf", 4, "I1") == pytest.approx(1.7e-7, rel=1e-4)
+
+
+def test_absolute_start_value_must_be_one(beam: Bench) -> None:
+    beam.write("beam.bdf", beam.text.replace("2       1       1.0-3   2.0-7", "2       1       1.0-3   2.1-7"))
+    both = (
+        '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1", "PBAR 2 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\n'
+    )
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study(both))
+    assert caught.value.code == "parameter.absolute-differs"
+    run = steps.update(beam.study(both + "nominal = 2e-7\n"))
+    assert role(run.folder / "updated.bdf", 1, "I1") == role(run.folder / "updated.bdf", 4, "I1")
+
+
+def test_tied_absolute_parameter_needs_no_start_value(beam: Bench) -> None:
+    beam.write("beam.bdf", beam.text.replace("2       1       1.0-3   2.0-7", "2       1       1.0-3   2.1-7"))
+    tail = beam.parameters.split("[[parameter]]")[1]
+    tied = '[[parameter]]\nname = "both"\nfields = ["PBAR 2 I1", "PBAR 1 I2"]\nabsolute = true\ntie = "2e-7*root"\n'
+    run = steps.update(beam.study(f"[[parameter]]{tail}{tied}"))
+    assert values(run)["both"] == pytest.approx(2e-7 * values(run)["root"])
+
+
+def test_start_value_other_than_the_decks(beam: Bench) -> None:
+    run = steps.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 2.0\nnominal = 1.2")))
+    assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
+    softer = beam.text.replace("1.0-3   2.0-7 ", "1.0-3   2.4-7 ")
+    started = beam.modes(beam.write("start.bdf", softer))
+    assert frequencies(run, "before") == pytest.approx(started, rel=1e-9)
+    assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2.6e-7, rel=1e-4)
+
+
+def test_modulus_takes_the_derived_shear_modulus_along(beam: Bench) -> None:
+    run = steps.update(beam.study('[[parameter]]\nname = "E"\nfields = ["MAT1 1 E"]\nlower = 0.5\nupper = 2.0\n'))
+    deck = run.folder / "updated.bdf"
+    assert role(deck, 1, "G") == pytest.approx(role(deck, 1, "E") / 2.6)
+    assert role(deck, 1, "E") == pytest.approx(2.1e11 * values(run)["E"], rel=1e-3)
+    assert frequencies(run, "after as written") == pytest.approx(beam.modes(deck), rel=1e-9)
+
+
+def test_deck_in_large_field_keeps_its_digits(beam: Bench) -> None:
+    line = "PBAR*   1               1               1.000000000-3   2.000000000-7\n*       5.0-7           4.0-7\n"
+    old = next(x for x in beam.text.splitlines(keepends=True) if x.startswith("PBAR    1"))
+    beam.write("beam.bdf", beam.text.replace(old, line))
+    run = steps.update(beam.study())
+    assert role(run.folder / "updated.bdf", 1, "I1") == pytest.approx(2e-7 * values(run)["root"], rel=1e-8)
+    np.testing.assert_allclose(frequencies(run, "after as written"), frequencies(run, "after"), rtol=1e-5)
