@@ -93,13 +93,16 @@ class PardisoFactor:
             _pointer(b), _pointer(x), ctypes.byref(error),
         )  # fmt: skip
         if error.value:
-            raise FemtuneError(
-                "solver.failed",
-                f"the sparse factorisation failed: PARDISO's error {error.value}",
-                values={"equations": self._n, "entries": len(self._values)},
-                hint="error -2 is too little memory: close other programs, or make the model smaller",
-            )
+            raise self._error(error.value)
         return x
+
+    def _error(self, number: int) -> FemtuneError:
+        return FemtuneError(
+            "solver.failed",
+            f"the sparse factorisation failed: PARDISO's error {number}",
+            values={"equations": self._n, "entries": len(self._values)},
+            hint="error -2 is too little memory: close other programs, or make the model smaller",
+        )
 
     @property
     def negative_pivots(self) -> int | None:

@@ -1,0 +1,162 @@
+"""Messages of the model, its modes and residuals: each is the example that its page shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.fem import FieldRef, Structure
+from femtune.model import (
+    AddedMass,
+    Assignment,
+    Configuration,
+    configure,
+    derivatives,
+    eigen,
+    eigenpairs,
+    factorise,
+    parametric_model,
+    pardiso,
+    solve_modes,
+    subspace_derivative,
+)
+from femtune.parameters import Parameter, ParameterSet
+from femtune.residuals import ResidualRules, UpdateProblem
+from femtune.residuals.aligned import align
+from femtune.testing.springs import factor_model, simulated_case, spring_structure
+from femtune.testing.structures import make_structure, scalars
+
+_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
+CHAIN = [(i - 1, i, 1e3) for i in range(5)]
+
+
+def _structure() -> Structure:
+    return replace(spring_structure(CHAIN, [1.0] * 5), support_sets={1: np.array([0]), 2: np.array([6])})
+
+
+def _configured(**overlay: object) -> Callable[[], object]:
+    def act() -> object:
+        model = parametric_model(_structure(), ParameterSet(()), ())
+        return configure(model, Configuration("BC", **overlay))  # type: ignore[arg-type]
+
+    return act
+
+
+def _modes(links: list[tuple[int, int, float]], weights: list[float], **wanted: object) -> Callable[[], object]:
+    def act() -> object:
+        model = parametric_model(spring_structure(links, weights), ParameterSet(()), ())
+        return solve_modes(configure(model, Configuration("BC")).at(np.zeros(0)), **wanted)  # type: ignore[arg-type]
+
+    return act
+
+
+def _patched(act: Callable[[], object], *patches: tuple[object, str, object]) -> Callable[[], object]:
+    def patched() -> object:
+        with pytest.MonkeyPatch.context() as monkeypatch:
+            for target, name, value in patches:
+                monkeypatch.setattr(target, name, value)
+            return act()
+
+    return patched
+
+
+def _assigned(*assignments: Assignment) -> Callable[[], object]:
+    names = ParameterSet(tuple(Parameter(n) for n in dict.fromkeys(a.parameter for a in assignments)))
+    return lambda: parametric_model(_structure(), names, assignments)
+
+
+def _held() -> object:
+    held = make_structure([[0.0, 0.0, 0.0]], [scalars("spring", [[0, -1]], "K", 1.0)], permanent=np.arange(6))
+    return solve_modes(configure(parametric_model(held, ParameterSet(()), ()), Configuration("BC")).at(np.zeros(0)))
+
+
+def _rough(K: object, M: object, factor: object, shift: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    values, shapes = DENSE(K, M, factor, shift, count)
+    return values, shapes + 1e-3 * np.arange(shapes.size).reshape(shapes.shape)
+
+
+def _fails(*arguments: object, **more: object) -> None:
+    raise eigenpairs.spla.ArpackError(-9999)
+
+
+def _derivative() -> object:
+    chain = [(i - 1, i, 1e3 + i) for i in range(60)]
+    model = factor_model(spring_structure(chain, [1.0] * 60), {"a": [1, 40]})
+    return subspace_derivative(solve_modes(model.at(np.zeros(1)), 1), [0])
+
+
+def _no_scatter() -> object:
+    model = factor_model(_structure(), {"a": [1]})
+    problem = UpdateProblem((simulated_case(model, (0.0,), (0, 1), 2),), model.model.parameters, ResidualRules("test"))
+    return problem.start(np.zeros(1))
+
+
+def _unseen() -> object:
+    model = factor_model(_structure(), {"a": [1]})
+    derivative = subspace_derivative(solve_modes(model.at(np.zeros(1)), 2), [0])
+    return align(replace(derivative, shapes=0.0 * derivative.shapes), np.ones((5, 1)))
+
+
+def _pardiso_fails() -> object:
+    factor = pardiso.PardisoFactor.__new__(pardiso.PardisoFactor)
+    factor._n, factor._values = 50000, np.zeros(700000)
+    raise factor._error(-2)
+
+
+DENSE = eigenpairs._dense
+K1 = FieldRef("CELAS2", 1, "K")
+CASES: dict[str, Callable[[], object]] = {
+    "configuration.unknown-element": _configured(elements_off=frozenset({3, 1234})),
+    "configuration.unknown-set": _configured(support_set=44),
+    "configuration.not-held": _configured(supports_removed=((2, "12"),)),
+    "model.unknown-node": _configured(masses=(AddedMass(99, 1.0),)),
+    "model.component": _configured(supports_added=((2, "7"),)),
+    "parameter.unknown-field": _assigned(Assignment("p", FieldRef("PBAR", 77, "I1"))),
+    "parameter.zero-nominal": lambda: parametric_model(
+        spring_structure([(-1, 0, 0.0)], [1.0]), ParameterSet((Parameter("p"),)), [Assignment("p", K1)]
+    ),
+    "parameter.field-twice": _assigned(Assignment("p", K1), Assignment("q", K1)),
+    "eigen.mechanism": _modes([*CHAIN, (5, 6, 1e3), (6, 7, 1e3)], [1.0] * 5 + [0.0] * 3),
+    "eigen.no-dofs": _held,
+    "eigen.no-mass": _modes([(-1, 0, 1.0)], [0.0]),
+    "eigen.negative": _modes([(-1, 0, -20.0), (0, 1, 10.0)], [1.0, 1.0]),
+    "eigen.inaccurate": _patched(_modes(CHAIN, [1.0] * 5), (eigenpairs, "_dense", _rough)),
+    "eigen.missed-modes": _patched(_modes(CHAIN, [1.0] * 5, count=2), (eigen, "_count_below", lambda *a: 7)),
+    "eigen.uncounted": _patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "_count_below", lambda *a: None)),
+    "eigen.no-convergence": _patched(
+        _modes([(i - 1, i, 1e3) for i in range(500)], [1.0] * 500), (eigenpairs.spla, "eigsh", _fails)
+    ),
+    "derivative.not-converged": _patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
+    "residual.no-scatter": _no_scatter,
+    "residual.unseen-mode": _unseen,
+    "solver.unavailable": _patched(
+        lambda: factorise.factorise(eigenpairs.sp.eye_array(3, format="csr"), "PARDISO"),
+        (factorise, "available_solvers", lambda: ("SuperLU",)),
+    ),
+    "solver.failed": _pardiso_fails,
+}
+
+
+def raised(code: str) -> str:
+    with pytest.raises(FemtuneError) as caught:
+        CASES[code]()
+    assert caught.value.code == code
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("code", CASES)
+def test_message_is_the_example_of_its_page(code: str):
+    page = (_PAGES / f"{code}.md").read_text(encoding="utf-8")
+    assert page.startswith(f"# `{code}`")
+    assert raised(code) in page
+
+
+def test_notice_of_uncounted_modes_is_the_example_of_its_page():
+    act = _patched(_modes(CHAIN, [1.0] * 5), (eigen, "_count_below", lambda *a: None))
+    (notice,) = act().notices  # type: ignore[attr-defined]
+    assert str(notice) in (_PAGES / "eigen.not-counted.md").read_text(encoding="utf-8")
