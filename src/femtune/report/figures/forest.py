@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from femtune.report.figures.canvas import draw_svg, quiet
 from femtune.report.figures.labels import cut
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE
+from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE, SOFT
 from femtune.report.numbers import short, value, with_unit
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _one(axes: Axes, i: int, entry: ForestRow) -> None:
     axes.plot([0, 1], [i, i], color=LINE, linewidth=1.0, zorder=0)
     axes.plot([0, 0, 1, 1], [i - 0.16, i + 0.16, i + 0.16, i - 0.16], "|", color=PALE, markersize=0)
     for x, bound, side in ((-0.015, entry.lower, "right"), (1.015, entry.upper, "left")):
-        axes.text(x, i, short(bound), ha=side, va="center", fontsize=6.5, color="#5b6977")
+        axes.text(x, i, short(bound), ha=side, va="center", fontsize=6.5, color=SOFT)
     if entry.prior_sd is not None:
         _span(axes, i + 0.14, entry, entry.nominal, entry.prior_sd, PALE)
     axes.plot([entry.place(entry.nominal)], [i + 0.14], "|", color=INK, markersize=7)

@@ -78,7 +78,7 @@ def _room(labels: tuple[str, ...]) -> float:
 
 def _cell_size(picture: MatrixPicture) -> float:
     largest = max(picture.values.shape)
-    return 33.0 if largest <= 6 else 27.0 if largest <= SIDE_BY_SIDE else 23.0 if largest <= _MANY else 19.0
+    return 27.0 if largest <= SIDE_BY_SIDE else 23.0 if largest <= _MANY else 19.0
 
 
 def _words(picture: MatrixPicture, s: _Sheet) -> Iterable[str]:

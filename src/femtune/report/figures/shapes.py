@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.report.figures.labels import cut
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE, dots, label, strokes, svg_file
+from femtune.report.figures.svg import BLUE, INK, ORANGE, PALE, SOFT, dots, label, strokes, svg_file
 
 Reals = NDArray[np.float64]
 
@@ -17,6 +17,8 @@ _PANEL, _GAP, _TITLE, _ACROSS = 205.0, 14.0, 18.0, 3
 _ROOM = 0.12
 """Largest motion that is drawn, as a fraction of the structure's diagonal."""
 _DASHES = "2 2.4"
+_REST = "#b6c0ca"
+_MARGIN = 5.0
 _AZIMUTH, _ELEVATION = np.radians(-58.0), np.radians(24.0)
 """Where the eye is; off the isometric angles, so that corners of a square plan do not hide each other."""
 
@@ -46,7 +48,6 @@ class _View:
 
     scale: float
     shift: Reals
-    diagonal: float
 
     def flat(self, points: Reals) -> Reals:
         """(n, 2), y downwards."""
@@ -55,11 +56,11 @@ class _View:
 
 def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel]) -> str:
     """All panels with the same view and the same largest motion; the undeformed structure is in the file once."""
-    view, height = _view(frame)
+    view, height = _view(frame, panels)
     across = min(len(panels), _ACROSS)
     rows = -(-len(panels) // _ACROSS)
     width, tall = across * (_PANEL + _GAP) - _GAP, rows * (height + _TITLE + _GAP) - _GAP
-    rest = "".join(_wires(frame, view.flat(frame.points), LINE))
+    rest = "".join(_wires(frame, view.flat(frame.points), _REST))
     parts = ['<defs><g id="rest">', rest, "</g></defs>"]
     for k, panel in enumerate(panels):
         x, y = (k % _ACROSS) * (_PANEL + _GAP), (k // _ACROSS) * (height + _TITLE + _GAP)
@@ -75,17 +76,28 @@ def _projected(points: Reals) -> Reals:
     return np.asarray(points @ np.column_stack([right, up]))
 
 
-def _view(frame: Wireframe) -> tuple[_View, float]:
-    """Scale and place of the drawing in a panel, and the height of a panel."""
-    used = frame.points[np.unique(frame.lines)]
-    diagonal = float(np.linalg.norm(np.ptp(used, axis=0)))
-    flat = _projected(used)
-    low, high = flat.min(axis=0) - _ROOM * diagonal, flat.max(axis=0) + _ROOM * diagonal
+def _view(frame: Wireframe, panels: Sequence[ShapePanel]) -> tuple[_View, float]:
+    """Scale and place of the drawing in a panel, such that every deformed shape fits, and the height of a panel."""
+    used = np.unique(frame.lines)
+    moved = [(frame.points + _factor(frame, p) * p.motion)[used] for p in panels]
+    tips = [p.places + _factor(frame, p) * p.measured for p in panels]
+    flat = _projected(np.concatenate([frame.points[used], *moved, *tips]))
+    low, high = flat.min(axis=0), flat.max(axis=0)
     size = high - low
-    scale = min(_PANEL / size[0], 1.25 * _PANEL / size[1])
+    room = _PANEL - 2 * _MARGIN
+    # a line along the direction of view has no size on the sheet
+    scale = min(room / max(size[0], 1e-9 * size.max()), 1.25 * room / max(size[1], 1e-9 * size.max()))
     left = 0.5 * (_PANEL - scale * size[0])
-    shift = np.array([left - scale * low[0], _TITLE + scale * high[1]])
-    return _View(scale, shift, diagonal), float(scale * size[1])
+    shift = np.array([left - scale * low[0], _TITLE + _MARGIN + scale * high[1]])
+    return _View(scale, shift), float(scale * size[1]) + 2 * _MARGIN
+
+
+def _factor(frame: Wireframe, panel: ShapePanel) -> float:
+    """From the motion to the drawn one."""
+    used = np.unique(frame.lines)
+    diagonal = float(np.linalg.norm(np.ptp(frame.points[used], axis=0)))
+    largest = float(np.linalg.norm(panel.motion[used], axis=1).max(initial=0.0))
+    return _ROOM * diagonal / largest if largest > 0 else 0.0
 
 
 def _wires(frame: Wireframe, flat: Reals, colour: str) -> Iterable[str]:
@@ -96,8 +108,7 @@ def _wires(frame: Wireframe, flat: Reals, colour: str) -> Iterable[str]:
 
 
 def _panel(frame: Wireframe, panel: ShapePanel, view: _View) -> Iterable[str]:
-    largest = float(np.linalg.norm(panel.motion, axis=1).max(initial=0.0))
-    factor = _ROOM * view.diagonal / largest if largest > 0 else 0.0
+    factor = _factor(frame, panel)
     yield label(0.0, 10.0, cut(panel.title, 48), 8.5, INK, bold=True)
     yield '<use href="#rest"/>'
     yield from _wires(frame, view.flat(frame.points + factor * panel.motion), BLUE)
@@ -113,4 +124,4 @@ def _axes(height: float) -> Iterable[str]:
     for name, axis in zip("xyz", _projected(np.eye(3)) * [15.0, -15.0]):
         yield strokes(origin[None], (origin + axis)[None], PALE, 0.8)
         x, y = origin + 1.45 * axis
-        yield label(x, y + 2.0, name, 6.5, "#5b6977", "middle")
+        yield label(x, y + 2.0, name, 6.5, SOFT, "middle")

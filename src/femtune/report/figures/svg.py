@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from femtune.errors import printable
 
 FONT = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
-INK, PALE, LINE = "#1d2733", "#9aa7b4", "#d4dae0"
-BLUE, ORANGE = "#1f5a92", "#c8641b"
+INK, SOFT, PALE, LINE = "#1d2733", "#5b6977", "#9aa7b4", "#d4dae0"
+BLUE, ORANGE = "#1f5a92", "#b4530f"
 
 Anchor = Literal["start", "middle", "end"]
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})

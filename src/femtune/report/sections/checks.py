@@ -16,10 +16,12 @@ from femtune.report.document import (
 )
 from femtune.report.numbers import NONE, counted, freq, short, signed_percent, value
 from femtune.report.source import Source
+from femtune.study.results_base import Stage
 from femtune.study.results_model import ModelConfiguration, ModelFacts, ModelModes
 
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 _LISTED = 60
+_STAGES: dict[Stage, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
 
 def checks(source: Source) -> list[Block]:
@@ -114,7 +116,7 @@ def _sturm(m: ModelModes) -> tuple[Cell, ...]:
     agree = m.sturm_count is not None and m.sturm_count == m.modes_below_shift
     words = m.sturm_sentence or ("no mode was missed" if agree else NONE)
     return row(
-        m.configuration, m.stage, str(len(m.freq_hz)), str(m.rigid_body_modes),
+        m.configuration, _STAGES[m.stage], str(len(m.freq_hz)), str(m.rigid_body_modes),
         freq(m.sturm_shift_hz), below, counted_, words,
     )  # fmt: skip
 

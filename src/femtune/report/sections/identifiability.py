@@ -12,6 +12,7 @@ from femtune.report.document import Bar, Block, Cell, Figure, Listing, Paragraph
 from femtune.report.figures.bars import combinations_svg, singular_values_svg
 from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.report.numbers import NOT_TESTED, counted, listed, percent, short, value
+from femtune.report.sections.sensitivities import sensitivities
 from femtune.report.source import Source
 from femtune.study.results_update import Combination, Identifiability, SelectionResults
 
@@ -29,7 +30,7 @@ def identifiability(source: Source) -> list[Block]:
         *_singular(selection),
         *_combinations(selection),
         *_correlation(source, selection),
-        *_sensitivities(source, selection),
+        *sensitivities(source, selection),
     ]
 
 
@@ -123,21 +124,3 @@ def _strongest(values: NDArray[Any], labels: tuple[str, ...]) -> str:
     order = np.argsort(-np.abs(np.nan_to_num(values[rows, columns])), kind="stable")[:3]
     pairs = [f"{labels[rows[k]]} and {labels[columns[k]]} {short(float(values[rows[k], columns[k]]))}" for k in order]
     return f"; largest: {listed(pairs)}" if pairs else ""
-
-
-def _sensitivities(source: Source, selection: SelectionResults) -> list[Block]:
-    values = source.array(selection.jacobian_key)
-    if values is None or not values.size:
-        return [Paragraph("Sensitivities: not tested.")]
-    strongest = np.sort(np.argsort(-np.linalg.norm(values, axis=1), kind="stable")[:60])
-    limit = float(np.abs(values).max()) or 1.0
-    rows = tuple(selection.row_labels[i] for i in strongest)
-    picture = MatrixPicture(values[strongest], rows, selection.column_labels, "", "", signed=True, limit=limit)
-    some = f" The {len(rows)} strongest of {len(values)} rows." if len(rows) < len(values) else ""
-    caption = f"Scaled sensitivities: change of each residual over one prior standard deviation of a parameter.{some}"
-    i, j = np.unravel_index(int(np.abs(values).argmax()), values.shape)
-    alt = (
-        f"Scaled sensitivities, {counted(len(rows), 'row')}; the largest is {short(float(values[i, j]))}, "
-        f"{selection.row_labels[i]} to {selection.column_labels[j]}"
-    )
-    return [Figure(partial(matrix_svg, picture), caption, alt, wide=True)]

@@ -90,7 +90,9 @@ def _auto(source: Source, stage: CorrelationResults) -> list[Block]:
 
 def _square(values: NDArray[Any] | None, labels: tuple[str, ...], title: str) -> Figure:
     assert values is not None
-    return _shown(MatrixPicture(values, labels, labels, "", "", title), title)
+    off = values - np.diag(np.diag(values))
+    most = f", largest off the diagonal {_text(np.nanmax(off))}" if values.shape[0] > 1 else ""
+    return _shown(MatrixPicture(values, labels, labels, "", "", title), f"{title}{most}")
 
 
 def _orthogonality(source: Source, stages: list[CorrelationResults]) -> list[Block]:

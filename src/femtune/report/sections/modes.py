@@ -11,7 +11,7 @@ from femtune.report.source import STAGE_HEADS, Source
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import ClusterMatch, CorrelationResults, PairedMode
 
-_LEFT_OUT = "reason: What was compared"
+_LEFT_OUT = "reason above"
 
 
 def modes(source: Source) -> list[Block]:

@@ -19,13 +19,15 @@ def validation(source: Source) -> list[Block]:
     )
     none = "No measured mode was held out: how well the model predicts was not tested."
     return [
-        table_or_none("Measured modes that the update did not use", heads, map(_row, found.predictions), none),
+        table_or_none(
+            "Measured modes that the update did not use", heads, [_row(source, p) for p in found.predictions], none
+        ),
         Heading("What was not tested"),
         Listing(found.not_tested) if found.not_tested else Paragraph("Nothing is listed."),
     ]
 
 
-def _row(p: Prediction) -> tuple[Cell, ...]:
+def _row(source: Source, p: Prediction) -> tuple[Cell, ...]:
     return row(
         p.configuration,
         p.test_label,
@@ -35,5 +37,11 @@ def _row(p: Prediction) -> tuple[Cell, ...]:
         signed_percent(p.before_freq_error_percent),
         signed_percent(p.freq_error_percent),
         mac_cell(p.mac),
-        p.remark or NONE,
+        _remark(source, p),
     )
+
+
+def _remark(source: Source, p: Prediction) -> str:
+    """The study's reason for leaving a mode out stands in the table of modes left out."""
+    known = any(p.remark == m.reason and p.test_label in m.labels for m in source.left_out())
+    return "left out by the study" if known else p.remark or NONE
