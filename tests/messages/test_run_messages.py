@@ -45,7 +45,7 @@ def test_an_unwritable_folder(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         check_writable(tmp_path / "file" / "run")
     assert str(caught.value).replace(str(tmp_path), "RUN") == (
-        "[run.unwritable] the run folder cannot be written: Not a directory\n"
+        "[run.unwritable] the run folder cannot be written: file is a file, not a folder\n"
         "  at RUN/file/run\n\n"
         "hint: choose another folder, or give yourself the right to write there"
     )

@@ -69,7 +69,7 @@ def test_other_units(tmp_path: Path) -> None:
         "  length otherwise = 0.001 m\n"
         "  force in data set 164 = 1 N\n"
         "  force otherwise = 1 N\n\n"
-        "hint: leave file_units out if the file is right, or correct data set 164"
+        "hint: leave the units of the test out of the study if the file is right, or correct data set 164"
     )
 
 

@@ -55,7 +55,7 @@ def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Ben
 @pytest.mark.parametrize("fault", ["gate", "deck", "parameter"])
 def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, fault: str) -> None:
     study = beam.study()
-    first = steps.run(study)
+    first = steps.update(study)
     kept = {p: p.read_bytes() for p in first.folder.iterdir()}
     if fault == "gate":
         study.write_text(study.read_text() + "[correlate]\nmac_gate = 1.0\nfrequency_gate = 1e-9\n")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
+from femtune.model import grid_matrix
 from femtune.status import Status
 from femtune.study.load import Study
 from femtune.study.record_model import alert_of
@@ -22,7 +25,8 @@ def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
         *_of_writing(results),
         *_of_model(results),
         *_of_correlation(results),
-        *(alert_of(n) for n in study.notices if n.level != "info"),
+        *_of_held_masses(study),
+        *(alert_of(n) for n in (*study.built.notices, *study.notices) if n.level != "info"),
     ]
     order = {"problem": 0, "warning": 1, "info": 2}
     return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
@@ -82,6 +86,18 @@ def _of_model(results: Results) -> Iterable[Alert]:
             )
         if c.rigid_body_check.verdict == "fail":
             yield _alert("warning", "model.grounded", f"{c.configuration}: {c.rigid_body_check.sentence}")
+
+
+def _of_held_masses(study: Study) -> Iterable[Alert]:
+    """Masses on points that nothing stiffens: AUTOSPC holds them, so that they take part in no mode."""
+    for case in study.cases:
+        held = [d for d in case.configured.held_singular if 1 <= d.component <= 3]
+        mass = grid_matrix(study.model, case.configured.configuration, "mass").diagonal() if held else np.zeros(0)
+        heavy = [str(d)[:-1] for d in held if mass[study.model.structure.nodes.dof(d.node, d.component)] > 0.0]
+        if heavy:
+            shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
+            sentence = f"{case.name}: nothing stiffens {shown}, so AUTOSPC holds the mass there and it moves in no mode"
+            yield _alert("warning", "model.held-mass", sentence)
 
 
 def _of_correlation(results: Results) -> Iterable[Alert]:

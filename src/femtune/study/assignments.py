@@ -8,7 +8,7 @@ import numpy as np
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.nastran.build import BuiltModel
-from femtune.files.nastran.field_refs import resolve
+from femtune.files.nastran.field_refs import parse_field_ref, resolve
 from femtune.files.study_file import ParameterEntry, StudyFile
 from femtune.model import Assignment
 from femtune.parameters import Parameter, ParameterSet, parse_expression
@@ -41,7 +41,7 @@ def assignments(file: StudyFile, built: BuiltModel) -> Iterable[Assignment]:
 
 
 def _parameter(entry: ParameterEntry, built: BuiltModel, where: Where) -> Parameter:
-    positions = [resolve(built, ref, where) for ref in entry.targets]
+    positions = [resolve(built, parse_field_ref(text, where), where) for text in entry.fields]
     if entry.tie is not None:
         return Parameter(entry.name, unit=entry.unit, tie=parse_expression(entry.tie, where), where=where)
     nominal = entry.nominal

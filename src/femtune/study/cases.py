@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,10 +12,11 @@ import scipy.sparse as sp
 from femtune.correlate import SensorMap, map_sensors, rigid_motion_sensor
 from femtune.correlate.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS
-from femtune.errors import FemtuneError, Notice, Where
-from femtune.fem import Structure
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
+from femtune.fem import NodeTable, Structure
 from femtune.files.study_file import ConfigurationEntry, StudyFile, overlay
-from femtune.files.uff import read_uff
+from femtune.files.study_file.kinds import support
+from femtune.files.uff import UffContent, read_uff
 from femtune.modal import ModeSet
 from femtune.model import ConfiguredModel, ParametricModel, configure
 from femtune.residuals import ModalCase, PairingRules
@@ -50,6 +52,7 @@ def study_case(
     ------
     FemtuneError : what is wrong with the overlay, the test or the sensors
     """
+    _check_nodes(file, entry, model.structure.nodes)
     with located_in(file, entry):
         configured = configure(model, overlay(entry))
     if entry.test is None:
@@ -61,6 +64,20 @@ def study_case(
     if test.modes is not None:
         modal = _modal_case(file, entry, configured, test.modes, sensors)
     return StudyCase(entry, configured, test, sensors, modal), (*notices, *sensors.notices)
+
+
+def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:
+    """Refuse grid points and components of an overlay that the deck does not have, each where it is named."""
+    errors = ErrorCollector()
+    for i, mass in enumerate(entry.masses):
+        with errors.catch(), located(place_of(file, entry, "masses", i, "node")):
+            nodes.position(mass.node)
+    for key in ("supports_added", "supports_removed"):
+        for i, text in enumerate(getattr(entry, key)):
+            with errors.catch(), located(place_of(file, entry, key, i)):
+                for node, components in support(text):
+                    _ = [nodes.dof(node, int(c)) for c in components]
+    errors.raise_if_any()
 
 
 def on_model(case: StudyCase, model: ParametricModel) -> StudyCase:
@@ -87,18 +104,27 @@ def sensor_tolerance(file: StudyFile, structure: Structure) -> float:
 
 def _read_test(file: StudyFile, entry: ConfigurationEntry) -> tuple[ModalTest, tuple[Notice, ...]]:
     assert entry.test is not None
-    units = file.study.unit_system
-    own = unit_system(entry.test_units) if entry.test_units else None
     with located(place_of(file, entry, "test")):
-        content = read_uff(
-            file.path_of(entry.test), units=units, file_units=own, records=entry.records, name=entry.name
-        )
+        content = _content(file, entry, file.path_of(entry.test))
         test = place(content.test, entry.rotation, entry.origin)
         notices = (*content.notices, *check_test(test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes
     return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def _content(file: StudyFile, entry: ConfigurationEntry, path: Path) -> UffContent:
+    units, own = file.study.unit_system, unit_system(entry.test_units) if entry.test_units else None
+    try:
+        return read_uff(path, units=units, file_units=own, records=entry.records, name=entry.name)
+    except FemtuneError as error:
+        if error.code == "uff.no-units":
+            key = "test_units" if file.configuration else "units"
+            error.hint = (
+                f'say it in the study, where it names this file: {key} = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
+            )
+        raise
 
 
 def _labelled(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> ModeSet:
@@ -120,18 +146,28 @@ def _listed(modes: ModeSet) -> str:
 
 
 def _sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
+    _check_given(file, structure.nodes)
     return map_sensors(
         test,
         structure,
         tolerance=sensor_tolerance(file, structure),
         by_id=file.sensors.by_id,
         given=file.sensors.nodes,
-        combinations=[*_combinations(file), *_floors(file, structure)],
+        combinations=[*_combinations(file, structure.nodes), *_floors(file, structure)],
     )
 
 
-def _combinations(file: StudyFile) -> Iterable[GeneralisedSensor]:
-    for sensor in file.sensor:
+def _check_given(file: StudyFile, nodes: NodeTable) -> None:
+    for test_node, node in file.sensors.nodes.items():
+        with located(file.where("sensors", "nodes", str(test_node))):
+            nodes.position(node)
+
+
+def _combinations(file: StudyFile, nodes: NodeTable) -> Iterable[GeneralisedSensor]:
+    for i, sensor in enumerate(file.sensor):
+        for j, term in enumerate(sensor.terms):
+            with located(file.where("sensor", i, "terms", j)):
+                nodes.dof(term.node, DIRECTIONS.index(term.component))
         terms = tuple((t.node, DIRECTIONS.index(t.component), t.factor) for t in sensor.terms)
         yield GeneralisedSensor(sensor.label, terms)
 

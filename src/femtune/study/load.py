@@ -112,6 +112,7 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     progress.step("reading the deck", 0, None)
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
+    _check_not_empty(built)
     return _assembled(file, built, progress)
 
 
@@ -133,6 +134,18 @@ def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
             f"the deck has elements that are not understood and that the study does not allow to be ignored: {names}",
             where=missing[0].where,
             hint="add them to allow_ignored in [study] if the modes do not depend on them",
+        )
+
+
+def _check_not_empty(built: BuiltModel) -> None:
+    """A deck without points would make every parameter and sensor look wrong."""
+    if not built.structure.nodes.n_dofs:
+        raise FemtuneError(
+            "deck.no-points",
+            "the deck has neither grid points nor scalar points",
+            where=Where(str(built.deck.files[0].file)),
+            values={"cards": len(built.deck.cards)},
+            hint="name the file that holds the bulk data, or check that it is complete",
         )
 
 

@@ -12,9 +12,13 @@ from femtune.files.nastran.deck import Deck
 from femtune.files.study_file import ConfigurationEntry, StudyFile
 
 _KEYS = {
-    "configuration.unknown-element": "elements_off",
-    "configuration.not-held": "supports_removed",
-    "correlate.fixed-pair": "pairs",
+    "configuration.unknown-element": ("elements_off",),
+    "configuration.not-held": ("supports_removed",),
+    "correlate.fixed-pair": ("pairs",),
+}
+_HINTS = {
+    "model.unknown-node": "correct the number here, or add the GRID card to the deck",
+    "model.component": "a grid point has X Y Z RX RY RZ (1 to 6), a scalar point has S (0)",
 }
 _NODE = re.compile(r"(\d+)")
 
@@ -25,10 +29,19 @@ def located(where: Where) -> Iterator[None]:
     try:
         yield
     except FemtuneError as error:
-        for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
-            if not str(one.where or ""):
-                one.where = where
+        for one in _without_place(error):
+            _place(one, where)
         raise
+
+
+def _without_place(error: FemtuneError) -> list[FemtuneError]:
+    errors = error.errors if isinstance(error, FemtuneErrors) else (error,)
+    return [one for one in errors if not str(one.where or "")]
+
+
+def _place(error: FemtuneError, where: Where) -> None:
+    error.where = where
+    error.hint = error.hint or _HINTS.get(error.code, "")
 
 
 def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Where:
@@ -39,15 +52,13 @@ def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Wh
 
 
 @contextmanager
-def located_in(file: StudyFile, entry: ConfigurationEntry) -> Iterator[None]:
-    """Errors about a configuration point to the key at fault, or to the configuration."""
+def located_in(file: StudyFile, entry: ConfigurationEntry, *otherwise: str) -> Iterator[None]:
+    """Errors about a configuration point to the key at fault, or to another one, or to the configuration."""
     try:
         yield
     except FemtuneError as error:
-        for one in error.errors if isinstance(error, FemtuneErrors) else (error,):
-            if not str(one.where or ""):
-                key = _KEYS.get(one.code)
-                one.where = place_of(file, entry, *([key] if key else []))
+        for one in _without_place(error):
+            _place(one, place_of(file, entry, *_KEYS.get(one.code, otherwise)))
         raise
 
 

@@ -70,8 +70,7 @@ class Run:
         FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``
         """
         facts = self._timed("model", self._facts)
-        self.progress.step("solving and pairing the modes", 0, None)
-        at = self._timed("correlate", lambda: start(self.study))
+        at = self._timed("correlate", lambda: start(self.study, self.progress))
         before = self._timed("correlate", lambda: self._stage(self.study, "before", at))
         selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
         result = self._timed("update", self._update)

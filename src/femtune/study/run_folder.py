@@ -80,10 +80,15 @@ def unwritable(folder: Path, error: OSError) -> FemtuneError:
     """The error that a run folder refuses a file."""
     return FemtuneError(
         "run.unwritable",
-        f"the run folder cannot be written: {error.strerror or error}",
+        f"the run folder cannot be written: {_reason(folder, error)}",
         where=Where(str(folder)),
         hint="choose another folder, or give yourself the right to write there",
     )
+
+
+def _reason(folder: Path, error: OSError) -> str:
+    taken = next((p for p in (folder, *folder.parents) if p.is_file()), None)
+    return str(error.strerror or error) if taken is None else f"{taken.name} is a file, not a folder"
 
 
 def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from femtune.correlate import Correlation
 from femtune.model import EigenSolution, solve_modes
-from femtune.residuals import CaseState, Evaluation, solve_case
+from femtune.residuals import CaseState, Evaluation, groups_of, pair_case, solve_case
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study
-from femtune.study.located import located, located_in_deck, place_of
-from femtune.study.progress import Progress
+from femtune.study.located import located, located_in, located_in_deck, place_of
+from femtune.study.progress import Progress, silent
 from femtune.study.record_correlation import array_prefix, correlate_case, correlation_results, prediction
 from femtune.study.record_model import model_modes
 from femtune.study.record_shapes import mode_shapes
@@ -48,17 +48,30 @@ def nominal(study: Study) -> NDArray[np.float64]:
     return np.zeros(len(study.parameters.free))
 
 
-def start(study: Study) -> Evaluation:
+def start(study: Study, progress: Progress) -> Evaluation:
     """The update problem at the start values; its errors point into the study or the deck.
 
     Raises
     ------
     FemtuneError : ``study.no-test``, ``correlate.no-pairs``, ``residual.*``, ``eigen.*``
     """
-    problem = study.problem()
-    first = next(c.entry for c in study.cases if c.modal is problem.cases[0])
-    with located(place_of(study.file, first, "test")), located_in_deck(study.built.deck):
-        return problem.start(nominal(study))
+    problem, x, states = study.problem(), nominal(study), []
+    cases = [c for c in study.cases if any(c.modal is used for used in problem.cases)]
+    for i, case in enumerate(cases):
+        progress.step(f"solving and pairing the modes: {case.name}", i, len(cases))
+        states.append(_state(study, case, x))
+    with located(study.file.where("residuals", "frequency_sd")):
+        if any(state.groups for state in states):
+            return problem.assess(x, states)
+    with located(place_of(study.file, cases[0].entry, "test")):
+        return problem.start(x)
+
+
+def _state(study: Study, case: StudyCase, x: NDArray) -> CaseState:
+    assert case.modal is not None
+    solution = solve(study, case, x)
+    with located_in(study.file, case.entry, "test"):
+        return CaseState(case.modal, solution, groups_of(pair_case(case.modal, solution)))
 
 
 def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
@@ -97,7 +110,7 @@ def stage_records(
         if stage != "after":
             shapes.append(mode_shapes(case, stage, solution, prefix, arrays))
         if case.modal is not None:
-            with located(place_of(study.file, case.entry, "test")):
+            with located_in(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
             record = correlation_results(case.name, stage, raw[case.name], prefix, arrays)
             records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
@@ -113,7 +126,7 @@ def as_written(study: Study, after: Evaluation) -> Evaluation:
     problem = study.problem()
     same = all(c.configured.n_free == s.case.configured.n_free for c, s in zip(problem.cases, after.states))
     if not same:
-        return start(study)
+        return start(study, silent)
     states = tuple(CaseState(c, s.solution, s.groups) for c, s in zip(problem.cases, after.states))
     with located_in_deck(study.built.deck):
         return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))

@@ -43,8 +43,7 @@ def select(path: Path | str, progress: Progress = silent) -> SelectionResults:
     """Which parameters, and which combinations of them, the data determine."""
     study = read_study(path, progress)
     check_parameters(study)
-    progress.step("modes and sensitivities", 0, None)
-    return select_at(study, start(study), {}, progress)
+    return select_at(study, start(study, progress), {}, progress)
 
 
 def update(

@@ -89,7 +89,7 @@ def missing_error(count: CardCount) -> FemtuneError:
         "deck.unsupported-element",
         f"{_cards(count)} not understood; without {'it' if count.count == 1 else 'them'} the modes would be wrong",
         where=count.where,
-        hint="take them out of the model, or allow missing elements if they do not matter",
+        hint=f'take them out of the model, or write allow_ignored = ["{count.name}"] in [study] if they do not matter',
     )
 
 

@@ -88,7 +88,7 @@ def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, who: st
                 "force in data set 164": f"{found.force:.6g} N",
                 "force otherwise": f"{other.force:.6g} N",
             },
-            hint="leave file_units out if the file is right, or correct data set 164",
+            hint="leave the units of the test out of the study if the file is right, or correct data set 164",
         )
 
 

@@ -1,0 +1,48 @@
+"""Study files, decks and tests with strange names and texts; alerts about decks that are merely odd."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from femtune import steps
+
+Bench = Any
+
+
+def test_mass_that_autospc_holds_is_an_alert(beam: Bench) -> None:
+    point = "GRID    6               2.0     0.0     0.0\n"
+    beam.write("beam.bdf", beam.text.replace("CONM2   9       5 ", f"{point}CONM2   9       6 "))
+    alerts = steps.update(beam.study("[correlate]\nfrequency_gate = 0.6\n" + beam.parameters)).results.alerts
+    assert any(a.code == "model.held-mass" and "6X, 6Y, 6Z" in a.sentence for a in alerts)
+
+
+def test_missing_enddata_is_an_alert(beam: Bench) -> None:
+    beam.write("beam.bdf", beam.text.replace("ENDDATA\n", ""))
+    assert any(a.code == "deck.no-enddata" for a in steps.update(beam.study()).results.alerts)
+
+
+@pytest.mark.parametrize("name", ["bläu & co", "two words", "it's", 'say "x"', "<b>", "a;b$(c)", "ß=1"])
+def test_strange_names_of_files_and_folders(beam: Bench, name: str) -> None:
+    head, grids, tail = beam.text.partition("GRID    3               0.5     0.0     0.0\n")
+    assert grids
+    quote = '"' if "'" in name else "'"
+    beam.write(f"{name}/{name}.inc", grids)
+    beam.write(f"{name}/{name}.bdf", f"{head}INCLUDE {quote}{name}.inc{quote}\n{tail}")
+    (beam.folder / "beam.uff").rename(beam.folder / name / f"{name}.uff")
+    toml = name.replace('"', '\\"')
+    study = beam.study(deck=f"{toml}/{toml}.bdf", test=f"{toml}/{toml}.uff")
+    run = steps.update(study, beam.folder / f"run {name}")
+    again = steps.modes(run.folder / "updated.bdf")[0]
+    assert again.freq_hz[:6] == pytest.approx(run.results.modes[-1].freq_hz)
+
+
+def test_a_long_title_of_markup_is_text(beam: Bench) -> None:
+    title = "<script>alert(1)</script>" * 400
+    study = beam.study()
+    study.write_text(study.read_text().replace('"Beam"', f"'{title}'"))
+    run = steps.run(study)
+    assert run.results.study.title == title
+    assert run.report is not None
+    assert "<script>alert(1)" not in run.report.read_text()
