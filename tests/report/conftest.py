@@ -123,6 +123,7 @@ def _correlation(configuration: str, stage: str) -> dict[str, Any]:
         "cross_orthogonality_key": f"xor/{configuration}/{stage}" if tested else None,
         "cross_orthogonality_reason": "" if tested else "the model was not reduced to the sensors",
         "criteria": _criteria(stage),
+        "mac_gate": 0.5,
     }
 
 
@@ -133,8 +134,42 @@ def _mac(off: float, seed: int) -> Any:
     return m
 
 
+def _shapes(configuration: str) -> dict[str, Any]:
+    """A floor of four corners tied to its centre (last point) on four columns; sensors X, Y and RZ at the centre."""
+    if configuration == "SC":
+        return {"configuration": "SC", "stage": "after as written", "reason": "the model has 9000 lines"}
+    names = ("points", "lines", "line_kinds", "translations", "sensor_positions", "sensor_directions")
+    names += ("sensor_rotations", "test_shapes", "model_at_sensors")
+    keys = {f"{name}_key": f"shapes/{configuration}/{name}" for name in names}
+    return {"configuration": configuration, "stage": "after as written", **keys}
+
+
+def _shape_arrays(configuration: str) -> dict[str, Any]:
+    corners = np.array([[-2, -1.5, 0], [2, -1.5, 0], [2, 1.5, 0], [-2, 1.5, 0]], dtype=float)
+    points = np.concatenate([corners, corners + np.array([0, 0, 3]), [[0, 0, 3]]])
+    lines = [[i, i + 4] for i in range(4)] + [[i, 4 + (i - 3) % 4] for i in range(4, 8)] + [[i, 8] for i in range(4, 8)]
+    at_sensors = np.random.default_rng(3).standard_normal((3, 7))
+    at_sensors[:, 5] = [0, 0, 1]
+    motion = np.zeros((9, 3, 7))
+    for k in range(7):
+        x, y, spin = at_sensors[:, k]
+        motion[4:, :, k] = np.array([x, y, 0]) + np.cross([0, 0, spin], points[4:] - points[8])
+    found = {
+        "points": points,
+        "lines": np.array(lines),
+        "line_kinds": np.array([0] * 8 + [1] * 4),
+        "translations": motion,
+        "sensor_positions": np.tile(points[8], (3, 1)),
+        "sensor_directions": np.eye(3),
+        "sensor_rotations": np.array([0, 0, 1]),
+        "test_shapes": 3.0 * at_sensors[:, [0, 1, 2, 4, 5]],
+        "model_at_sensors": at_sensors,
+    }
+    return {f"shapes/{configuration}/{name}": a for name, a in found.items()}
+
+
 def _arrays() -> dict[str, Any]:
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, Any] = {**_shape_arrays("BC"), **_shape_arrays("NC")}
     for k, c in enumerate(CONFIGURATIONS):
         for s, stage in enumerate(("before", "after", "after as written")):
             arrays[f"mac/{c}/{stage}"] = _mac((0.45, 0.12, 0.12)[s], k)
@@ -414,6 +449,7 @@ def full_data() -> dict[str, Any]:
         "parameters": facts,
         "modes": solved,
         "correlations": [_correlation(c, s) for c in CONFIGURATIONS for s in ("before", "after", "after as written")],
+        "mode_shapes": [_shapes(c) for c in CONFIGURATIONS],
         "selection": _selection(),
         "update": _update(facts),
         "write_back": _write_back(),
@@ -448,6 +484,7 @@ def slim(data: dict[str, Any]) -> dict[str, Any]:
         for c in data["correlations"]
         if c["configuration"] == "BC" and c["stage"] != "after"
     ]
+    data["mode_shapes"] = [m for m in data["mode_shapes"] if m["configuration"] == "BC"]
     return data
 
 
