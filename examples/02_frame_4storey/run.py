@@ -41,7 +41,7 @@ def shared_file() -> Path:
 def deck() -> str:
     """A chain of four floors that move along X; every other motion has no stiffness and is held (AUTOSPC)."""
     mass = format_real(WEIGHT_LBF / GRAVITY, 16)
-    lines = ["SOL 103", "CEND", "TITLE = FOUR-STOREY LABORATORY FRAME", "BEGIN BULK", "$ units: in, slinch (lbf s2/in), s"]
+    lines = ["SOL 103", "CEND", "TITLE = FOUR-STOREY LABORATORY FRAME", "BEGIN BULK", "$ units: in, slinch, s"]
     for floor in range(1, 5):
         lines.append(f"GRID    {floor:<8d}        0.      0.      {format_real(floor * HEIGHT_IN, 8)}")
         below = "" if floor == 1 else f"{floor - 1:<8d}1"
