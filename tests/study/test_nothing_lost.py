@@ -84,7 +84,8 @@ def test_results_are_kept_when_the_write_back_fails(
     assert {c.stage for c in results.correlations} == {"before", "after"}
     assert (results.alerts[0].level, results.alerts[0].code) == ("problem", "run.unfinished")
     assert results.write_back is None
-    assert steps.report(beam.folder / "run").is_file()
+    if isinstance(fault, OSError):
+        assert steps.report(beam.folder / "run").is_file()
 
 
 def test_an_error_of_the_write_back_says_where_the_results_are(beam: Bench) -> None:
