@@ -141,10 +141,12 @@ def _iteration(result: UpdateResult, number: int) -> Iteration:
 
 
 def _events(result: UpdateResult) -> Iterable[PairingEvent]:
+    # the longest name first: a name may hold a colon, and begin with another name
+    names = sorted((state.case.name for state in result.after.states), key=len, reverse=True)
     for i in result.history:
         for text in i.events:
-            name, _, rest = text.partition(": ")
-            yield PairingEvent(iteration=i.number, configuration=name, sentence=rest)
+            name = next(n for n in names if text.startswith(f"{n}: "))
+            yield PairingEvent(iteration=i.number, configuration=name, sentence=text.removeprefix(f"{name}: "))
 
 
 def _parameters(

@@ -73,7 +73,7 @@ class Run:
         at = self._timed("correlate", lambda: start(self.study, self.progress))
         before = self._timed("correlate", lambda: self._stage(self.study, "before", at))
         selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
-        result = self._timed("update", self._update)
+        result = self._timed("update", lambda: self._update(at))
         after = self._timed("correlate after", lambda: self._stage(self.study, "after", result.after))
         self._keep(self._results(facts, [before, after], selection, result), _UNFINISHED)
         try:
@@ -112,7 +112,7 @@ class Run:
     def _stage(self, study: Study, stage: Stage, at: Evaluation) -> StageRecords:
         return stage_records(study, stage, at.x, solutions_of(at), self.arrays, self.progress)
 
-    def _update(self) -> UpdateResult:
+    def _update(self, at: Evaluation) -> UpdateResult:
         table = self.study.file.update
         method = SensitivityMethod(
             table.max_iterations, table.tolerance, Regularisation(table.regularisation, table.weight)
@@ -126,7 +126,7 @@ class Run:
             text = f"update: mean error {100 * iteration.mean_error:.4g} %"
             self.progress.step(text, iteration.number, table.max_iterations)
 
-        return find_parameters(self.study.problem(), method, report)
+        return find_parameters(self.study.problem(), method, report, at)
 
     def _write(self, result: UpdateResult) -> WriteBack:
         self.progress.step("writing the updated deck", 0, None)

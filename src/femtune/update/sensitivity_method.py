@@ -60,17 +60,20 @@ class _Point:
 
 
 def update(
-    problem: UpdateProblem, method: SensitivityMethod = SensitivityMethod(), report: Report = lambda i: None
+    problem: UpdateProblem,
+    method: SensitivityMethod = SensitivityMethod(),
+    report: Report = lambda i: None,
+    start: Evaluation | None = None,
 ) -> UpdateResult:
     """Move the parameters inside their bounds until model and test agree as well as they can.
 
-    `report` is called with every iteration.
+    `report` is called with every iteration; `start` is the problem at x = 0 where it has been evaluated already.
 
     Raises
     ------
     FemtuneError : ``correlate.no-pairs``, and what the first eigen-solution raises; later failures end in a status
     """
-    before = problem.start(np.zeros(len(problem.parameters.free)))
+    before = start or problem.start(np.zeros(len(problem.parameters.free)))
     point = _point(problem, method, before)
     history = [_iteration(problem, 0, point, 0.0, 0.0, ())]
     report(history[0])
