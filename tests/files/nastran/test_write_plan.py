@@ -123,6 +123,22 @@ def test_one_of_two_properties_on_a_card(built: BuiltModel, tmp_path: Path) -> N
     assert [value_of(new, e, "K") for e in (5, 6)] == [20.0, 25.0]
 
 
+def test_overlapping_regions_and_a_change_of_the_whole_card(built: BuiltModel, tmp_path: Path) -> None:
+    refs = {
+        FieldRef("PBAR", 3, "J"): 9e-6,
+        FieldRef("PBAR", 3, "I1", "a"): 7e-6,
+        FieldRef("PBAR", 3, "I2", "b"): 8e-6,
+        FieldRef("MAT1", 1, "E", "c"): 1.9e11,
+    }
+    plan = plan_edits(built, refs, {"a": [1, 2], "b": [2, 3], "c": [3]})
+    new = again(plan, tmp_path / "run")
+    assert [value_of(new, e, "I1") for e in (1, 2, 3)] == [7e-6, 7e-6, 2e-6]
+    assert [value_of(new, e, "I2") for e in (1, 2, 3)] == [3e-6, 8e-6, 8e-6]
+    assert [value_of(new, e, "E") for e in (1, 2, 3)] == [2e11, 2e11, 1.9e11]
+    assert [value_of(new, e, "J") for e in (1, 2, 3)] == [9e-6] * 3
+    assert plan.values == refs
+
+
 def test_an_element_of_its_own_needs_no_copy(built: BuiltModel, tmp_path: Path) -> None:
     plan = plan_edits(built, {FieldRef("CONROD", 7, "A", "r"): 0.75}, {"r": [7]})
     assert plan.splits == ()
