@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import matplotlib
 import numpy as np
 import pytest
 from rich.console import Console
@@ -16,6 +17,7 @@ from rich.console import Console
 from femtune.errors import FemtuneError
 from femtune.report import build_report, html_text, print_terminal, write_html
 from femtune.report.document import Document, Figure, Section, Table, row
+from femtune.report.figures.bars import comac_svg
 from femtune.report.figures.matrix import MatrixPicture, matrix_svg
 from femtune.report.sections import BUILDERS
 from femtune.report.source import Source
@@ -270,3 +272,9 @@ def test_a_report_that_cannot_be_written_is_an_error(document: Document, tmp_pat
 def test_a_row_of_another_length_is_refused() -> None:
     with pytest.raises(ValueError, match="2 columns"):
         Table("t", (Table.__dataclass_fields__, 2), (row("1"),))  # type: ignore[arg-type]
+
+
+def test_matplotlib_settings_of_the_reader_have_no_influence() -> None:
+    plain = comac_svg(["a"], [0.5], [0.9])
+    with matplotlib.rc_context({"font.size": 30.0, "axes.grid": True, "text.usetex": True}):
+        assert comac_svg(["a"], [0.5], [0.9]) == plain

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from femtune.report.figures.labels import cut, room
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE, SOFT, circle, label, rectangle, stroke, svg_file
+from femtune.report.figures.canvas import draw_svg, quiet
+from femtune.report.figures.labels import cut
+from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE, SOFT
 from femtune.report.numbers import short, value, with_unit
 
-_ROW, _WIDE = 24.0, 250.0
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -33,32 +37,39 @@ class ForestRow:
 
 def forest_svg(rows: Sequence[ForestRow]) -> str:
     """A row each parameter, drawn from its lower to its upper bound."""
-    left, bottom = room([r.name for r in rows]) + 44.0, 12.0 + _ROW * len(rows)
-    parts = [part for i, entry in enumerate(rows) for part in _one(left, 6.0 + _ROW * (i + 0.5), entry)]
-    parts += [label(left, bottom + 6.0, "lower bound", anchor="middle")]
-    parts += [label(left + _WIDE, bottom + 6.0, "upper bound", anchor="middle")]
-    return svg_file(left + _WIDE + 180.0, bottom + 12.0, parts)
+
+    def draw(figure: Figure) -> None:
+        axes = figure.add_subplot()
+        for i, entry in enumerate(rows):
+            _one(axes, i, entry)
+        axes.set_yticks(range(len(rows)), [cut(r.name) for r in rows])
+        axes.set_ylim(len(rows) - 0.4, -0.7)
+        axes.set_xlim(-0.13, 1.5)
+        axes.set_xticks([0, 0.5, 1], ["lower bound", "", "upper bound"])
+        quiet(axes, sides=("left", "bottom"))
+
+    return draw_svg(7.0, 0.6 + 0.34 * len(rows), draw)
 
 
-def _one(left: float, y: float, entry: ForestRow) -> Iterable[str]:
-    yield label(left - 44.0, y + 3.0, cut(entry.name), anchor="end")
-    yield stroke(left, y, left + _WIDE, y, LINE, 1.0)
-    yield label(left - 4.0, y + 2.5, short(entry.lower), 6.5, SOFT, "end")
-    yield label(left + _WIDE + 4.0, y + 2.5, short(entry.upper), 6.5, SOFT)
+def _one(axes: Axes, i: int, entry: ForestRow) -> None:
+    axes.plot([0, 1], [i, i], color=LINE, linewidth=1.0, zorder=0)
+    axes.plot([0, 0, 1, 1], [i - 0.16, i + 0.16, i + 0.16, i - 0.16], "|", color=PALE, markersize=0)
+    for x, bound, side in ((-0.015, entry.lower, "right"), (1.015, entry.upper, "left")):
+        axes.text(x, i, short(bound), ha=side, va="center", fontsize=6.5, color=SOFT)
     if entry.prior_sd is not None:
-        yield _span(left, y + 3.4, entry, entry.nominal, entry.prior_sd, PALE)
-    nominal, x = left + _WIDE * entry.place(entry.nominal), left + _WIDE * entry.place(entry.final)
-    yield stroke(nominal, y, nominal, y + 7.0, INK, 1.0)
+        _span(axes, i + 0.14, entry, entry.nominal, entry.prior_sd, PALE)
+    axes.plot([entry.place(entry.nominal)], [i + 0.14], "|", color=INK, markersize=7)
     if entry.sd is not None:
-        yield _span(left, y - 2.4, entry, entry.final, entry.sd, BLUE)
-    yield rectangle(x - 2.5, y - 4.9, 5.0, 5.0, ORANGE) if entry.at_bound else circle(x, y - 2.4, 2.6, BLUE)
-    yield label(left + _WIDE + 44.0, y + 2.5, _words(entry), 7.5)
+        _span(axes, i - 0.1, entry, entry.final, entry.sd, BLUE)
+    mark = "s" if entry.at_bound else "o"
+    axes.plot([entry.place(entry.final)], [i - 0.1], mark, color=ORANGE if entry.at_bound else BLUE, markersize=5)
+    axes.text(1.14, i, _words(entry), va="center", fontsize=7.5)
 
 
-def _span(left: float, y: float, entry: ForestRow, centre: float, sd: float, colour: str) -> str:
+def _span(axes: Axes, y: float, entry: ForestRow, centre: float, sd: float, colour: str) -> None:
     """± one standard deviation, cut where the bounds are."""
-    low, high = (min(max(entry.place(centre + s * sd), 0.0), 1.0) for s in (-1, 1))
-    return rectangle(left + _WIDE * low, y - 1.5, _WIDE * (high - low), 3.0, colour)
+    ends = [min(max(entry.place(centre + s * sd), 0.0), 1.0) for s in (-1, 1)]
+    axes.plot(ends, [y, y], color=colour, linewidth=3.0, solid_capstyle="butt", alpha=0.85)
 
 
 def _words(entry: ForestRow) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.report.figures.labels import cut, room
+from femtune.report.figures.labels import cut
 from femtune.report.figures.svg import ORANGE, label, legible_on, mixed, rectangle, svg_file
 from femtune.report.numbers import typeset
 
@@ -18,6 +18,8 @@ SIDE_BY_SIDE = 12
 _MANY = 24
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
 _ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
+_LETTER = 4.75
+"""Points that a letter of the labels takes, generously."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +65,15 @@ class _Sheet:
 def matrix_svg(picture: MatrixPicture) -> str:
     """The matrix as a picture whose cells stay legible: it grows with their number."""
     rows, columns = picture.values.shape
-    left = room(picture.row_labels) + (16.0 if picture.row_title else 4.0)
+    left = _room(picture.row_labels) + (16.0 if picture.row_title else 4.0)
     sheet = _Sheet(left, 20.0 if picture.title else 4.0, _cell_size(picture), rows, columns)
-    below = room(picture.column_labels) + (16.0 if picture.column_title else 4.0)
+    below = _room(picture.column_labels) + (16.0 if picture.column_title else 4.0)
     width = max(sheet.right + 4.0, 5.6 * len(picture.title) + 4.0)
     return svg_file(width, sheet.bottom + below, [*_words(picture, sheet), *_cells(picture, sheet)])
+
+
+def _room(labels: tuple[str, ...]) -> float:
+    return _LETTER * max([len(cut(t)) for t in labels], default=1) + 6.0
 
 
 def _cell_size(picture: MatrixPicture) -> float:
@@ -85,7 +91,7 @@ def _words(picture: MatrixPicture, s: _Sheet) -> Iterable[str]:
     for j, text in enumerate(picture.column_labels):
         yield label(s.corner(0, j)[0] + s.size / 2 + 3.0, s.bottom + 4.0, cut(text), anchor="end", turned=True)
     if picture.column_title:
-        y = s.bottom + room(picture.column_labels) + 10.0
+        y = s.bottom + _room(picture.column_labels) + 10.0
         yield label((s.left + s.right) / 2, y, picture.column_title, anchor="middle")
 
 

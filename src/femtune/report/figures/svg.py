@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -78,27 +78,11 @@ def _pair(point: NDArray) -> str:
     return f"{number(float(point[0]))} {number(float(point[1]))}"
 
 
-def stroke(x1: float, y1: float, x2: float, y2: float, colour: str, width: float, dashes: str = "") -> str:
-    """One straight line."""
-    return polyline([(x1, y1), (x2, y2)], colour, width, dashes)
-
-
-def polyline(points: Sequence[tuple[float, float]], colour: str, width: float, dashes: str = "") -> str:
-    """A line through points."""
-    dashed = f' stroke-dasharray="{dashes}"' if dashes else ""
-    path = "L".join(f"{number(x)} {number(y)}" for x, y in points)
-    return f'<path d="M{path}" fill="none" stroke="{colour}" stroke-width="{width:.3g}"{dashed}/>'
-
-
-def circle(x: float, y: float, radius: float, fill: str, outline: str = "") -> str:
-    """A circle, with an outline where a colour is given for it."""
-    edge = f' stroke="{outline}"' if outline else ""
-    return f'<circle cx="{number(x)}" cy="{number(y)}" r="{radius:.3g}" fill="{fill}"{edge}/>'
-
-
 def dots(points: NDArray, colour: str, radius: float) -> str:
     """Full circles at `points`, (n, 2)."""
-    return "".join(circle(float(x), float(y), radius, colour) for x, y in points)
+    return "".join(
+        f'<circle cx="{number(float(x))}" cy="{number(float(y))}" r="{radius:.3g}" fill="{colour}"/>' for x, y in points
+    )
 
 
 def mixed(stops: tuple[str, ...], at: float) -> str:

@@ -1,0 +1,72 @@
+"""A sheet to draw on: matplotlib's objects without global state, the same bytes for the same data."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from femtune.report.figures.svg import FONT, INK, LINE, PALE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
+_MEASURED = "'DejaVu Sans'"
+
+_STYLE: dict[str, Any] = {
+    "svg.hashsalt": "femtune",
+    "svg.fonttype": "none",  # text stays text: small, sharp, in the type of the page
+    "text.parse_math": False,  # a "$" in a name is a dollar
+    "font.family": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "axes.edgecolor": PALE,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.unicode_minus": True,
+    "grid.color": LINE,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
+
+
+def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], *, arrange: bool = True) -> str:
+    """What `draw` draws on a figure of the given size in inches, as SVG.
+
+    A reader's own matplotlib settings have no influence. With `arrange` matplotlib makes room for labels; without,
+    `draw` places its axes itself.
+    """
+    # matplotlib is imported where a picture is drawn: who only looks at numbers does not wait for it
+    import matplotlib  # noqa: PLC0415
+    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        # a letter that the font lacks is shown as a box: no reason to stop
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing from")
+        matplotlib.rcdefaults()
+        settings: Any = matplotlib.rcParams
+        settings.update(_STYLE)
+        figure = Figure(figsize=(width_in, height_in), layout="constrained" if arrange else None)
+        FigureCanvasSVG(figure)
+        draw(figure)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    return buffer.getvalue().replace(_MEASURED, FONT)
+
+
+def quiet(axes: Axes, *, sides: tuple[str, ...] = ("left",)) -> None:
+    """Take away the frame's `sides` and the ticks there."""
+    for side in sides:
+        axes.spines[side].set_visible(False)
+    axes.tick_params(length=0)
