@@ -9,7 +9,7 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.inventory import MISSING
-from femtune.files.study_file import StudyFile, read_study_file
+from femtune.files.study_file import ModesTable, StudyFile, read_study_file
 from femtune.model import ParametricModel, parametric_model
 from femtune.parameters import ParameterSet
 from femtune.residuals import ResidualRules, UpdateProblem
@@ -113,7 +113,19 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
     _check_not_empty(built)
-    return _assembled(file, built, progress)
+    return _assembled(_with_modes_of_deck(file, built), built, progress)
+
+
+def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
+    """Where the study does not say how many modes, the deck's own METHOD does."""
+    asked, method = file.modes, built.eigen_method
+    if asked.count is not None or asked.max_hz is not None or method is None:
+        return file
+    if method.wanted:
+        return file.model_copy(update={"modes": ModesTable(count=method.wanted)})
+    if method.upper_hz and method.upper_hz > 0.0:
+        return file.model_copy(update={"modes": ModesTable(max_hz=method.upper_hz)})
+    return file
 
 
 def _study_of_deck(path: Path) -> StudyFile:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import Notice
-from femtune.fem.checks import MassProperties, RigidMotionCheck, mass_properties, rigid_body_modes, rigid_motion_checks
+from femtune.fem import Structure
+from femtune.fem.checks import (
+    MassProperties,
+    RigidMotionCheck,
+    grounding_elements,
+    mass_properties,
+    rigid_body_modes,
+    rigid_motion_checks,
+)
 from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
@@ -19,6 +28,7 @@ from femtune.study.results_model import (
     CardCount,
     DeckParameter,
     GroundedDof,
+    GroundingElement,
     HeldDof,
     IgnoredCard,
     MatchedSensor,
@@ -28,6 +38,8 @@ from femtune.study.results_model import (
     RigidBodyCheck,
     SensorResults,
 )
+
+_MOST_GROUNDING = 10
 
 
 def model_facts(study: Study) -> ModelFacts:
@@ -134,6 +146,15 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
         verdict="fail" if grounded or tied else "pass",
         sentence=_rigid_sentence(checks, tied),
         worst_dofs=_worst(checks),
+        grounding_elements=_grounding(structure, configuration, mass.centre) if grounded else (),
+    )
+
+
+def _grounding(structure: Structure, configuration: Configuration, about: NDArray) -> tuple[GroundingElement, ...]:
+    found = (e for e in grounding_elements(structure, about) if e.id not in configuration.elements_off)
+    return tuple(
+        GroundingElement(card=e.card, element=e.id, motion=e.motion, relative_energy=e.relative_energy)
+        for e in islice(found, _MOST_GROUNDING)
     )
 
 

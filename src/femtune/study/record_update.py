@@ -24,6 +24,7 @@ from femtune.study.results_update import (
     ParameterResult,
     ResidualCount,
     SelectionResults,
+    Sensitivity,
     Share,
     UpdateResults,
     WrittenValue,
@@ -64,7 +65,9 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
     return tuple(out)
 
 
-def selection_results(result: Identifiability, evaluation: Evaluation, arrays: Arrays) -> SelectionResults:
+def selection_results(
+    study: Study, result: Identifiability, evaluation: Evaluation, arrays: Arrays
+) -> SelectionResults:
     """Identifiability as a record; its matrices are put into `arrays`."""
     arrays["selection/jacobian"] = result.scaled_jacobian
     arrays["selection/correlation"] = result.correlation
@@ -73,6 +76,7 @@ def selection_results(result: Identifiability, evaluation: Evaluation, arrays: A
         jacobian_key="selection/jacobian",
         row_labels=rows,
         column_labels=result.names,
+        sensitivities=tuple(_sensitivities(evaluation, study.rules.frequency_form == "eigenvalue")),
         singular_values=tuple(float(s) for s in result.singular_values),
         rank=result.rank,
         rank_threshold=NO_EFFECT,
@@ -85,6 +89,19 @@ def selection_results(result: Identifiability, evaluation: Evaluation, arrays: A
         ),
         sentences=tuple(sentences(result)),
     )
+
+
+def _sensitivities(evaluation: Evaluation, eigenvalues: bool) -> Iterable[Sensitivity]:
+    """Logarithmic derivatives of the frequencies; those of eigenvalues are twice as large."""
+    for block in evaluation.blocks:
+        if block.kind == "frequency":
+            ratio = 1.0 + float(block.values[0]) * block.sd
+            slopes = block.jacobian[0] * block.sd / ratio / (2.0 if eigenvalues else 1.0)
+            yield Sensitivity(
+                configuration=block.configuration,
+                test_label=block.mode,
+                percent_per_percent=tuple(float(v) for v in slopes),
+            )
 
 
 def _combination(result: Identifiability, c: SelectedCombination) -> Combination:

@@ -60,6 +60,19 @@ class GroundedDof(Record):
     """Force or moment at it in the worst of the six unit motions, in units of the study."""
 
 
+class GroundingElement(Record):
+    """An element that strains when the free model moves as a rigid body."""
+
+    card: str
+    """Name of its card: "CELAS2"."""
+    element: int
+    """Its number."""
+    motion: str
+    """The rigid motion that strains it: "X" to "RZ"."""
+    relative_energy: float
+    """Its strain energy over the sum of the absolute values of its parts (no unit)."""
+
+
 class RigidBodyCheck(Record):
     """Strain energy of six rigid motions of the model without its supports."""
 
@@ -75,6 +88,8 @@ class RigidBodyCheck(Record):
     """Outcome in words, or why it was not tested."""
     worst_dofs: tuple[GroundedDof, ...] = ()
     """Where the largest forces are, largest first."""
+    grounding_elements: tuple[GroundingElement, ...] = ()
+    """Elements that tie the model to the ground, largest energy first, ten at the most."""
 
 
 class ModelConfiguration(Record):

@@ -67,6 +67,17 @@ class Identifiability(Record):
     """Explanation in words."""
 
 
+class Sensitivity(Record):
+    """How one compared frequency answers to the free parameters, at the start values."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """Label of the test mode whose partner it is."""
+    percent_per_percent: tuple[float, ...]
+    """Change of the model's frequency in % for a change of 1 % of the start value, by free parameter."""
+
+
 class SelectionResults(Record):
     """Which parameters and combinations the data determine."""
 
@@ -76,6 +87,8 @@ class SelectionResults(Record):
     """Residuals: "BC mode 1 frequency"."""
     column_labels: tuple[str, ...]
     """Free parameters."""
+    sensitivities: tuple[Sensitivity, ...] = ()
+    """One record a compared frequency, columns as column_labels; empty where frequencies are not compared."""
     singular_values: tuple[float, ...]
     """Of the scaled Jacobian, falling (no unit)."""
     rank: int
