@@ -35,7 +35,7 @@ def dotted(place: Place) -> str:
     return "".join(parts).removeprefix(".")
 
 
-def spelled(value: object, longest: int = 80) -> str:
+def spelled(value: object, longest: int = 300) -> str:
     """A value as TOML spells it, cut where it is long."""
     if isinstance(value, dict):
         text = "{ " + ", ".join(f"{k} = {spelled(v)}" for k, v in list(value.items())[:20]) + " }"
