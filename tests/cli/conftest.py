@@ -41,12 +41,13 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     module.report = lambda path, progress: Path(path) / "report.html"
     monkeypatch.setitem(sys.modules, "femtune.steps", module)
     monkeypatch.setattr(output, "document_of", lambda run, progress: run.results.name)
+    monkeypatch.setattr(output, "document_of_step", lambda step, path, result, arrays: result.name)
     monkeypatch.setattr(output, "show_document", click.echo)
     return module
 
 
 def _single(module: Any, name: str) -> Callable[..., CardCount]:
-    def step(path: Path, progress: Any) -> CardCount:
+    def step(path: Path, progress: Any, **_: Any) -> CardCount:
         module.calls.append((name, Path(path), {}))
         read_study_file(path)
         progress.step(f"{name} of [red]configuration[/red]", 1, 2)

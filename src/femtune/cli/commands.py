@@ -126,13 +126,15 @@ def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
 
 
 def _show(step: str, path: Path, as_json: bool, quiet: bool) -> None:
-    from femtune.cli.output import as_text, show  # noqa: PLC0415
+    """The result of one step, as JSON or as tables; tables of a comparison take its matrices too."""
+    from femtune.cli import output  # noqa: PLC0415
 
-    result = _do(step, path, quiet)
+    arrays: dict[str, Any] = {}
+    result = _do(step, path, quiet, **({"arrays": arrays} if step == "correlate" else {}))
     if as_json:
-        click.echo(as_text(result))
+        click.echo(output.as_text(result))
     elif not quiet:
-        show(result)
+        output.show_document(output.document_of_step(step, path, result, arrays))
 
 
 def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -186,6 +186,13 @@ def row(*cells: Cell | str) -> tuple[Cell, ...]:
 def columns(*titles: str) -> tuple[Column, ...]:
     """Heads of columns; a title that begins with ">" is aligned right."""
     return tuple(Column(t.removeprefix(">"), "right" if t.startswith(">") else "left") for t in titles)
+
+
+def without_column(table: Table, title: str) -> Table:
+    """The table without the column of that title."""
+    kept = [i for i, column in enumerate(table.columns) if column.title != title]
+    rows = tuple(tuple(cells[i] for i in kept) for cells in table.rows)
+    return replace(table, columns=tuple(table.columns[i] for i in kept), rows=rows)
 
 
 def table_or_none(title: str, heads: tuple[Column, ...], rows: Iterable[tuple[Cell, ...]], none: str) -> Block:

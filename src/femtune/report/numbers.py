@@ -47,6 +47,11 @@ def unit_fraction(number: float | None, none: str = NOT_TESTED) -> str:
     return none if number is None else typeset(f"{number:.3f}")
 
 
+def sensitivity(number: float) -> str:
+    """Three decimals; what they round to nothing is "0"."""
+    return typeset(f"{number:.3f}") if abs(number) >= 5e-4 else "0"
+
+
 def counted(count: int, noun: str, plural: str = "") -> str:
     """ "1 mode", "3 modes"."""
     return f"{count} {noun if count == 1 else plural or noun + 's'}"

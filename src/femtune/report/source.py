@@ -77,16 +77,12 @@ class Source:
 
     def left_out(self) -> list[LeftOut]:
         """Modes that the study leaves out, those with the same reason and the same labels joined."""
-        by_reason: dict[str, dict[str, list[str]]] = {}
-        for c in self.results.correlations:
-            for m in c.left_out if c.stage == "before" else ():
-                by_reason.setdefault(m.reason, {}).setdefault(c.configuration, []).append(m.test_label)
-        return [entry for reason, found in by_reason.items() for entry in _joined(reason, found)]
+        return left_out_modes([c for c in self.results.correlations if c.stage == "before"])
 
     def scores(self, stage: Stage) -> Scores | None:
         """Scores over all configurations; None where that stage was not solved."""
         found = [c for c in self.results.correlations if c.stage == stage]
-        return _scores([(c.configuration, pair) for c in found for pair in c.pairs]) if found else None
+        return scores_of(found) if found else None
 
 
 @dataclass(frozen=True)
@@ -98,11 +94,25 @@ class LeftOut:
     reason: str
 
 
+def left_out_modes(correlations: Iterable[CorrelationResults]) -> list[LeftOut]:
+    """Modes that the study leaves out, those with the same reason and the same labels joined."""
+    by_reason: dict[str, dict[str, list[str]]] = {}
+    for c in correlations:
+        for m in c.left_out:
+            by_reason.setdefault(m.reason, {}).setdefault(c.configuration, []).append(m.test_label)
+    return [entry for reason, found in by_reason.items() for entry in _joined(reason, found)]
+
+
 def _joined(reason: str, found: Mapping[str, list[str]]) -> list[LeftOut]:
     alike: dict[tuple[str, ...], list[str]] = {}
     for configuration, labels in found.items():
         alike.setdefault(tuple(labels), []).append(configuration)
     return [LeftOut(tuple(names), labels, reason) for labels, names in alike.items()]
+
+
+def scores_of(correlations: Iterable[CorrelationResults]) -> Scores:
+    """Scores over all pairs of these comparisons."""
+    return _scores([(c.configuration, pair) for c in correlations for pair in c.pairs])
 
 
 def _scores(pairs: list[tuple[str, PairedMode]]) -> Scores:

@@ -77,15 +77,15 @@ def _key_numbers(block: KeyNumbers) -> list[RenderableType]:
 
 
 def _table(block: Table) -> list[RenderableType]:
+    # a title of the table itself would be broken to the width of the table
+    title = [_text(block.title, "bold")] if block.title else []
     table = RichTable(box=None, pad_edge=False)
-    if block.title:
-        table.title, table.title_justify, table.title_style = _text(block.title), "left", "bold"
     for column in block.columns:
         head = f"{column.group}\n{column.title}" if column.group else column.title
         table.add_column(_text(head), justify=column.align)
     for cells in block.rows:
         table.add_row(*map(_cell, cells))
-    return [table, *([_text(block.note, "dim")] if block.note else [])]
+    return [*title, table, *([_text(block.note, "dim")] if block.note else [])]
 
 
 def _cell(cell: Cell) -> Text:

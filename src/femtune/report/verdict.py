@@ -14,18 +14,19 @@ def verdict(source: Source) -> tuple[str, Level]:
     if before is None:
         return "Test and model have not been compared.", "warning"
     if update is None or after is None:
-        return f"Test and model were compared, no update was run: {_agreement(before)}.", "info"
+        return f"Test and model were compared, no update was run: {agreement(before)}.", "info"
     if not update.ok:
         return (
-            f"The update did not reach an optimum ({update.message}); its best point: {_agreement(after)}.",
+            f"The update did not reach an optimum ({update.message}); its best point: {agreement(after)}.",
             "problem",
         )
     caveats = _caveats(source, update)
-    sentence = f"After the update {_agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
+    sentence = f"After the update {agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
 
 
-def _agreement(scores: Scores) -> str:
+def agreement(scores: Scores) -> str:
+    """How well paired modes agree, without a full stop."""
     if not scores.pairs:
         return "no test mode could be paired with a model mode"
     return f"{counted(scores.pairs, 'test mode')} and model agree within {_numbers(scores)}"

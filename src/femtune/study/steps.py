@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from numpy.typing import NDArray
+
 from femtune.study.load import Study, load_study, read_study
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Stopwatch, inputs_of
@@ -31,12 +33,18 @@ def modes(path: Path | str, progress: Progress = silent) -> tuple[ModelModes, ..
     return tuple(modes_of(load_study(path, progress), "before", progress))
 
 
-def correlate(path: Path | str, progress: Progress = silent) -> tuple[CorrelationResults, ...]:
-    """Test against model, each configuration that has a test."""
+def correlate(
+    path: Path | str, progress: Progress = silent, arrays: dict[str, NDArray] | None = None
+) -> tuple[CorrelationResults, ...]:
+    """Test against model, each configuration that has a test.
+
+    The matrices that the records refer to by key are put into `arrays`, where it is given.
+    """
     study = read_study(path, progress)
     if all(case.modal is None for case in study.cases):
         raise study.no_test("can be compared")
-    return stage_records(study, "before", nominal(study), {}, {}, progress).correlations
+    found = {} if arrays is None else arrays
+    return stage_records(study, "before", nominal(study), {}, found, progress).correlations
 
 
 def select(path: Path | str, progress: Progress = silent) -> SelectionResults:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from femtune.report.document import (
     AlertBox,
     Block,
@@ -21,6 +23,7 @@ from femtune.study.results_model import ModelConfiguration, ModelFacts, ModelMod
 
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 _LISTED = 60
+_ROUNDING = 1e-12
 _STAGES: dict[Stage, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
 
@@ -32,8 +35,9 @@ def checks(source: Source) -> list[Block]:
     return [
         _mass(model),
         *_inertia(model),
-        _rigid_body(model),
-        *_grounding(model),
+        rigid_body_table(model.configurations),
+        *grounding_elements(model.configurations),
+        *grounding_dofs(model.configurations),
         _modes(source),
         *_cards(model),
         *_held(model),
@@ -81,11 +85,12 @@ def _inertia(model: ModelFacts) -> list[Block]:
     return [Table("Inertia about the centre of gravity (entries of the tensor)", heads, tuple(rows))]
 
 
-def _rigid_body(model: ModelFacts) -> Block:
+def rigid_body_table(configurations: Sequence[ModelConfiguration]) -> Table:
+    """Relative energies of the rigid motions with the verdict."""
     heads = columns("Configuration", *(f">{m}" for m in _MOTIONS), "Verdict", "In words")
     rows = [
         row(c.configuration, *_energies(c), c.rigid_body_check.verdict, c.rigid_body_check.sentence)
-        for c in model.configurations
+        for c in configurations
     ]
     note = "Strain energy of six rigid motions of the model without supports, relative to its parts; zero is perfect."
     return Table("Rigid-body check", heads, tuple(rows), note)
@@ -93,13 +98,28 @@ def _rigid_body(model: ModelFacts) -> Block:
 
 def _energies(c: ModelConfiguration) -> list[str]:
     energies = c.rigid_body_check.relative_energies
-    return [short(e) for e in energies] if len(energies) == len(_MOTIONS) else [NONE] * len(_MOTIONS)
+    return [_energy(e) for e in energies] if len(energies) == len(_MOTIONS) else [NONE] * len(_MOTIONS)
 
 
-def _grounding(model: ModelFacts) -> list[Block]:
+def _energy(energy: float) -> str:
+    """What is rounding is not shown as if it were a number."""
+    return f"< {short(_ROUNDING)}" if 0.0 < abs(energy) < _ROUNDING else short(energy)
+
+
+def grounding_elements(configurations: Sequence[ModelConfiguration]) -> list[Table]:
+    """Elements that strain in a rigid motion; [] where there are none."""
     rows = [
-        row(c.configuration, g.dof, short(g.force)) for c in model.configurations for g in c.rigid_body_check.worst_dofs
+        row(c.configuration, f"{g.card} {g.element}", g.motion, short(g.relative_energy))
+        for c in configurations
+        for g in c.rigid_body_check.grounding_elements
     ]
+    heads = columns("Configuration", "Element", "Rigid motion", ">Relative energy")
+    return [Table("Elements that tie the model to the ground", heads, tuple(rows))] if rows else []
+
+
+def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
+    """DOFs where a rigid motion meets a force; [] where there are none."""
+    rows = [row(c.configuration, g.dof, short(g.force)) for c in configurations for g in c.rigid_body_check.worst_dofs]
     heads = columns("Configuration", "DOF", ">Force or moment")
     return [Table("Where rigid motions meet forces", heads, tuple(rows))] if rows else []
 
@@ -121,36 +141,39 @@ def _sturm(m: ModelModes) -> tuple[Cell, ...]:
     )  # fmt: skip
 
 
-def _cards(model: ModelFacts) -> list[Block]:
+def cards(model: ModelFacts) -> list[Block]:
+    """Cards that were read, in one sentence, and a table of those that were ignored."""
     used = ", ".join(f"{c.name} {c.count}" for c in model.cards_read) or "none"
     ignored = [row(c.name, str(c.count), f"{c.first_file}:{c.first_line}", c.reason) for c in model.cards_ignored]
+    heads = columns("Card", ">Count", "First at", "Reason")
+    return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, "No card was ignored.")]
+
+
+def _cards(model: ModelFacts) -> list[Block]:
     params = [
         row(p.name, p.value, "understood" if p.understood else "ignored", p.remark or NONE)
         for p in model.deck_parameters
     ]
     return [
         Heading("Cards"),
-        Paragraph(f"Read: {used}."),
-        table_or_none(
-            "Cards ignored", columns("Card", ">Count", "First at", "Reason"), ignored, "No card was ignored."
-        ),
+        *cards(model),
         table_or_none("PARAM", columns("Name", "Value", "Effect", "Remark"), params, "The deck has no PARAM."),
     ]  # fmt: skip
 
 
 def _held(model: ModelFacts) -> list[Block]:
     """Many DOFs held for the same reason share a sentence; the results file lists each."""
-    lines = [line for c in model.configurations for line in _held_in(c)]
+    lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c, _LISTED)]
     return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines)) if lines else Paragraph("None was held.")]
 
 
-def _held_in(c: ModelConfiguration) -> list[str]:
+def held_lines(c: ModelConfiguration, most: int | None = None) -> list[str]:
+    """A sentence each reason, with `most` DOFs, or all."""
     reasons = dict.fromkeys(h.reason for h in c.held_dofs)
-    return [
-        _held_line(c.configuration, reason, [h.dof for h in c.held_dofs if h.reason == reason]) for reason in reasons
-    ]
+    return [_held_line(reason, [h.dof for h in c.held_dofs if h.reason == reason], most) for reason in reasons]
 
 
-def _held_line(configuration: str, reason: str, dofs: list[str]) -> str:
-    more = f" … and {len(dofs) - _LISTED} more in results.json" if len(dofs) > _LISTED else ""
-    return f"{configuration}, {counted(len(dofs), 'DOF')}, {reason}: {' '.join(dofs[:_LISTED])}{more}"
+def _held_line(reason: str, dofs: list[str], most: int | None) -> str:
+    shown = dofs[:most]
+    more = f" … and {len(dofs) - len(shown)} more in results.json" if len(dofs) > len(shown) else ""
+    return f"{counted(len(dofs), 'DOF')}, {reason}: {' '.join(shown)}{more}"

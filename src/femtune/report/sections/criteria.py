@@ -19,7 +19,7 @@ def criteria(source: Source) -> list[Block]:
 
 def _table(source: Source, stage: Stage) -> Block | None:
     rows = [
-        _row(c.configuration, criterion)
+        row(c.configuration, *criterion_cells(criterion))
         for c in source.results.correlations
         if c.stage == stage
         for criterion in c.criteria
@@ -28,10 +28,11 @@ def _table(source: Source, stage: Stage) -> Block | None:
     return Table(STAGE_WORDS[stage].capitalize(), heads, tuple(rows)) if rows else None
 
 
-def _row(configuration: str, c: Criterion) -> tuple[Cell, ...]:
+def criterion_cells(c: Criterion) -> tuple[Cell, ...]:
+    """Name, what is asked, what was measured, verdict and remark."""
     sign = "≤" if c.sense == "at most" else "≥"
     measured = with_unit(value(c.measured), c.unit) if c.measured is not None else NOT_TESTED
     return row(
-        configuration, c.name, with_unit(f"{sign} {value(c.limit)}", c.unit), measured,
+        c.name, with_unit(f"{sign} {value(c.limit)}", c.unit), measured,
         Cell(c.verdict, tone=_TONES[c.verdict]), c.remark or NONE,
     )  # fmt: skip

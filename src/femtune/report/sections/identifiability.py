@@ -12,7 +12,7 @@ from femtune.report.document import Bar, Block, Cell, Figure, Listing, Paragraph
 from femtune.report.figures.bars import combinations_svg, singular_values_svg
 from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.report.numbers import NOT_TESTED, counted, listed, percent, short, value
-from femtune.report.sections.sensitivities import sensitivities
+from femtune.report.sections.sensitivities import page_table, sensitivities
 from femtune.report.source import Source
 from femtune.study.results_update import Combination, Identifiability, SelectionResults
 
@@ -26,7 +26,8 @@ def identifiability(source: Source) -> list[Block]:
         return [Paragraph("Not tested: the selection step was not run.")]
     return [
         *_sentences(selection),
-        _table(selection),
+        parameter_table(selection),
+        *page_table(selection),
         *_singular(selection),
         *_combinations(selection),
         *_correlation(source, selection),
@@ -48,15 +49,21 @@ def _lead(selection: SelectionResults) -> str:
 
 def _sentences(selection: SelectionResults) -> list[Block]:
     """The selection's own sentences, or ours where it gives none; each fact once."""
-    first, *others = selection.sentences or (_lead(selection), *_own_words(selection))
+    first, *others = in_words(selection)
     return [Paragraph(first), *([Listing(tuple(others))] if others else [])]
+
+
+def in_words(selection: SelectionResults) -> tuple[str, ...]:
+    """The sentences of the selection, or ours where it has none; never empty."""
+    return selection.sentences or (_lead(selection), *_own_words(selection))
 
 
 def _own_words(selection: SelectionResults) -> list[str]:
     return [c.sentence for c in (*selection.undetermined, *selection.weakly_determined) if c.sentence]
 
 
-def _table(selection: SelectionResults) -> Block:
+def parameter_table(selection: SelectionResults) -> Table:
+    """How much the data narrow each parameter."""
     heads = columns("Parameter", ">Posterior σ / prior σ", "Verdict")
     note = "0: the data alone decide. 1: the data add nothing to the prior."
     return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
@@ -93,12 +100,12 @@ def _combinations(selection: SelectionResults) -> list[Block]:
     titles, coefficients = [title for title, _ in shown], [_coefficients(c, labels) for _, c in shown]
     draw = partial(combinations_svg, titles, labels, coefficients)
     more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
-    alt = "; ".join(f"{title}: {_in_words(c)}" for title, c in shown)
+    alt = "; ".join(f"{title}: {_shares(c)}" for title, c in shown)
     caption = f"Combinations of parameters that the data determine badly.{more}"
     return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]
 
 
-def _in_words(combination: Combination) -> str:
+def _shares(combination: Combination) -> str:
     return listed(f"{s.parameter} {short(s.coefficient)}" for s in combination.shares)
 
 

@@ -42,7 +42,7 @@ def _figure(source: Source, stage: CorrelationResults, key: str | None, what: st
     rows = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
     columns = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
     title = f"{what} {STAGE_HEADS[stage.stage]}"
-    picture = MatrixPicture(values, rows, columns, "test", "model", title, _pairs(stage))
+    picture = MatrixPicture(values, rows, columns, "test", "model", title, pair_places(stage))
     return _shown(picture, f"{stage.configuration}, {title}")
 
 
@@ -65,7 +65,8 @@ def _labels(names: Any, freqs: tuple[float, ...]) -> tuple[str, ...]:
     return tuple(f"{name}: {freq(f)} Hz" for name, f in zip(names, freqs, strict=True))
 
 
-def _pairs(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
+def pair_places(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
+    """Row and column of each pair in the MAC matrix."""
     rows, columns = stage.mac_test_labels, stage.mac_model_numbers
     return tuple(
         (rows.index(p.test_label), columns.index(p.model_number))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from femtune.report.document import Bar, Block, Cell, Column, Paragraph, Table, Tone, columns, row
@@ -27,7 +28,7 @@ def modes(source: Source) -> list[Block]:
 def _configuration(source: Source, name: str, scale: float) -> list[Block]:
     before, after = source.before(name), source.after(name)
     assert before is not None
-    return [_table(name, before, after, scale), *_clusters(after or before)]
+    return [_table(name, before, after, scale), *cluster_paragraphs(after or before)]
 
 
 def _table(name: str, before: CorrelationResults, after: CorrelationResults | None, scale: float) -> Block:
@@ -70,7 +71,7 @@ def _row(entry: _Entry, stages: list[CorrelationResults], scale: float) -> tuple
     pairs = [next((p for p in s.pairs if p.test_label == entry.label), None) for s in stages]
     cells = [cell for pair in pairs for cell in _pair_cells(pair, scale, bool(entry.remark))]
     tone: Tone = "muted" if entry.remark else ""
-    remark = entry.remark or _remark(pairs)
+    remark = entry.remark or pair_remark(pairs)
     return row(Cell(entry.label, tone=tone), Cell(freq(entry.freq_hz), tone=tone), *cells, Cell(remark, tone="muted"))
 
 
@@ -95,7 +96,8 @@ def mac_cell(mac: float | None) -> Cell:
     )
 
 
-def _remark(pairs: list[PairedMode | None]) -> str:
+def pair_remark(pairs: Sequence[PairedMode | None]) -> str:
+    """What is special about the pair of a test mode, at one stage or several."""
     found = [p for p in pairs if p]
     numbers = {p.model_number for p in found}
     words = [
@@ -106,7 +108,8 @@ def _remark(pairs: list[PairedMode | None]) -> str:
     return ", ".join(w for w in words if w)
 
 
-def _clusters(stage: CorrelationResults) -> list[Block]:
+def cluster_paragraphs(stage: CorrelationResults) -> list[Block]:
+    """A sentence each cluster of close modes."""
     return [Paragraph(_cluster(c)) for c in stage.clusters]
 
 

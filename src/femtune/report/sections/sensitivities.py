@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.report.document import Block, Figure, Paragraph
+from femtune.report.document import Block, Cell, Figure, Paragraph, Table, columns, row
 from femtune.report.figures.matrix import MatrixPicture, matrix_svg
-from femtune.report.numbers import counted, short
+from femtune.report.numbers import counted, sensitivity, short
 from femtune.report.source import Source
 from femtune.study.results_update import SelectionResults
 
 _MOST, _A_PAGE = 60, 30
+_TABLE_COLUMNS, _TABLE_ROWS = 12, 40
 _CAPTION = (
     "Scaled sensitivities: change of each residual over one prior standard deviation of a parameter. Residuals of "
     "several numbers, such as a shape, are shown by the root of their sum of squares."
@@ -32,11 +34,33 @@ def sensitivities(source: Source, selection: SelectionResults) -> list[Block]:
     parts = [strongest[i : i + _A_PAGE] for i in range(0, len(strongest), _A_PAGE)]
     some = f" The {_MOST} strongest of {len(joined)}." if len(joined) > _MOST else ""
     captions = [*[""] * (len(parts) - 1), _CAPTION + some]
-    columns = selection.column_labels
+    names = selection.column_labels
     return [
-        _figure(joined[rows], tuple(labels[i] for i in rows), columns, limit, caption)
+        _figure(joined[rows], tuple(labels[i] for i in rows), names, limit, caption)
         for rows, caption in zip(parts, captions, strict=True)
     ]
+
+
+def page_table(selection: SelectionResults) -> list[Block]:
+    """The table of the frequencies where it fits a page; the pictures show the others."""
+    fits = len(selection.column_labels) <= _TABLE_COLUMNS and len(selection.sensitivities) <= _TABLE_ROWS
+    return [frequency_table(selection, selection.column_labels)] if fits and selection.sensitivities else []
+
+
+def frequency_table(selection: SelectionResults, names: Sequence[str]) -> Table:
+    """Change of each compared frequency in % for 1 % of the parameters `names`."""
+    heads = columns("Configuration", "Mode", *(f">{name}" for name in names))
+    places = [selection.column_labels.index(name) for name in names]
+    rows = [
+        row(s.configuration, s.test_label, *(_number(s.percent_per_percent[i]) for i in places))
+        for s in selection.sensitivities
+    ]
+    return Table("Change of the model's frequencies in % for a change of 1 % of the parameter", heads, tuple(rows))
+
+
+def _number(value: float) -> Cell:
+    text = sensitivity(value)
+    return Cell(text, tone="muted" if text == "0" else "")
 
 
 def joined_rows(labels: tuple[str, ...], values: NDArray[Any]) -> tuple[list[str], NDArray[np.float64]]:

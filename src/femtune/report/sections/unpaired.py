@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.report.document import Block, Cell, Table, columns, row
 from femtune.report.numbers import NONE, freq, unit_fraction
@@ -45,13 +48,12 @@ def _model_rows(stages: list[CorrelationResults]) -> list[tuple[str, int, dict[s
 def _plain(source: Source, entry: tuple[str, int, dict[str, float], CorrelationResults]) -> tuple[Cell, ...]:
     name, number, hz, stage = entry
     paired = "paired" if len(source.shown(name)) > 1 else NONE
-    remark = _remark(source, stage, number)
+    remark = model_mode_remark(source.array(stage.mac_key), stage, number)
     return row(name, str(number), *(freq(hz.get(when), paired) for when in ("before", "after")), remark)
 
 
-def _remark(source: Source, stage: CorrelationResults, number: int) -> str:
+def model_mode_remark(mac: NDArray[Any] | None, stage: CorrelationResults, number: int) -> str:
     """That it resembles a mode that was left out, where its MAC reaches the gate; else the reason of the results."""
-    mac = source.array(stage.mac_key)
     out = [m.test_label for m in stage.left_out if m.test_label in stage.mac_test_labels]
     if mac is not None and out and stage.mac_gate is not None and number in stage.mac_model_numbers:
         column = mac[:, stage.mac_model_numbers.index(number)]

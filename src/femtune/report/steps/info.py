@@ -1,0 +1,155 @@
+"""The deck and the model that came of it, each configuration by itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from femtune.report.document import (
+    AlertBox,
+    Block,
+    Document,
+    Heading,
+    KeyNumber,
+    KeyNumbers,
+    Level,
+    Listing,
+    Paragraph,
+    Section,
+    Table,
+    Tone,
+    columns,
+    row,
+    without_column,
+)
+from femtune.report.numbers import NOT_TESTED, counted, listed, signed_percent, value, with_unit
+from femtune.report.sections.checks import cards, grounding_dofs, grounding_elements, held_lines, rigid_body_table
+from femtune.report.steps.subject import Subject
+from femtune.study.results_base import Alert
+from femtune.study.results_model import DeckParameter, ModelConfiguration, ModelFacts
+
+_ORDER: tuple[Level, ...] = ("problem", "warning")
+_IN_TABLES = ("deck.ignored-cards", "deck.ignored-param")
+"""Notices that repeat the tables of cards and PARAMs."""
+
+_AXES = ("x", "y", "z")
+_NOISE = 1e-9
+"""Parts of the largest entry below which an entry is rounding."""
+
+
+def info_document(subject: Subject, facts: ModelFacts) -> Document:
+    """Cards, PARAMs and notices, then a section each configuration."""
+    level: Level = "info" if all(c.rigid_body_check.verdict == "pass" for c in facts.configurations) else "warning"
+    deck = Section("deck", f"Deck {subject.deck}", tuple(_deck(subject, facts)))
+    each = (Section(c.configuration, c.configuration, tuple(_configuration(subject, c))) for c in facts.configurations)
+    return subject.document(_verdict(facts), level, (deck, *each))
+
+
+def _verdict(facts: ModelFacts) -> str:
+    found: dict[str, list[str]] = {}
+    for c in facts.configurations:
+        found.setdefault(c.rigid_body_check.verdict, []).append(c.configuration)
+    words = {"pass": "passed", "fail": "failed", "not tested": NOT_TESTED}
+    if len(facts.configurations) == 1:
+        return f"Rigid-body check: {words[next(iter(found))]}."
+    parts = [f"{words[verdict]} in {listed(names)}" for verdict, names in found.items()]
+    return f"Rigid-body check: {'; '.join(parts)}." if parts else "There is no configuration."
+
+
+def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
+    return [*cards(_beside(subject, facts)), *_parameters(facts.deck_parameters), *_notices(facts.notices)]
+
+
+def _beside(subject: Subject, facts: ModelFacts) -> ModelFacts:
+    """Files named as seen from the folder of the deck."""
+    folder = Path(subject.deck).parent
+
+    def near(name: str) -> str:
+        return str(Path(name).relative_to(folder)) if Path(name).is_relative_to(folder) else name
+
+    ignored = tuple(c.model_copy(update={"first_file": near(c.first_file)}) for c in facts.cards_ignored)
+    return facts.model_copy(update={"cards_ignored": ignored})
+
+
+def _parameters(found: tuple[DeckParameter, ...]) -> list[Block]:
+    """A line each effect, those with the same remark together."""
+    groups: dict[str, list[str]] = {}
+    for p in sorted(found, key=lambda p: not p.understood):
+        remark = f" ({p.remark})" if p.remark else ""
+        head = f"PARAM {'understood' if p.understood else 'ignored'}{remark}"
+        groups.setdefault(head, []).append(f"{p.name}={p.value}" if p.value else p.name)
+    return [Paragraph(f"{head}: {', '.join(names)}.") for head, names in groups.items()]
+
+
+def _notices(notices: tuple[Alert, ...]) -> list[Block]:
+    """Problems and warnings in full, the others by kind, but for those that repeat the tables."""
+    loud = sorted((n for n in notices if n.level in _ORDER), key=lambda n: _ORDER.index(n.level))
+    boxes: list[Block] = [AlertBox(n.level, n.code, n.sentence, n.where) for n in loud]
+    quiet = [n for n in notices if n.level not in _ORDER and n.code not in _IN_TABLES]
+    counts = Counter(n.code for n in quiet)
+    return boxes + [_quiet(n, counts[n.code]) for n in {n.code: n for n in reversed(quiet)}.values()]
+
+
+def _quiet(first: Alert, count: int) -> Block:
+    more = f"; and {counted(count - 1, 'more notice')} of this kind" if count > 1 else ""
+    return AlertBox("info", first.code, f"{first.sentence}{more}", first.where)
+
+
+def _configuration(subject: Subject, c: ModelConfiguration) -> list[Block]:
+    return [
+        KeyNumbers((*_facts(c), *_mass(subject, c))),
+        _inertia(subject, c),
+        *_rigid_body(c),
+        *_held(c),
+    ]
+
+
+def _facts(c: ModelConfiguration) -> list[KeyNumber]:
+    return [
+        KeyNumber("Overlay", "; ".join(c.overlay) or "none: the deck as it is"),
+        KeyNumber("Grids", str(c.grids)),
+        KeyNumber("Free DOFs", str(c.free_dofs)),
+        KeyNumber("Supports", "; ".join(c.supports) or "none: free"),
+    ]
+
+
+def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
+    weighed = "not weighed"
+    if c.weighed_mass is not None:
+        difference = signed_percent(c.mass_difference_percent)
+        weighed = f"weighed {with_unit(value(c.weighed_mass), subject.mass_unit)}, difference {difference} %"
+    # the radius of gyration is the length beside which a coordinate is rounding
+    radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass > 0.0 else 0.0
+    centre = ", ".join(_clean(v, radius) for v in c.centre_of_gravity)
+    return [
+        KeyNumber("Mass", f"{with_unit(value(c.mass), subject.mass_unit)}, {weighed}"),
+        KeyNumber("Centre of gravity", with_unit(centre, subject.length_unit)),
+    ]
+
+
+def _clean(number: float, scale: float) -> str:
+    return value(number if abs(number) > _NOISE * scale else 0.0)
+
+
+def _inertia(subject: Subject, c: ModelConfiguration) -> Table:
+    scale = max(abs(v) for line in c.inertia for v in line)
+    rows = [row(axis, *(_clean(v, scale) for v in line)) for axis, line in zip(_AXES, c.inertia, strict=True)]
+    unit = f", {subject.mass_unit}·{subject.length_unit}²" if subject.mass_unit else ""
+    return Table(f"Inertia about the centre of gravity{unit}", columns("", *(f">{a}" for a in _AXES)), tuple(rows))
+
+
+def _rigid_body(c: ModelConfiguration) -> list[Block]:
+    """The sentence; numbers and places only where the check was not passed."""
+    check = c.rigid_body_check
+    tone: Tone = "good" if check.verdict == "pass" else "poor"
+    blocks: list[Block] = [Paragraph(f"Rigid-body check, {check.verdict}: {check.sentence}.", tone)]
+    tables = [*grounding_elements([c]), *grounding_dofs([c])]
+    if check.verdict == "fail":
+        energies = without_column(without_column(rigid_body_table([c]), "Verdict"), "In words")
+        tables.insert(0, energies)
+    return blocks + [without_column(table, "Configuration") for table in tables]
+
+
+def _held(c: ModelConfiguration) -> list[Block]:
+    lines = held_lines(c)
+    return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines))] if lines else []
