@@ -85,7 +85,7 @@ def _correlation(configuration: str, stage: str) -> dict[str, Any]:
             "test_labels": ["1", "2"],
             "model_numbers": [1, 2],
             "angle_deg": 6.2,
-            "sentence": "The model's shapes were rotated to the test's.",
+            "sentence": "the model's vectors were rotated by 0.3° within theirs",
         }
     ]
     return {
@@ -261,7 +261,10 @@ def _update(facts: list[dict[str, Any]]) -> dict[str, Any]:
         ],
         "regularisation": "minimum change",
         "regularisation_weight": 0.01,
-        "residual_counts": [{"kind": "frequency", "count": 15}, {"kind": "mode shape", "count": 90}],
+        "residual_counts": [
+            {"kind": "frequency", "count": 15, "misfit": 1.1},
+            {"kind": "mode shape", "count": 90, "misfit": 0.4},
+        ],
         "citations": [
             {"key": "a2011", "text": "A. Author (2011), A method", "bibtex": "@article{a2011,\n  year = {2011}\n}"}
         ],

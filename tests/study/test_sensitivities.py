@@ -102,4 +102,14 @@ def test_a_spring_to_the_ground_is_named(tmp_path: Path) -> None:
     (tmp_path / "grounded.bdf").write_text(deck)
     check = steps.info(tmp_path / "grounded.bdf").configurations[0].rigid_body_check
     assert check.grounded
+    assert check.verdict == "pass"
+    assert check.sentence == "rigid motion strains only elements that end on the ground: CELAS2 11"
     assert [(e.card, e.element, e.motion) for e in check.grounding_elements] == [("CELAS2", 11, "X")]
+
+
+def test_a_spring_across_two_directions_is_a_fault(tmp_path: Path) -> None:
+    deck = DECK.format(k1="1000.", m="2.").replace("CELAS2,11,1000.,1,1,2,1", "CELAS2,11,1000.,1,1,2,2")
+    (tmp_path / "skew.bdf").write_text(deck)
+    check = steps.info(tmp_path / "skew.bdf").configurations[0].rigid_body_check
+    assert check.verdict == "fail"
+    assert {e.element for e in check.grounding_elements} == {11}

@@ -68,31 +68,49 @@ NONE = np.zeros((0, 3))
 FREE = np.zeros(3, bool)
 
 
+F20 = ["frequency"] * 20
+
+
 def test_covariance_of_linear_regression():
-    J, r = RNG.standard_normal((20, 3)), RNG.standard_normal(20)
-    found = parameter_covariance(r, J, NONE, FREE, np.ones(3), measured=False)
+    J, r = RNG.standard_normal((20, 3)), 3.0 * RNG.standard_normal(20)
+    found = parameter_covariance(r, J, F20, NONE, FREE, np.ones(3))
     s2 = r @ r / 17
     np.testing.assert_allclose(found.matrix, s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
-    assert found.noise_factor == pytest.approx(np.sqrt(s2))
-    # measured scatter is not made smaller by a lucky fit, and larger by a bad one
-    lucky = parameter_covariance(0.1 * r, J, NONE, FREE, np.ones(3), measured=True)
+    assert found.misfit == {"frequency": pytest.approx(np.sqrt(s2))}
+    # the stated scatter is not made smaller by a lucky fit
+    lucky = parameter_covariance(0.01 * r, J, F20, NONE, FREE, np.ones(3))
     np.testing.assert_allclose(lucky.matrix, np.linalg.inv(J.T @ J), rtol=1e-10)
-    bad = parameter_covariance(5 * r, J, NONE, FREE, np.ones(3), measured=True)
-    np.testing.assert_allclose(bad.matrix, 25 * s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+
+
+def test_many_loose_shapes_do_not_sharpen_frequencies():
+    """Two kinds: what the frequencies say is as uncertain as they are, however well loose shapes fit."""
+    J = np.vstack([np.eye(3), np.eye(3), np.zeros((300, 3))])
+    r = np.concatenate([[1.0, -1.0, 1.0, -1.0, 1.0, -1.0], np.full(300, 0.01)])
+    kinds = ["frequency"] * 6 + ["shape"] * 300
+    found = parameter_covariance(r, J, kinds, NONE, FREE, np.ones(3))
+    np.testing.assert_allclose(found.sd, np.sqrt(0.5), rtol=0.01)
+
+
+def test_covariance_of_kinds_is_that_of_the_estimate_by_simulation():
+    J = RNG.standard_normal((40, 2))
+    scatter = np.where(np.arange(40) < 20, 3.0, 1.0)
+    estimates = np.array([np.linalg.lstsq(J, scatter * RNG.standard_normal(40))[0] for _ in range(4000)])
+    r = scatter * np.sqrt(38.0 / 40.0) * np.resize([1.0, -1.0], 40)
+    found = parameter_covariance(r, J, ["shape"] * 20 + ["frequency"] * 20, np.zeros((0, 2)), FREE[:2], np.ones(2))
+    np.testing.assert_allclose(found.matrix, np.cov(estimates.T), rtol=0.15, atol=0.01)
 
 
 def test_covariance_with_a_prior_is_bayes():
-    J, r, prior = RNG.standard_normal((20, 3)), RNG.standard_normal(20), np.diag([1.0, 2.0, 0.5])
-    found = parameter_covariance(r, J, prior, FREE, np.ones(3), measured=False)
-    s2 = r @ r / 20
-    np.testing.assert_allclose(found.matrix, np.linalg.inv(J.T @ J / s2 + prior.T @ prior), rtol=1e-10)
+    J, prior = RNG.standard_normal((20, 3)), np.diag([1.0, 2.0, 0.5])
+    found = parameter_covariance(np.full(20, 0.9), J, F20, prior, FREE, np.ones(3))
+    np.testing.assert_allclose(found.matrix, np.linalg.inv(J.T @ J + prior.T @ prior), rtol=1e-10)
 
 
 def test_at_bounds_and_undetermined_parameters_have_no_deviation():
     base = RNG.standard_normal((20, 4))
     J = np.column_stack([base[:, 0], base[:, 1], base[:, 1], base[:, 2]]) * 10.0
     bound = np.array([False, False, False, True])
-    found = parameter_covariance(base[:, 3], J, np.zeros((0, 4)), bound, np.ones(4), measured=False)
+    found = parameter_covariance(base[:, 3], J, F20, np.zeros((0, 4)), bound, np.ones(4))
     assert np.isfinite(found.sd).tolist() == [True, False, False, False]
     assert found.reasons == {
         1: "not determined by the data, σ not given",
@@ -100,24 +118,17 @@ def test_at_bounds_and_undetermined_parameters_have_no_deviation():
         3: "at bound, σ not given",
     }
     # two combinations are determined, one parameter is at its bound: 20 − 2 spare residuals
-    assert found.noise_factor == pytest.approx(np.linalg.norm(base[:, 3]) / np.sqrt(18.0))
+    assert found.misfit["frequency"] == pytest.approx(np.linalg.norm(base[:, 3]) / np.sqrt(18.0))
 
 
-def test_no_spare_residuals():
-    found = parameter_covariance(np.zeros(3), 10 * np.eye(3), NONE, FREE, np.ones(3), measured=False)
-    assert set(found.reasons.values()) == {"no spare residuals, σ not given"}
-    known = parameter_covariance(np.zeros(3), 10 * np.eye(3), NONE, FREE, np.ones(3), measured=True)
-    np.testing.assert_allclose(known.sd, 0.1)
-
-
-def test_an_exact_fit_has_no_scatter():
-    J = np.vstack([np.eye(3), np.eye(3)])
-    assert parameter_covariance(np.zeros(6), J, NONE, FREE, np.ones(3), measured=False).sd.tolist() == [0.0] * 3
+def test_without_spare_residuals_the_stated_scatter_counts():
+    found = parameter_covariance(np.zeros(3), 10 * np.eye(3), ["frequency"] * 3, NONE, FREE, np.ones(3))
+    np.testing.assert_allclose(found.sd, 0.1)
 
 
 def test_a_tiny_misfit_makes_nothing_determined():
     """Unit weights and residuals of 1e-12: what was undetermined stays so."""
     base = RNG.standard_normal((9, 2))
     J = np.column_stack([base[:, 0], base[:, 0], base[:, 1]])
-    found = parameter_covariance(1e-12 * base[:, 1], J, NONE, FREE, np.ones(3), measured=False)
+    found = parameter_covariance(1e-12 * base[:, 1], J, ["frequency"] * 9, NONE, FREE, np.ones(3))
     assert np.isfinite(found.sd).tolist() == [False, False, True]

@@ -246,8 +246,8 @@ def test_prior_by_hand():
     result = update(linear_problem(), SensitivityMethod(regularisation=Regularisation("prior")))
     s, p = 1 / 0.12, 1 / 0.05
     assert result.x[0] == pytest.approx((0.2 * s**2 + 0.1 * p**2) / (s**2 + p**2), rel=1e-6)
-    factor = result.covariance.noise_factor
-    assert result.sd["k"] == pytest.approx(1 / np.sqrt(s**2 / factor**2 + p**2), rel=1e-6)
+    assert result.covariance.misfit["frequency"] < 1.0
+    assert result.sd["k"] == pytest.approx(1 / np.sqrt(s**2 + p**2), rel=1e-6)
 
 
 def coverage(model: ConfiguredModel, truth: Sequence[float], rules: ResidualRules, repeats: int) -> np.ndarray:

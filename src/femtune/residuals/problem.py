@@ -71,6 +71,11 @@ class Evaluation:
         return np.concatenate([b.jacobian for b in self.blocks]) if self.blocks else np.zeros((0, len(self.x)))
 
     @property
+    def kinds(self) -> list[str]:
+        """(n,) kind of each residual."""
+        return [b.kind for b in self.blocks for _ in b.values]
+
+    @property
     def objective(self) -> float:
         """½ rᵀr."""
         return 0.5 * float(self.residuals @ self.residuals)

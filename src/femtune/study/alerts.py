@@ -13,9 +13,11 @@ from femtune.study.record_model import alert_of
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Level
 from femtune.study.results_correlation import CorrelationResults
+from femtune.study.results_update import ResidualCount
 
 _WEIGHED_PERCENT = 2.0
 _WRITTEN_PERCENT = 0.05
+_MISFIT = 2.0
 
 
 def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
@@ -26,7 +28,8 @@ def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
         *_of_model(results),
         *_of_correlation(results),
         *_of_held_masses(study),
-        *(alert_of(n) for n in (*study.built.notices, *study.notices) if n.level != "info"),
+        *(alert_of(n) for n in study.built.notices if n.level != "info"),
+        *(alert_of(n) for n in study.notices),
     ]
     order = {"problem": 0, "warning": 1, "info": 2}
     return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
@@ -50,7 +53,19 @@ def _of_update(results: Results) -> Iterable[Alert]:
             "warning", "update.at-bound", f"at a bound, so that their values say little: {', '.join(at_bound)}"
         )
     if update.pairing_events:
-        yield _alert("info", "update.pairing-changed", f"the pairing changed {len(update.pairing_events)} times")
+        turns = len({event.iteration for event in update.pairing_events})
+        count = f"{turns} iteration{'s' if turns > 1 else ''} ({len(update.pairing_events)} test modes in all)"
+        yield _alert("info", "update.pairing-changed", f"the pairing changed in {count}")
+    for kind in update.residual_counts:
+        if kind.misfit > _MISFIT:
+            yield _alert("warning", "update.misfit", _misfit_sentence(kind))
+
+
+def _misfit_sentence(kind: ResidualCount) -> str:
+    return (
+        f"the {kind.kind} residuals are {kind.misfit:.1f} times their stated scatter after the update: the model lacks "
+        f"something, another minimum fits better, or the scatter is stated too small"
+    )
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,22 +138,34 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
     checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
     grounded = not all(c.passed for c in checks)
     tied = _grounding_equations(study, configuration)
+    elements = _grounding(structure, configuration, mass.centre) if grounded else ()
+    meant = grounded and not tied and {e.element for e in elements} <= _ending_on_ground(structure)
     return RigidBodyCheck(
         strain_energies=tuple(c.energy for c in checks),
         relative_energies=tuple(c.relative_energy for c in checks),
         grounded=grounded or bool(tied),
-        verdict="fail" if grounded or tied else "pass",
-        sentence=_rigid_sentence(checks, tied),
+        verdict="fail" if (grounded or tied) and not meant else "pass",
+        sentence=_meant_sentence(elements) if meant else _rigid_sentence(checks, tied),
         worst_dofs=_worst(checks),
-        grounding_elements=_grounding(structure, configuration, mass.centre) if grounded else (),
+        grounding_elements=elements[:_MOST_GROUNDING],
     )
+
+
+def _ending_on_ground(structure: Structure) -> set[int]:
+    """Elements with an end on the ground, as springs and bushes may have."""
+    return {int(i) for b in structure.batches for i in b.ids[(b.dofs < 0).any(axis=1)]}
+
+
+def _meant_sentence(elements: tuple[GroundingElement, ...]) -> str:
+    names = list(dict.fromkeys(f"{e.card} {e.element}" for e in elements))
+    shown = ", ".join(names[:6]) + (f" … ({len(names)} in all)" if len(names) > 6 else "")
+    return f"rigid motion strains only elements that end on the ground: {shown}"
 
 
 def _grounding(structure: Structure, configuration: Configuration, about: NDArray) -> tuple[GroundingElement, ...]:
     found = (e for e in grounding_elements(structure, about) if e.id not in configuration.elements_off)
     return tuple(
-        GroundingElement(card=e.card, element=e.id, motion=e.motion, relative_energy=e.relative_energy)
-        for e in islice(found, _MOST_GROUNDING)
+        GroundingElement(card=e.card, element=e.id, motion=e.motion, relative_energy=e.relative_energy) for e in found
     )
 
 

@@ -139,7 +139,7 @@ def update_results(
         pairing_events=tuple(_events(result)),
         regularisation=table.regularisation,
         regularisation_weight=table.weight if weighted else None,
-        residual_counts=_counts(result.after),
+        residual_counts=_counts(result),
         citations=citations(result.citations),
     )
 
@@ -201,8 +201,7 @@ def _bound(result: UpdateResult, name: str) -> BoundState:
     return ""
 
 
-def _counts(evaluation: Evaluation) -> tuple[ResidualCount, ...]:
-    counts = Counter[str]()
-    for b in evaluation.blocks:
-        counts[b.kind] += len(b.values)
-    return tuple(ResidualCount(kind=kind, count=count) for kind, count in counts.items())
+def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
+    counts = Counter(result.after.kinds)
+    misfit = result.covariance.misfit
+    return tuple(ResidualCount(kind=kind, count=count, misfit=misfit[kind]) for kind, count in counts.items())

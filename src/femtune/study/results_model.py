@@ -83,7 +83,7 @@ class RigidBodyCheck(Record):
     grounded: bool | None
     """True where at least one motion strains the model; None where not tested."""
     verdict: VerdictWord
-    """Outcome."""
+    """Outcome; a model that only elements with an end on the ground tie to it passes."""
     sentence: str
     """Outcome in words, or why it was not tested."""
     worst_dofs: tuple[GroundedDof, ...] = ()

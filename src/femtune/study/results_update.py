@@ -172,6 +172,9 @@ class ResidualCount(Record):
     """"frequency", "mode shape", …"""
     count: int
     """How many."""
+    misfit: float
+    """Their root mean square at the end in units of the stated standard deviations (no unit), freed of the parameters'
+    share: about 1 where the data scatter as stated; above 1 it widens the standard deviations of the parameters."""
 
 
 class UpdateResults(Record):

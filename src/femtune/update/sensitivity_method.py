@@ -227,7 +227,6 @@ def _result(
     _, rows = method.regularisation.rows(problem.parameters, at.x)
     prior = rows if method.regularisation.kind == "prior" else rows[:0]
     bound = _at_bound(problem, at.x)
-    measured = problem.rules.frequency_sd == "test"
-    covariance = parameter_covariance(at.residuals, at.jacobian, prior, bound, problem.parameters.prior[1], measured)
+    covariance = parameter_covariance(at.residuals, at.jacobian, at.kinds, prior, bound, problem.parameters.prior[1])
     cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
     return UpdateResult(problem.parameters, status, at.x, before, at, tuple(history), covariance, cited)
