@@ -108,3 +108,12 @@ def test_page_shows_the_error_of_writing(code: str, ref: FieldRef) -> None:
     with pytest.raises(FemtuneError) as caught:
         plan_edits(built, {ref: 1.0}, {"legs": [7, 8]})
     _check(caught.value, code)
+
+
+@pytest.mark.parametrize("value", ["0.0", "-1.0"])
+def test_masses_are_not_multiplied_by_nothing(tmp_path: Path, value: str) -> None:
+    (tmp_path / "deck.bdf").write_text(_BASE + _BAR + f"PARAM,WTMASS,{value}\n")
+    with pytest.raises(FemtuneError) as caught:
+        build_structure(read_deck(tmp_path / "deck.bdf"))
+    assert caught.value.code == "deck.param"
+    assert "above zero" in caught.value.what

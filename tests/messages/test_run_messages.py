@@ -49,3 +49,11 @@ def test_an_unwritable_folder(tmp_path: Path) -> None:
         "  at RUN/file/run\n\n"
         "hint: choose another folder, or give yourself the right to write there"
     )
+
+
+@pytest.mark.parametrize(("name", "says"), [("a\x00b", "null"), ("a" * 5000, "too long")])
+def test_a_name_that_no_folder_can_have(tmp_path: Path, name: str, says: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        check_writable(tmp_path / name)
+    assert caught.value.code == "run.unwritable"
+    assert says in caught.value.what

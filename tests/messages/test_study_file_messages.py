@@ -209,3 +209,35 @@ def test_unclosed_text_at_the_end_names_the_last_line() -> None:
     error = _error('[study]\ntitle = """Frame')
     assert error.where is not None
     assert error.where.line == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("count = 8", "max_hz = 1e300", "'max_hz' should be less than or equal to"),
+        ("[[configuration]]", "[residuals]\nfrequency_sd = 1e-300\n[[configuration]]", "zero, or between 1e-12"),
+        ("[[configuration]]", "[residuals]\nshape_sd = 1e300\n[[configuration]]", "zero, or between 1e-12"),
+        ("[[configuration]]", "[correlate]\nfrequency_gate = 30\n[[configuration]]", "less than or equal to 1"),
+        ("[[configuration]]", "[sensors]\ntolerance = 0\n[[configuration]]", "greater than 0"),
+        ('"2b"]', '"2b"]\nmasses = [{ node = 1, mass = 1, inertia = [1, -2, 3] }]', "negative principal moment"),
+        (
+            '"2b"]',
+            '"2b"]\nmasses = [{ node = 1, mass = 1, inertia = [[1, 2, 0], [2, 1, 0], [0, 0, 1]] }]',
+            "negative principal moment",
+        ),
+    ],
+)
+def test_numbers_that_no_structure_has(tmp_path: Path, old: str, new: str, says: str) -> None:
+    for name in ("frame.bdf", "frame.uff"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(FemtuneError) as caught:
+        study_from_text(_BASE.replace(old, new), tmp_path / "study.toml")
+    assert "study.value" in str(caught.value)
+    assert says in str(caught.value)
+
+
+def test_a_byte_order_mark_is_no_error(tmp_path: Path) -> None:
+    for name in ("frame.bdf", "frame.uff"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "study.toml").write_bytes(b"\xef\xbb\xbf" + _BASE.encode())
+    assert read_study_file(tmp_path / "study.toml").study.title == "Frame"

@@ -118,3 +118,9 @@ def test_verdicts():
     assert [verdict(r).split(":")[0] for r in (0.1, 0.5, 0.9)] == [
         "determined by the data", "partly determined", "not determined by these data",
     ]  # fmt: skip
+
+
+def test_rounding_alone_determines_nothing():
+    """Parameters without any effect leave Jacobians of 1e-14; none of these is larger than another by right."""
+    assert not determined(np.array([4e-14, 1e-14])).any()
+    assert determined(np.array([1e-3, 1e-14])).tolist() == [True, False]

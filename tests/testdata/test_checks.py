@@ -145,3 +145,11 @@ def test_arrays_cannot_be_changed() -> None:
     for array in (frame.coordinates, frame.axes, frame.nodes):
         with pytest.raises(ValueError):
             array[0] = 1  # type: ignore[index]
+
+
+@pytest.mark.parametrize("factor", [1e99, 1e-99])
+def test_shapes_beyond_all_sizes(factor: float) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        check_modes(modes(np.array(GOOD) * [1.0, factor]))
+    assert caught.value.code == "test.shape-size"
+    assert list(caught.value.values) == ["largest of mode 2"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import platform
 import re
 import sys
@@ -38,7 +39,8 @@ class Running:
     def folder(self) -> Path | None:
         """The run folder as far as it can be told and exists."""
         folder = self.output if self.output is not None else _folder_of(self.path)
-        return folder if folder is not None and folder.is_dir() else None
+        # False too for a name that no folder can have
+        return folder if folder is not None and os.path.isdir(folder) else None
 
     def written(self) -> list[Path]:
         """Files in the run folder that are not older than the command."""
@@ -48,11 +50,12 @@ class Running:
 
 
 def _folder_of(path: Path) -> Path | None:
-    # only needed where something went wrong
-    from femtune.files.study_file import read_study_file  # noqa: PLC0415
-
+    # where the reader was never loaded nothing was written; and after Ctrl-C amid imports nothing more can be loaded
+    reader = sys.modules.get("femtune.files.study_file")
+    if os.path.isdir(path):
+        return path
     try:
-        return path if path.is_dir() else read_study_file(path).output_folder
+        return reader.read_study_file(path).output_folder if reader else None
     except FemtuneError:
         return None
 

@@ -71,7 +71,7 @@ def _elastic_size(K: sp.csr_array, M: sp.csr_array, factor: Factor, size: float)
     k, m = block.T @ (K @ block), block.T @ (M @ block)
     theta = la.eigvalsh(m, k + size * m)
     values = 1.0 / theta[theta > 1e-8 * theta[-1]] - size
-    positive = values[values > max(1e-6 * float(values.max()), 0.0)]
+    positive = values[values > 1e-6 * values.max(initial=0.0)]
     # far below the shift a rigid-body mode of little inertia looks elastic by rounding
     elastic = positive[positive > 1e-3 * size] if (positive > 1e-3 * size).any() else positive
     return float(elastic.min()) if elastic.size else size

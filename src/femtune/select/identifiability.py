@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Reals = NDArray[np.float64]
 
 NO_EFFECT, NO_SHARE = 0.1, 1e-3
+ROUNDING = 1e-9
 _STARTS = 8
 
 
@@ -23,10 +24,10 @@ def determined(singular_values: Reals) -> NDArray[np.bool_]:
 
     One prior standard deviation along an undetermined combination changes all residuals together by less than
     NO_EFFECT of their standard deviation, and by less than NO_SHARE of what the best determined one does (so that
-    residuals with unit weights, whose size says nothing, are not called blind).
+    residuals with unit weights, whose size says nothing, are not called blind). What is below ROUNDING is none.
     """
     s = singular_values
-    return np.asarray((s > NO_EFFECT) | (s > NO_SHARE * s.max(initial=0.0)))
+    return np.asarray((s > NO_EFFECT) | (s > max(NO_SHARE * s.max(initial=0.0), ROUNDING)))
 
 
 WEAK = 0.5

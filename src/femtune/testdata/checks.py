@@ -13,6 +13,8 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.modal import ModeSet
 from femtune.testdata.modal_test import ModalTest
 
+_LARGEST = 1e30
+
 LOW_COLLINEARITY = 0.9
 """Below this phase collinearity a shape is reported as complex."""
 
@@ -26,7 +28,7 @@ def check_test(test: ModalTest, *, allow_missing: bool = False) -> tuple[Notice,
 
     Raises
     ------
-    FemtuneError : ``test.nan``, ``test.zero-shape``, ``test.frequency``, ``test.sensor-direction``
+    FemtuneError : ``test.nan``, ``test.zero-shape``, ``test.shape-size``, ``test.frequency``, ``test.sensor-direction``
     """
     errors = ErrorCollector()
     notices: tuple[Notice, ...] = ()
@@ -73,12 +75,25 @@ def _check_nan(modes: ModeSet) -> None:
 
 def _check_zero(modes: ModeSet) -> None:
     largest = np.nanmax(np.abs(modes.shapes), axis=0, initial=0.0)
+    _check_size(modes, largest)
     empty = [modes.labels[j] for j in np.flatnonzero(largest == 0)]
     if empty:
         raise FemtuneError(
             "test.zero-shape",
             f"the shape of mode {', '.join(empty)} is zero at every DOF",
             hint="leave the mode out, or read its shape from another record",
+        )
+
+
+def _check_size(modes: ModeSet, largest: NDArray[np.float64]) -> None:
+    """Squares of entries must neither overflow nor vanish, also where shapes are kept in single precision."""
+    odd = (largest > 0) & ((largest < 1.0 / _LARGEST) | (largest > _LARGEST))
+    if odd.any():
+        raise FemtuneError(
+            "test.shape-size",
+            "the entries of mode shapes are beyond all sizes",
+            values={f"largest of mode {modes.labels[j]}": largest[j] for j in np.flatnonzero(odd)[:5]},
+            hint="export the shapes again, scaled to unit norm or to a largest entry of one",
         )
 
 

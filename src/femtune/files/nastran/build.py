@@ -19,6 +19,7 @@ from femtune.files.nastran.control import (
     eigen_methods,
     hold_singular,
     ignored_params,
+    mass_factor,
     real_param,
 )
 from femtune.files.nastran.deck import Deck
@@ -121,7 +122,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         permanent=permanent_constraints(building, grids),
         default_support_set=case.spc,
         default_multipoint_set=case.mpc,
-        mass_factor=real_param(building, "WTMASS", 1.0),
+        mass_factor=mass_factor(building),
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},

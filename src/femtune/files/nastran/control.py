@@ -69,6 +69,16 @@ def real_param(building: Building, name: str, default: float) -> float:
     return default
 
 
+def mass_factor(building: Building) -> float:
+    """PARAM WTMASS, by which masses are multiplied (error ``deck.param`` unless it is above zero)."""
+    value = real_param(building, "WTMASS", 1.0)
+    if value > 0.0:
+        return value
+    with building.errors.catch():
+        raise _bad_param("WTMASS", building.deck.params["WTMASS"], "above zero")
+    return 1.0
+
+
 def coupled_mass(building: Building) -> bool:
     """PARAM COUPMASS: 1 or YES is consistent mass; blank, −1 or NO is lumped."""
     return _switch(building, "COUPMASS", {"1": True, "YES": True, "-1": False, "0": False, "NO": False}, False)

@@ -47,7 +47,7 @@ class IntegerList:
     def expand(self, most: int = 1_000_000) -> tuple[int, ...]:
         """All numbers of the list in ascending order; ValueError for ALL or more than `most` numbers."""
         if self.every or sum(len(span.numbers) for span in self.spans) > most:
-            raise ValueError("the list is too long to be written out; use among() with the numbers that exist")
+            raise ValueError("the list is too long to be written out")
         spread = {n for span in self.spans for n in span.numbers if n in span}
         return tuple(sorted(spread | set(self.singles)))
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, StringConstraints
 from pydantic_core import PydanticCustomError
 
@@ -21,6 +22,7 @@ from femtune.units import SI, unit_system
 T = TypeVar("T")
 
 _MOST_SUPPORTS = 100_000
+_LEAST_SPREAD = 1e-12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
 _FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7}) +([0-9]{1,18}) +([A-Z][A-Z0-9]{0,15})")
 
@@ -121,10 +123,19 @@ def field_reference(text: str) -> FieldRef:
 
 
 def _frequency_sd(value: object) -> None:
-    if value == "test" or (is_number(value) and 0 <= value < float("inf")):  # type: ignore[operator]
-        return
+    if value == "test":
+        return None
+    if is_number(value) and 0 <= value < float("inf"):  # type: ignore[operator]
+        return _spread(value)  # type: ignore[arg-type]
     hint = 'write a relative standard deviation such as 0.01 (0: frequencies are not used), or "test"'
     raise FemtuneError("study.type", "a number, or the word test, is wanted here", hint=hint)
+
+
+def _spread(value: float) -> None:
+    """Squares of its reciprocal stay finite; no measurement is as good or as bad."""
+    if value != 0 and not _LEAST_SPREAD <= value <= 1.0 / _LEAST_SPREAD:
+        what = f"a standard deviation is zero, or between {_LEAST_SPREAD:g} and {1.0 / _LEAST_SPREAD:g}"
+        raise FemtuneError("study.value", what, hint="give the scatter of the test, for example 0.01")
 
 
 def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
@@ -140,12 +151,17 @@ def _inertia(value: object) -> None:
         raise FemtuneError("study.type", "moments of inertia are wanted here", hint=hint)
     if shape[0] == 3 and any(rows[i][j] != rows[j][i] for i in range(3) for j in range(i)):
         raise FemtuneError("study.value", "the inertia is not symmetric", hint="make it so: Ixy = Iyx and so on")
+    moments = np.linalg.eigvalsh(np.array(rows, float) if shape[0] else np.diag(rows))
+    if moments[0] < -1e-9 * np.abs(moments).max():
+        hint = "moments of inertia are zero or more; products Ixy are not larger than the moments allow"
+        raise FemtuneError("study.value", "the inertia has a negative principal moment", hint=hint)
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Spread = Annotated[float, checked(_spread)]
 Vector = tuple[float, float, float]
 Units = Annotated[str, checked(unit_system)]
 DofLabel = Annotated[str, checked(parse_dof)]

@@ -64,7 +64,7 @@ def _text(file: Path) -> str:
         what = f"a file of {len(content) // 1_000_000} MB is no study"
         raise FemtuneError("study.syntax", what, where=where, hint="a study has some thirty lines of TOML text")
     try:
-        return content.decode("utf-8").replace("\r\n", "\n")
+        return content.decode("utf-8").removeprefix("\ufeff").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         where = Where(str(file), line)

@@ -13,6 +13,7 @@ from femtune.files.study_file.kinds import (
     NotNegative,
     Number,
     Positive,
+    Spread,
     Text,
     Units,
     Vector,
@@ -43,7 +44,7 @@ class ModesTable(Table):
     """[modes]: how many modes are computed; by number or up to a frequency, never both."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    max_hz: Positive | None = None
+    max_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
 
     @property
     def wanted(self) -> int | None:
@@ -61,7 +62,7 @@ def _numbers(value: object) -> object:
 class SensorsTable(Table):
     """[sensors]: how the nodes of a test find the grid points of the model."""
 
-    tolerance: NotNegative | None = None
+    tolerance: Positive | None = None
     by_id: bool = False
     nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
 
@@ -103,7 +104,7 @@ class RigidFloorEntry(Table):
 class CorrelateTable(Table):
     """[correlate]: which modes may be paired, and which are compared as one subspace."""
 
-    frequency_gate: Positive = 0.30
+    frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
     cluster_gap: NotNegative = 0.01
 
@@ -112,7 +113,7 @@ class ResidualsTable(Table):
     """[residuals]: what the update compares, and with which weight."""
 
     frequency_sd: FrequencySd = 0.01
-    shape_sd: NotNegative = 0.0
+    shape_sd: Spread = 0.0
     shape_form: Literal["difference", "mac"] = "difference"
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
@@ -123,7 +124,7 @@ class UpdateTable(Table):
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
     regularisation: Literal["none", "minimum-change", "prior"] = "none"
-    weight: NotNegative = 0.0
+    weight: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
 
 

@@ -15,7 +15,7 @@ from femtune.report.numbers import typeset
 
 SIDE_BY_SIDE = 12
 """Matrices with more rows or columns than this don't stand side by side."""
-_MANY = 24
+_MANY, _VERY_MANY = 24, 100
 _BLUES = ("#f7fafd", "#c3d8ea", "#75a5cf", "#2d6ca6", "#0e3a66")
 _ORANGES = ("#f7fafd", "#f4d6bd", "#e0a06a", "#b9601f", "#6e3208")
 _LETTER = 4.75
@@ -99,9 +99,10 @@ def _cells(picture: MatrixPicture, s: _Sheet) -> Iterable[str]:
     """Coloured cells with their values; in large matrices only values that are not small, so that they stand out."""
     threshold = 0.1 * picture.limit if max(picture.values.shape) > SIDE_BY_SIDE else -1.0
     font = min(8.5, 0.3 * s.size)
-    for (i, j), value in np.ndenumerate(picture.values):
-        if not np.isfinite(value):
-            continue
+    # so many cells are not drawn one by one, only those that stand out
+    drawn = threshold if max(picture.values.shape) > _VERY_MANY else -1.0
+    for i, j in np.argwhere(np.isfinite(picture.values) & (np.abs(picture.values) >= drawn)):
+        value = picture.values[i, j]
         x, y = s.corner(i, j)
         colour = _colour(float(value), picture)
         yield rectangle(x + 0.5, y + 0.5, s.size - 1.0, s.size - 1.0, colour)
