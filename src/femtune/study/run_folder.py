@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import tempfile
 import zipfile
 import zlib
@@ -72,11 +73,12 @@ def check_writable(folder: Path | str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
+    except (OSError, ValueError) as error:
+        # ValueError: a name that no folder can have
         raise unwritable(folder, error) from error
 
 
-def unwritable(folder: Path, error: OSError) -> FemtuneError:
+def unwritable(folder: Path, error: OSError | ValueError) -> FemtuneError:
     """The error that a run folder refuses a file."""
     return FemtuneError(
         "run.unwritable",
@@ -86,9 +88,9 @@ def unwritable(folder: Path, error: OSError) -> FemtuneError:
     )
 
 
-def _reason(folder: Path, error: OSError) -> str:
-    taken = next((p for p in (folder, *folder.parents) if p.is_file()), None)
-    return str(error.strerror or error) if taken is None else f"{taken.name} is a file, not a folder"
+def _reason(folder: Path, error: OSError | ValueError) -> str:
+    taken = next((p for p in (folder, *folder.parents) if os.path.isfile(p)), None)
+    return str(getattr(error, "strerror", None) or error) if taken is None else f"{taken.name} is a file, not a folder"
 
 
 def _pack(arrays: Mapping[str, NDArray[Any]]) -> bytes:
