@@ -8,9 +8,9 @@ from pathlib import Path
 from femtune.files.study_file import read_study_file
 from femtune.study.progress import Progress, silent
 from femtune.study.run_folder import read_results
-from femtune.study.steps import RunFolder, correlate, info, modes, select, update
+from femtune.study.steps import RunFolder, correlate, info, mode_sets, modes, select, update
 
-__all__ = ["RunFolder", "correlate", "info", "modes", "report", "run", "select", "update"]
+__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "report", "run", "select", "update"]
 
 REPORT_FILE = "report.html"
 

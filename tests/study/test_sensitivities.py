@@ -113,3 +113,14 @@ def test_a_spring_across_two_directions_is_a_fault(tmp_path: Path) -> None:
     check = steps.info(tmp_path / "skew.bdf").configurations[0].rigid_body_check
     assert check.verdict == "fail"
     assert {e.element for e in check.grounding_elements} == {11}
+
+
+def test_mode_sets_hold_the_shapes_at_all_points(tmp_path: Path) -> None:
+    modes = steps.mode_sets(_study(tmp_path, "frequency"))["A"]
+    # mass-normalised by hand: k = [[3000, -2000], [-2000, 2000]], m = diag(2, 3)
+    at = [modes.dofs.labels().index(label) for label in ("2X+", "3X+")]
+    phi = modes.shapes[at]
+    np.testing.assert_allclose(phi.T @ np.diag([2.0, 3.0]) @ phi, np.eye(2), atol=1e-10)
+    stiffness = np.array([[3000.0, -2000.0], [-2000.0, 2000.0]])
+    np.testing.assert_allclose(phi.T @ stiffness @ phi, np.diag(modes.eigenvalues), atol=1e-6)
+    assert modes.normalisation == "mass"

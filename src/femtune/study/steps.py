@@ -6,6 +6,9 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
+from femtune.dofs import DofSet
+from femtune.modal import ModeSet
+from femtune.study.cases import StudyCase
 from femtune.study.load import Study, load_study, read_study
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Stopwatch, inputs_of
@@ -15,10 +18,10 @@ from femtune.study.results_model import ModelFacts, ModelModes
 from femtune.study.results_update import SelectionResults
 from femtune.study.run import Run, RunFolder, check_parameters, select_at
 from femtune.study.run_folder import check_writable
-from femtune.study.stages import modes_of, nominal, stage_records, start
+from femtune.study.stages import modes_of, nominal, solve, stage_records, start
 from femtune.study.write_back import check_inputs_safe
 
-__all__ = ["RunFolder", "correlate", "info", "modes", "select", "update"]
+__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "select", "update"]
 
 
 def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
@@ -31,6 +34,22 @@ def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
 def modes(path: Path | str, progress: Progress = silent) -> tuple[ModelModes, ...]:
     """Natural frequencies of each configuration of a study, or of a deck, at the start values of the parameters."""
     return tuple(modes_of(load_study(path, progress), "before", progress))
+
+
+def mode_sets(path: Path | str, progress: Progress = silent) -> dict[str, ModeSet]:
+    """Natural modes by configuration, with shapes at all DOFs of the model in its displacement frames.
+
+    For what the other steps do not do: planning sensors, simulating tests, drawing. The shapes are mass-normalised.
+    """
+    study = load_study(path, progress)
+    dofs = study.model.structure.nodes.dof_set()
+    return {case.name: _mode_set(study, case, dofs) for case in study.cases}
+
+
+def _mode_set(study: Study, case: StudyCase, dofs: DofSet) -> ModeSet:
+    solution = solve(study, case, nominal(study))
+    shapes = case.configured.transformation @ solution.shapes[:, : solution.wanted]
+    return ModeSet(solution.freq_hz, shapes, dofs, normalisation="mass", source=f"model, {case.name}")
 
 
 def correlate(
