@@ -103,7 +103,7 @@ def test_rotated_vectors_enter_orthogonality_and_comac() -> None:
     dofs = DofSet(Dof(i + 1, "Z") for i in range(9))
     model = ModeSet(np.array([5.0, 9.0, 9.0]), phi, dofs)
     turned = np.column_stack([phi[:, 0], phi[:, 1] + phi[:, 2], phi[:, 1] - phi[:, 2]])
-    mass = ReducedMass(np.eye(9), np.eye(9), np.zeros(3), model.labels)
+    mass = ReducedMass(np.eye(9), np.eye(9), np.zeros(3), model.labels, tuple(range(9)))
     found = correlate(ModeSet(np.array([5.0, 9.0, 9.02]), turned, dofs), model, mass=mass)
     assert found.cross_orthogonality == pytest.approx(np.eye(3), abs=1e-9)
     assert found.paired_mac == pytest.approx(np.eye(3), abs=1e-9)
@@ -120,6 +120,30 @@ def test_an_inverted_sensor_is_named() -> None:
     assert [n.code for n in notices] == ["correlate.sensor-inverted"]
     # the sensor carries so much of mode 3 that its MAC falls below the gate: three pairs are left
     assert notices[0].what == "sensors that move against the model in all 3 pairs: 5X+; is a direction wrong?"
+
+
+def test_a_sensor_on_a_rigid_body_does_not_hinder_orthogonality() -> None:
+    K, M = chain()
+    C = np.vstack([np.eye(12), np.eye(12)[1]])
+    model = model_modes(K, M, C, 3)
+    rng = np.random.default_rng(4)
+    test = ModeSet(model.freq_hz, model.shapes + 0.01 * rng.normal(size=(13, 3)), model.dofs)
+    mass = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), C, model)
+    assert isinstance(mass, ReducedMass)
+    found = correlate(test, model, mass=mass)
+    assert len(found.orthogonality_dropped) == 1
+    assert found.orthogonality_dropped[0] in ("2X+", "13X+")
+    kept = [i for i in range(13) if f"{i + 1}X+" not in found.orthogonality_dropped]
+    part = model_modes(K, M, C[kept], 3)
+    alone = correlate(
+        ModeSet(test.freq_hz, test.shapes[kept], part.dofs),
+        part,
+        mass=reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), C[kept], part),
+    )
+    assert alone.orthogonality_dropped == ()
+    assert found.cross_orthogonality == pytest.approx(alone.cross_orthogonality)
+    assert found.self_orthogonality == pytest.approx(alone.self_orthogonality)
+    assert np.diag(found.cross_orthogonality).min() > 0.9
 
 
 def test_gaps_make_orthogonality_untestable() -> None:

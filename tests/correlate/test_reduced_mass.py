@@ -100,13 +100,37 @@ def test_a_solver_of_the_caller_is_used() -> None:
     assert calls == [(9, 3)]
 
 
-def test_dependent_sensors_are_named() -> None:
+def test_a_sensor_that_repeats_others_is_dropped() -> None:
     K, M = _chain(6)
     C = np.eye(6)[[0, 2, 4, 4]]
     C[3] = 0.5 * (C[0] + C[1])
     found = _reduce(K, M, C)
-    assert isinstance(found, NotTested)
-    assert found.reason == "4 sensors show only 3 independent motions of the model (dependent among 1X+, 2X+, 4X+)"
+    assert isinstance(found, ReducedMass)
+    # any three of 1, 2, 4 and the third are independent; the third is no combination and must stay
+    assert len(found.kept) == 3
+    assert 2 in found.kept
+    assert found.dropped == tuple(f"{i + 1}X+" for i in range(4) if i not in found.kept)
+    kept = list(found.kept)
+    alone = _reduce(K, M, C[kept])
+    assert isinstance(alone, ReducedMass)
+    assert alone.dropped == ()
+    assert found.mass == pytest.approx(alone.mass)
+    assert found.frequency_error == pytest.approx(alone.frequency_error, nan_ok=True)
+
+
+def test_seven_sensors_on_three_motions_keep_three() -> None:
+    K, M = _chain(8)
+    mix = np.random.default_rng(5).standard_normal((7, 3))
+    found = _reduce(K, M, mix @ np.eye(8)[[1, 4, 6]])
+    assert isinstance(found, ReducedMass)
+    assert len(found.kept) == 3
+    assert len(found.dropped) == 4
+    plain = _reduce(K, M, np.eye(8)[[1, 4, 6]])
+    assert isinstance(plain, ReducedMass)
+    # the same space of motions gives the same reduced frequencies
+    assert eigh(found.stiffness, found.mass, eigvals_only=True) == pytest.approx(
+        eigh(plain.stiffness, plain.mass, eigvals_only=True)
+    )
 
 
 def test_a_sensor_on_a_held_point() -> None:

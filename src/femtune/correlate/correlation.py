@@ -40,6 +40,7 @@ class Correlation:
     comac : (n,) over the pairs, NaN where undefined; DOF labels in `dofs`
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
+    orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
     noise : for each pair what the scatter of the test shape explains, or why that is not known
     notices : findings such as sensors that move against the model
     """
@@ -55,6 +56,7 @@ class Correlation:
     comac: Reals
     cross_orthogonality: Reals | NotTested
     self_orthogonality: Reals | NotTested
+    orthogonality_dropped: tuple[str, ...]
     noise: tuple[NoiseShare, ...] | NotTested
     notices: tuple[Notice, ...]
 
@@ -122,6 +124,7 @@ def correlate(
         _comac(psi, phi),
         cross,
         self_,
+        mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
         _noise(test, pairing),
         (*pairing.notices, *_inverted(test.dofs, psi, phi)),
     )
@@ -166,7 +169,8 @@ def _orthogonality(
     refusal = _refusal(psi, phi, mass, pairing)
     if refusal is not None or not isinstance(mass, ReducedMass):
         return (refusal or NotTested(""),) * 2
-    M = mass.mass
+    M, kept = mass.mass, list(mass.kept)
+    psi, phi = psi[kept], phi[kept]
     return cross_orthogonality(psi, phi, M), cross_orthogonality(psi, psi, M)
 
 
@@ -178,7 +182,8 @@ def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pai
         return NotTested("no mass matrix reduced to the sensors was given")
     if not pairing.pairs:
         return NotTested("no modes are paired")
-    if np.isnan(psi).any() or not _defined(psi, phi).all():
+    kept = list(mass.kept)
+    if np.isnan(psi[kept]).any() or not _defined(psi[kept], phi[kept]).all():
         return NotTested("some paired shapes have entries that were not measured, or do not move the sensors")
     return _inaccurate(mass, pairing.model_indices)
 

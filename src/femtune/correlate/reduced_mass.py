@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, qr
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csc_array, sparray, spmatrix
 from scipy.sparse.linalg import splu
@@ -41,15 +41,19 @@ class ReducedMass:
 
     Parameters
     ----------
-    mass, stiffness : (s, s)
+    mass, stiffness : (k, k) at the sensors that were kept
     frequency_error : (m,) (reduced − full)/full of each model mode; NaN where no reduced mode resembles it
     labels : (m,) names of the model modes
+    kept : (k,) positions of these sensors among all
+    dropped : labels of sensors that only repeat combinations of those kept (such as a fourth on a rigid line)
     """
 
     mass: Reals
     stiffness: Reals
     frequency_error: Reals
     labels: tuple[str, ...]
+    kept: tuple[int, ...]
+    dropped: tuple[str, ...] = ()
 
 
 def reduce_mass(
@@ -68,10 +72,12 @@ def reduce_mass(
 
     Returns
     -------
-    ReducedMass, or NotTested with the reason in words: a sensor that cannot move, sensors that depend on each
-    other (more sensors on a rigid body than it has motions), no elastic mode to set the shift
+    ReducedMass, or NotTested with the reason in words: a sensor that cannot move, a mechanism, no elastic mode to
+    set the shift. Sensors that depend on each other (more sensors on a rigid body than it has motions) make
+    C A⁻¹Cᵀ singular; the redundant ones are dropped by QR with pivoting, which keeps the most independent.
 
-    Source: Guyan (1965), generalised to sensors that are combinations of DOFs.
+    Source: Guyan (1965), generalised to sensors that are combinations of DOFs; Golub and Van Loan, Matrix
+    Computations, section 5.4.2 (rank by QR with column pivoting).
     """
     rows = csc_array(C)
     shift = _shift(model)
@@ -84,8 +90,11 @@ def reduce_mass(
     if static is None:
         return NotTested("the stiffness matrix is singular: a part of the model is a mechanism")
     flexibility = rows @ static
-    dependent = _dependence(0.5 * (flexibility + flexibility.T), model)
-    return dependent or _reduced(K, M, np.linalg.solve(flexibility.T, static.T).T, model)
+    kept = _independent(0.5 * (flexibility + flexibility.T))
+    if isinstance(kept, NotTested):
+        return kept
+    T = np.linalg.solve(flexibility[np.ix_(kept, kept)].T, static[:, kept].T).T
+    return _reduced(K, M, T, model, kept)
 
 
 def _shift(model: ModeSet) -> float | None:
@@ -109,36 +118,31 @@ def _static_shapes(K: Sparse, M: Sparse, rows: csc_array, shift: float, solve: S
     return x if np.isfinite(x).all() else None
 
 
-def _dependence(flexibility: Reals, model: ModeSet) -> NotTested | None:
-    """Refuse sensors whose motions are not independent, naming those in the missing combination."""
+def _independent(flexibility: Reals) -> list[int] | NotTested:
+    """Positions of the largest set of sensors whose motions are independent, in their order."""
     diagonal = np.diag(flexibility)
     if (diagonal <= 0.0).any():
         return NotTested("the stiffness matrix is not positive definite at the sensors")
     scale = 1.0 / np.sqrt(diagonal)
-    values, vectors = np.linalg.eigh(scale[:, None] * flexibility * scale)
-    missing = int(np.sum(values < _INDEPENDENT * values[-1]))
-    if not missing:
-        return None
-    weight = np.max(np.abs(vectors[:, :missing]), axis=1)
-    names = [label for label, w in zip(model.dofs.labels(), weight) if w > 0.05]
-    return NotTested(
-        f"{len(values)} sensors show only {len(values) - missing} independent motions of the model "
-        f"(dependent among {', '.join(names[:12])}{' …' if len(names) > 12 else ''})"
-    )
+    R, order = qr(scale[:, None] * flexibility * scale, mode="r", pivoting=True)[-2:]
+    pivots = np.abs(np.diag(R))
+    return sorted(int(k) for k in order[pivots > _INDEPENDENT * pivots[0]])
 
 
-def _reduced(K: Sparse, M: Sparse, T: Reals, model: ModeSet) -> ReducedMass | NotTested:
+def _reduced(K: Sparse, M: Sparse, T: Reals, model: ModeSet, kept: list[int]) -> ReducedMass | NotTested:
     mass, stiffness = T.T @ (M @ T), T.T @ (K @ T)
     mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
     if np.linalg.eigvalsh(mass)[0] <= 0.0:
         return NotTested("the mass matrix reduced to the sensors is not positive definite: some carry no mass")
-    return ReducedMass(mass, stiffness, _frequency_error(stiffness, mass, model), model.labels)
+    dropped = tuple(label for i, label in enumerate(model.dofs.labels()) if i not in kept)
+    error = _frequency_error(stiffness, mass, model, kept)
+    return ReducedMass(mass, stiffness, error, model.labels, tuple(kept), dropped)
 
 
-def _frequency_error(stiffness: Reals, mass: Reals, model: ModeSet) -> Reals:
+def _frequency_error(stiffness: Reals, mass: Reals, model: ModeSet, kept: list[int]) -> Reals:
     """Reduced against full frequencies, matched by shape in the reduced mass; rigid-body modes count as exact."""
     eigenvalues, vectors = eigh(stiffness, mass)
-    likeness = np.nan_to_num(mac_where_defined(model.shapes, vectors, mass))
+    likeness = np.nan_to_num(mac_where_defined(model.shapes[kept], vectors, mass))
     error = np.full(len(model), np.nan)
     full = model.eigenvalues
     for i, j in zip(*linear_sum_assignment(likeness, maximize=True)):

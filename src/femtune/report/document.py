@@ -95,12 +95,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; rows have a cell for each column."""
+    """A table; rows have a cell for each column; a `folded` one is shown on demand, and in print."""
 
     title: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
+    folded: bool = False
     kind: ClassVar[str] = "table"
 
     def __post_init__(self) -> None:

@@ -81,6 +81,7 @@ def correlation_results(name: str, stage: Stage, c: Correlation, prefix: str, ar
         comac=tuple(ComacEntry(dof=str(d), comac=float(v)) for d, v in zip(c.dofs, c.comac) if np.isfinite(v)),
         cross_orthogonality_key=f"{prefix}/cross_orthogonality" if crossed else None,
         cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
+        cross_orthogonality_dropped=c.orthogonality_dropped,
         criteria=tuple(_criterion(v) for v in assess(c)),
     )
 
@@ -130,7 +131,7 @@ def _clusters(c: Correlation) -> Iterable[ClusterMatch]:
                 test_labels=tuple(c.test.labels[k] for k in match.test),
                 model_numbers=tuple(j + 1 for j in match.model),
                 angle_deg=float(np.nanmax(angles)) if np.isfinite(angles).any() else 0.0,
-                sentence=f"the model's vectors were rotated by {match.rotation.angle_deg:.1f}° to the test's",
+                sentence=f"the model's vectors were rotated by {match.rotation.angle_deg:.1f}° within theirs",
             )
 
 

@@ -141,6 +141,8 @@ class CorrelationResults(Record):
     """Key of the mass-weighted cross-orthogonality, shape of the MAC matrix; None where not tested."""
     cross_orthogonality_reason: str
     """Why it was not tested; "" where it was."""
+    cross_orthogonality_dropped: tuple[str, ...] = ()
+    """Sensors that it leaves out, since in the model they only repeat others (as on a rigid body)."""
     criteria: tuple[Criterion, ...]
     """Acceptance criteria."""
     mac_gate: float | None = None

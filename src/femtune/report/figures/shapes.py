@@ -54,8 +54,11 @@ class _View:
         return _projected(points) * [self.scale, -self.scale] + self.shift
 
 
-def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel]) -> str:
-    """All panels with the same view and the same largest motion; the undeformed structure is in the file once."""
+def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel], *, axes: bool = True) -> str:
+    """All panels with the same view and the same largest motion; the undeformed structure is in the file once.
+
+    `axes` draws the basic axes into the first panel.
+    """
     view, height = _view(frame, panels)
     across = min(len(panels), _ACROSS)
     rows = -(-len(panels) // _ACROSS)
@@ -65,7 +68,7 @@ def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel]) -> str:
     for k, panel in enumerate(panels):
         x, y = (k % _ACROSS) * (_PANEL + _GAP), (k // _ACROSS) * (height + _TITLE + _GAP)
         parts += [f'<g transform="translate({x:.1f} {y:.1f})">', *_panel(frame, panel, view), "</g>"]
-    return svg_file(width, tall, [*parts, *_axes(tall)])
+    return svg_file(width, tall, [*parts, *(_axes(height + _TITLE) if axes else ())])
 
 
 def _projected(points: Reals) -> Reals:
@@ -119,7 +122,7 @@ def _panel(frame: Wireframe, panel: ShapePanel, view: _View) -> Iterable[str]:
 
 
 def _axes(height: float) -> Iterable[str]:
-    """The basic axes in the lower left corner."""
+    """The basic axes in the lower left corner of a panel of that height."""
     origin = np.array([16.0, height - 12.0])
     for name, axis in zip("xyz", _projected(np.eye(3)) * [15.0, -15.0]):
         yield strokes(origin[None], (origin + axis)[None], PALE, 0.8)

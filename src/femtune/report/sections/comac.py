@@ -11,6 +11,7 @@ from femtune.report.source import Source
 from femtune.study.results_correlation import CorrelationResults
 
 _SHOWN = 40
+_NAMED = 5
 
 
 def comac(source: Source) -> list[Block]:
@@ -33,8 +34,7 @@ def _configuration(source: Source, name: str) -> Figure | Paragraph:
     dofs = [dof for dof in last if dof in set(worst)]
     draw = partial(comac_svg, dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
     some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
-    lowest = worst[0]
-    caption = f"{name}{some}. Lowest: {last[lowest]:.3f} at {lowest}."
+    caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_NAMED])}."
     return Figure(draw, caption, f"COMAC by measured DOF, {listed(f'{d} {unit_fraction(last[d])}' for d in dofs)}")
 
 

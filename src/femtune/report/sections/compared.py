@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from femtune.report.document import Block, Heading, Paragraph, Table, columns, row, table_or_none
+from femtune.report.document import Block, Cell, Heading, Listing, Paragraph, Table, columns, row, table_or_none
 from femtune.report.numbers import NONE, counted, short
 from femtune.report.source import Source
-from femtune.study.results_model import SensorResults
+from femtune.study.results_model import MatchedSensor, SensorResults
+
+_UNFOLDED = 24
+"""Rows of the largest sensor table that is shown at once."""
+
+_TOLD_ELSEWHERE = ("update.", "write.")
+"""Areas whose notes stand in the sections about the update and the deck."""
 
 
 def compared(source: Source) -> list[Block]:
@@ -13,6 +19,7 @@ def compared(source: Source) -> list[Block]:
     return [
         _configurations(source),
         _left_out(source),
+        *_notes(source),
         Heading("Sensors"),
         *(_unmatched(names, s) for names, s in _alike(source)),
         *(_matched(names, s, source.results.study.units) for names, s in _alike(source)),
@@ -35,10 +42,21 @@ def _configuration(source: Source, name: str) -> tuple:
         sensors.test_file if sensors else NONE,
         str(len(sensors.matched)) if sensors else NONE,
         str(len(sensors.unmatched)) if sensors else NONE,
-        str(len(compared.pairs)) if compared else "not compared",
+        _pairs(source, name),
         str(len(compared.left_out)) if compared else NONE,
         "; ".join(overlay) or "none: the deck as it is",
     )
+
+
+def _pairs(source: Source, name: str) -> str:
+    return " → ".join(str(len(stage.pairs)) for stage in source.shown(name)) or "not compared"
+
+
+def _notes(source: Source) -> list[Block]:
+    """What is good to know about the data but asks for nothing."""
+    notes = [a for a in source.results.alerts if a.level == "info" and not a.code.startswith(_TOLD_ELSEWHERE)]
+    lines = tuple(f"{a.sentence} [{a.code}{f', {a.where}' if a.where else ''}]" for a in notes)
+    return [Heading("Notes on the test files and sensors"), Listing(lines)] if lines else []
 
 
 def _left_out(source: Source) -> Block:
@@ -56,20 +74,34 @@ def _alike(source: Source) -> list[tuple[str, SensorResults]]:
 
 
 def _matched(names: str, sensors: SensorResults, units: str) -> Block:
-    tolerance = f", tolerance {short(sensors.tolerance)}" if sensors.tolerance is not None else ""
+    unit = units.partition("-")[0]
+    tolerance = f", tolerance {short(sensors.tolerance)} {unit}" if sensors.tolerance is not None else ""
     title = f"{names}: {counted(len(sensors.matched), 'sensor')} matched{tolerance}"
-    heads = columns("Measured DOF", ">Test node", ">Model grid", f">Distance ({units.partition('-')[0]})", "How")
-    rows = [
-        row(
-            s.test_dof,
-            str(s.test_node),
-            str(s.model_node) if s.model_node is not None else "several",
-            short(s.distance),
-            s.how,
-        )
-        for s in sensors.matched
-    ]
-    return table_or_none(title, heads, rows, f"{names}: no sensor could be matched.")
+    heads = columns(">Test node", "Measured DOFs", ">Model grid", f">Distance ({unit})", "How")
+    rows = tuple(_at_one_place(together) for together in _by_place(sensors))
+    if not rows:
+        return Paragraph(f"{names}: no sensor could be matched.")
+    return Table(title, heads, rows, folded=len(rows) > _UNFOLDED)
+
+
+def _by_place(sensors: SensorResults) -> list[list[MatchedSensor]]:
+    """Sensors of one test node that found the model in the same way."""
+    found: dict[tuple, list[MatchedSensor]] = {}
+    for s in sensors.matched:
+        found.setdefault((s.test_node, s.model_node, s.distance, s.how), []).append(s)
+    return list(found.values())
+
+
+def _at_one_place(sensors: list[MatchedSensor]) -> tuple[Cell, ...]:
+    s = sensors[0]
+    node = str(s.test_node)
+    dofs = ", ".join(_typeset(m.test_dof.removeprefix(node)) for m in sensors)
+    return row(node, dofs, str(s.model_node) if s.model_node is not None else "several", short(s.distance), s.how)
+
+
+def _typeset(direction: str) -> str:
+    """ "X" for "X+", "−X" for "X-"."""
+    return f"−{direction[:-1]}" if direction.endswith("-") else direction.removesuffix("+")
 
 
 def _unmatched(names: str, sensors: SensorResults) -> Block:

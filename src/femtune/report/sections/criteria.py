@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from femtune.report.document import Block, Cell, Column, Paragraph, Table, Tone, columns, row
 from femtune.report.numbers import NONE, NOT_TESTED, value, with_unit
-from femtune.report.source import STAGE_WORDS, Source, stages
+from femtune.report.source import STAGE_HEADS, STAGE_WORDS, Source, stages
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import Criterion
 
@@ -12,8 +14,9 @@ _TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"
 
 
 def criteria(source: Source) -> list[Block]:
-    """One table a stage."""
+    """One table a stage of what was measured; then what was not tested, each reason once."""
     blocks = [table for stage in stages(source) if (table := _table(source, stage)) is not None]
+    blocks += _not_tested(source)
     return [*blocks, *source.after_notes] if blocks else [Paragraph("Not tested: no criterion was evaluated.")]
 
 
@@ -22,17 +25,52 @@ def _table(source: Source, stage: Stage) -> Block | None:
         row(c.configuration, *criterion_cells(criterion))
         for c in source.results.correlations
         if c.stage == stage
-        for criterion in c.criteria
+        for criterion in tested(c.criteria)
     ]
     heads: tuple[Column, ...] = columns("Configuration", "Criterion", ">Asked", ">Measured", "Verdict", "Remark")
     return Table(STAGE_WORDS[stage].capitalize(), heads, tuple(rows)) if rows else None
 
 
+def tested(criteria: Iterable[Criterion]) -> list[Criterion]:
+    """Criteria with a verdict."""
+    return [c for c in criteria if c.verdict != NOT_TESTED]
+
+
+def untested(criteria: Iterable[Criterion]) -> dict[str, tuple[str, ...]]:
+    """Criteria that were not tested, with what they ask, by the reason."""
+    found: dict[str, tuple[str, ...]] = {}
+    for c in criteria:
+        if c.verdict == NOT_TESTED:
+            found[c.remark] = (*found.get(c.remark, ()), f"{c.name} {_asked(c)}")
+    return found
+
+
+def _not_tested(source: Source) -> list[Block]:
+    """Stages and configurations with the same criteria and the same reason share a row."""
+    found: dict[tuple[tuple[str, ...], str, Stage], list[str]] = {}
+    for stage in stages(source):
+        for c in (c for c in source.results.correlations if c.stage == stage):
+            for reason, names in untested(c.criteria).items():
+                found.setdefault((names, reason, stage), []).append(c.configuration)
+    joined: dict[tuple[tuple[str, ...], str, tuple[str, ...]], list[str]] = {}
+    for (names, reason, stage), configurations in found.items():
+        joined.setdefault((names, reason, tuple(configurations)), []).append(STAGE_HEADS[stage])
+    rows = [
+        row(", ".join(where), " and ".join(when), "; ".join(names), reason or NONE)
+        for (names, reason, where), when in joined.items()
+    ]
+    heads = columns("Configurations", "When", "Criteria", "Reason")
+    return [Table("Criteria that were not tested", heads, tuple(rows))] if rows else []
+
+
 def criterion_cells(c: Criterion) -> tuple[Cell, ...]:
     """Name, what is asked, what was measured, verdict and remark."""
-    sign = "≤" if c.sense == "at most" else "≥"
     measured = with_unit(value(c.measured), c.unit) if c.measured is not None else NOT_TESTED
     return row(
-        c.name, with_unit(f"{sign} {value(c.limit)}", c.unit), measured,
+        c.name, _asked(c), measured,
         Cell(c.verdict, tone=_TONES[c.verdict]), c.remark or NONE,
     )  # fmt: skip
+
+
+def _asked(c: Criterion) -> str:
+    return with_unit(f"{'≤' if c.sense == 'at most' else '≥'} {value(c.limit)}", c.unit)

@@ -101,6 +101,16 @@ def _orthogonality(source: Source, stages: list[CorrelationResults]) -> list[Blo
         f for s in stages if (f := _figure(source, s, s.cross_orthogonality_key, "Cross-orthogonality")) is not None
     ]
     if figures:
-        return _rows(figures)
+        return [*_rows(figures), *dropped_sensors(stages[-1])]
     why = stages[-1].cross_orthogonality_reason
     return [Paragraph(f"Cross-orthogonality: not tested{f' ({why})' if why else ''}.", tone="muted")]
+
+
+def dropped_sensors(stage: CorrelationResults) -> list[Block]:
+    """Sensors without a part in the mass-weighted comparison; [] where all take part."""
+    names = stage.cross_orthogonality_dropped
+    if not names:
+        return []
+    one = len(names) == 1
+    words = f"{'it repeats' if one else 'they repeat'} the others, as sensors on a rigid body do"
+    return [Paragraph(f"Cross-orthogonality leaves out {listed(names)}: {words}.", tone="muted")]

@@ -59,7 +59,7 @@ def _configuration(source: Source, name: str) -> list[Block]:
     most = max(1, _MOST_LINES // len(drawn.frame.lines))
     shown = stage.pairs[:most]
     groups = [shown[i : i + _A_FIGURE] for i in range(0, len(shown), _A_FIGURE)]
-    return [Heading(name), *(_figure(drawn, stage, group) for group in groups), *_rest(stage, len(shown))]
+    return [Heading(name), *(_figure(drawn, stage, g, axes=g is groups[0]) for g in groups), *_rest(stage, len(shown))]
 
 
 def _last_kept(source: Source, name: str) -> ModeShapes | None:
@@ -91,9 +91,9 @@ def _drawn(source: Source, kept: ModeShapes, stage: CorrelationResults) -> _Draw
     )  # fmt: skip
 
 
-def _figure(drawn: _Drawn, stage: CorrelationResults, pairs: Sequence[PairedMode]) -> Figure:
+def _figure(drawn: _Drawn, stage: CorrelationResults, pairs: Sequence[PairedMode], *, axes: bool) -> Figure:
     titles = [_title(p) for p in pairs]
-    draw = partial(_draw, drawn, stage, tuple(pairs))
+    draw = partial(_draw, drawn, stage, tuple(pairs), axes)
     return Figure(
         draw, "", f"Mode shapes of {stage.configuration} {STAGE_WORDS[stage.stage]}. {'; '.join(titles)}", wide=True
     )
@@ -104,8 +104,8 @@ def _title(p: PairedMode) -> str:
     return f"{p.test_label}: {p.model_freq_hz:.4g} Hz (test {p.test_freq_hz:.4g}), MAC {mac}"
 
 
-def _draw(drawn: _Drawn, stage: CorrelationResults, pairs: tuple[PairedMode, ...]) -> str:
-    return shapes_svg(drawn.frame, [_panel(drawn, stage, p) for p in pairs])
+def _draw(drawn: _Drawn, stage: CorrelationResults, pairs: tuple[PairedMode, ...], axes: bool) -> str:
+    return shapes_svg(drawn.frame, [_panel(drawn, stage, p) for p in pairs], axes=axes)
 
 
 def _panel(drawn: _Drawn, stage: CorrelationResults, pair: PairedMode) -> ShapePanel:

@@ -114,8 +114,13 @@ def cluster_paragraphs(stage: CorrelationResults) -> list[Block]:
 
 
 def _cluster(c: ClusterMatch) -> str:
-    tail = f" {c.sentence}" if c.sentence else ""
+    tail = f"; {c.sentence.removesuffix('.')}" if c.sentence else ""
+    test, model = _named("test", c.test_labels), _named("model", [str(n) for n in c.model_numbers])
     return (
-        f"Cluster {c.cluster}: test modes {listed(c.test_labels)} and model modes {listed(map(str, c.model_numbers))} "
-        f"are close and were compared as subspaces; the largest angle between them is {short(c.angle_deg)}°.{tail}"
+        f"Cluster {c.cluster}: {test} and {model} are close and were compared as subspaces: "
+        f"largest angle between the two subspaces {short(c.angle_deg)}°{tail}."
     )
+
+
+def _named(whose: str, labels: Sequence[str]) -> str:
+    return f"{whose} {'mode' if len(labels) == 1 else 'modes'} {listed(labels)}"

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from femtune.report.document import AlertBox, Block, KeyNumber, KeyNumbers, Paragraph
-from femtune.report.numbers import NOT_TESTED, percent, signed_percent, unit_fraction
+from femtune.report.numbers import NOT_TESTED, counted, listed, percent, signed_percent, unit_fraction
 from femtune.report.source import Scores, Source
 
-_ORDER = ("problem", "warning", "info")
+_ORDER = ("problem", "warning")
 
 
 def summary(source: Source) -> list[Block]:
     """The numbers that a reader in a hurry looks at, the status of the update, and what must not be overlooked."""
     before, update = source.scores("before"), source.results.update
     after = source.scores(source.final_stage)
-    blocks: list[Block] = [KeyNumbers((*_objective(source), *_scores(before, after)))] if before else []
+    blocks: list[Block] = []
+    if before:
+        blocks = [KeyNumbers((*_objective(source), *_scores(before, after))), _meaning(source, before, after)]
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
     blocks += source.after_notes
-    alerts = sorted(source.results.alerts, key=lambda a: _ORDER.index(a.level))
+    grave = [a for a in source.results.alerts if a.level in _ORDER]
+    alerts = sorted(grave, key=lambda a: _ORDER.index(a.level))
     blocks += [AlertBox(a.level, a.code, a.sentence, a.where) for a in alerts]
     return blocks if blocks else [Paragraph("Nothing has been compared yet.")]
 
@@ -30,6 +33,15 @@ def _objective(source: Source) -> tuple[KeyNumber, ...]:
     final = update.objective_after_percent if written is None else written
     name = "Objective: weighted mean error"
     return (KeyNumber(name, f"{percent(update.objective_before_percent)} %", f"{percent(final)} %"),)
+
+
+def _meaning(source: Source, before: Scores, after: Scores | None) -> Paragraph:
+    """What each number is, and over which modes."""
+    update = source.results.update
+    counts = listed(counted(c.count, f"{c.kind} residual") for c in update.residual_counts) if update else ""
+    fitted = f"The objective weighs all that the update fits{f' ({counts})' if counts else ''}. " if update else ""
+    modes = f"{before.pairs} before, {after.pairs} after" if after else str(before.pairs)
+    return Paragraph(f"{fitted}Errors and MAC: over all paired modes ({modes}), unweighted.", "muted")
 
 
 def _scores(before: Scores, after: Scores | None) -> list[KeyNumber]:

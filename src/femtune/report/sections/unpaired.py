@@ -47,9 +47,18 @@ def _model_rows(stages: list[CorrelationResults]) -> list[tuple[str, int, dict[s
 
 def _plain(source: Source, entry: tuple[str, int, dict[str, float], CorrelationResults]) -> tuple[Cell, ...]:
     name, number, hz, stage = entry
-    paired = "paired" if len(source.shown(name)) > 1 else NONE
     remark = model_mode_remark(source.array(stage.mac_key), stage, number)
-    return row(name, str(number), *(freq(hz.get(when), paired) for when in ("before", "after")), remark)
+    by_head = {STAGE_HEADS[s.stage]: s for s in source.shown(name)}
+    cells = (_freq_or_partner(hz.get(when), by_head.get(when), number) for when in ("before", "after"))
+    return row(name, str(number), *cells, remark)
+
+
+def _freq_or_partner(hz: float | None, stage: CorrelationResults | None, number: int) -> Cell:
+    """The frequency where the mode has no partner, else its partner at that stage."""
+    if hz is not None:
+        return Cell(freq(hz))
+    labels = [p.test_label for p in stage.pairs if p.model_number == number] if stage else []
+    return Cell(f"paired with test mode {labels[0]}" if labels else NONE, tone="muted")
 
 
 def model_mode_remark(mac: NDArray[Any] | None, stage: CorrelationResults, number: int) -> str:

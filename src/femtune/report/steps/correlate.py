@@ -19,8 +19,8 @@ from femtune.report.document import (
     row,
 )
 from femtune.report.numbers import NONE, freq, listed, signed_percent, typeset, unit_fraction
-from femtune.report.sections.criteria import criterion_cells
-from femtune.report.sections.mac import pair_places
+from femtune.report.sections.criteria import criterion_cells, tested, untested
+from femtune.report.sections.mac import dropped_sensors, pair_places
 from femtune.report.sections.modes import cluster_paragraphs, mac_cell, pair_remark
 from femtune.report.sections.unpaired import model_mode_remark
 from femtune.report.source import left_out_modes, scores_of
@@ -103,7 +103,8 @@ def _orthogonality(c: CorrelationResults, arrays: Arrays) -> list[Block]:
     if c.cross_orthogonality_key is None:
         why = f" ({c.cross_orthogonality_reason})" if c.cross_orthogonality_reason else ""
         return [Paragraph(f"Cross-orthogonality: not tested{why}.", "muted")]
-    return [_matrix("Cross-orthogonality of the pairs", c, arrays[c.cross_orthogonality_key], paired=True)]
+    matrix = _matrix("Cross-orthogonality of the pairs", c, arrays[c.cross_orthogonality_key], paired=True)
+    return [matrix, *dropped_sensors(c)]
 
 
 def _matrix(title: str, c: CorrelationResults, values: NDArray[Any], paired: bool = False) -> Block:
@@ -133,5 +134,10 @@ def _comac(c: CorrelationResults) -> Block:
 
 def _criteria(c: CorrelationResults) -> list[Block]:
     heads = columns("Criterion", ">Asked", ">Measured", "Verdict", "Remark")
-    rows = tuple(criterion_cells(criterion) for criterion in c.criteria)
-    return [Table("Criteria", heads, rows)] if rows else [Paragraph("Criteria: not tested.", "muted")]
+    rows = tuple(criterion_cells(criterion) for criterion in tested(c.criteria))
+    table: list[Block] = [Table("Criteria", heads, rows)] if rows else []
+    missing = [
+        Paragraph(f"Not tested: {'; '.join(names)}{f' ({reason})' if reason else ''}.", "muted")
+        for reason, names in untested(c.criteria).items()
+    ]
+    return [*table, *missing] or [Paragraph("Criteria: not tested.", "muted")]
