@@ -273,3 +273,19 @@ def test_intervals_cover_what_they_promise():
         margin = 3.0 * np.sqrt(promise * (1 - promise) / 200)
         assert (share > promise - margin).all(), (limit, share)
     assert ((z < 1.0).mean(axis=0) < 0.683 + 0.15).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frequency", "shape"), [(0.004, 0.02), (0.02, 0.005)])
+def test_intervals_cover_with_shapes_too(frequency: float, shape: float):
+    """Frequencies and shapes that scatter as stated, 150 tests: errors of one standard deviation on average."""
+    model = chain({"a": [1, 2], "b": [3, 4]}, bounds=(0.3, 3.0))
+    truth = (0.2, -0.15)
+    clean = simulated_case(model, truth, range(model.n_free), model.n_free)  # type: ignore[arg-type]
+    z = []
+    for seed in range(150):
+        result = update(problem_of(noisy(clean, frequency, shape, seed), rules=ResidualRules(frequency, shape)))
+        z.append((result.x - truth) / result.covariance.sd)
+    size = np.sqrt(np.mean(np.square(z), axis=0))
+    # the mean square of 150 draws scatters by √(2/150); misfits above one widen the intervals a little
+    assert ((size > 0.8) & (size < 1.0 + 3.0 * np.sqrt(0.5 / 150))).all(), size
