@@ -16,15 +16,14 @@ from femtune.report.document import (
     row,
     table_or_none,
 )
-from femtune.report.numbers import NONE, counted, freq, short, signed_percent, value
+from femtune.report.numbers import NONE, counted, short, signed_percent, value
+from femtune.report.sections.sturm import sturm
 from femtune.report.source import Source
-from femtune.study.results_base import Stage
-from femtune.study.results_model import ModelConfiguration, ModelFacts, ModelModes
+from femtune.study.results_model import ModelConfiguration, ModelFacts
 
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
 _LISTED = 60
 _ROUNDING = 1e-12
-_STAGES: dict[Stage, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
 
 def checks(source: Source) -> list[Block]:
@@ -38,7 +37,7 @@ def checks(source: Source) -> list[Block]:
         rigid_body_table(model.configurations),
         *grounding_elements(model.configurations),
         *grounding_dofs(model.configurations),
-        _modes(source),
+        *sturm(source),
         *_cards(model),
         *_held(model),
         Heading("Notices while reading"),
@@ -122,23 +121,6 @@ def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
     rows = [row(c.configuration, g.dof, short(g.force)) for c in configurations for g in c.rigid_body_check.worst_dofs]
     heads = columns("Configuration", "DOF", ">Force or moment")
     return [Table("Where rigid motions meet forces", heads, tuple(rows))] if rows else []
-
-
-def _modes(source: Source) -> Block:
-    heads = columns("Configuration", "Stage", ">Modes", ">Rigid-body", ">Shift Hz", ">Below it", ">Counted", "In words")
-    rows = [_sturm(m) for m in source.results.modes]
-    return table_or_none("Was a mode missed? (Sturm count)", heads, rows, "Modes were not solved: not run.")
-
-
-def _sturm(m: ModelModes) -> tuple[Cell, ...]:
-    counted_ = str(m.sturm_count) if m.sturm_count is not None else "not tested"
-    below = str(m.modes_below_shift) if m.modes_below_shift is not None else NONE
-    agree = m.sturm_count is not None and m.sturm_count == m.modes_below_shift
-    words = m.sturm_sentence or ("no mode was missed" if agree else NONE)
-    return row(
-        m.configuration, _STAGES[m.stage], str(len(m.freq_hz)), str(m.rigid_body_modes),
-        freq(m.sturm_shift_hz), below, counted_, words,
-    )  # fmt: skip
 
 
 def cards(model: ModelFacts) -> list[Block]:
