@@ -15,7 +15,7 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.files import whole_file
 from femtune.study.results import Results
-from femtune.study.run_folder import check_writable, read_results, write_results
+from femtune.study.run_folder import _read_arrays, check_writable, read_results, write_results
 
 _FILE = {"path": "study.toml", "sha256": "0" * 64}
 _PROVENANCE = {
@@ -200,3 +200,14 @@ def test_an_array_of_objects_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         write_results(tmp_path, _results(), {"jacobian": np.array([{}], dtype=object)})
     assert caught.value.code == "run.arrays"
+
+
+def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femtune.study.run_folder._MOST_BYTES", 1000)
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with zipfile.ZipFile(folder / "arrays.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.npy", bytes(2000))
+    with pytest.raises(FemtuneError) as caught:
+        _read_arrays(folder / "arrays.npz")
+    assert caught.value.code == "run.damaged"

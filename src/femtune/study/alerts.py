@@ -18,6 +18,7 @@ from femtune.study.results_update import ResidualCount
 _WEIGHED_PERCENT = 2.0
 _WRITTEN_PERCENT = 0.05
 _MISFIT = 2.0
+_MOST_UNPAIRED = 8
 
 
 def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
@@ -123,5 +124,9 @@ def _of_correlation(results: Results) -> Iterable[Alert]:
 
 
 def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:
-    for mode in c.unpaired_test:
+    for mode in c.unpaired_test[:_MOST_UNPAIRED]:
         yield _alert("warning", "correlate.unpaired", f"{c.configuration}: test mode {mode.test_label}: {mode.reason}")
+    more = len(c.unpaired_test) - _MOST_UNPAIRED
+    if more > 0:
+        sentence = f"{c.configuration}: {more} more test modes have no partner; the table of modes gives the reasons"
+        yield _alert("warning", "correlate.unpaired", sentence)
