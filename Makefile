@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
-PYTEST_ARGS ?=
+PYTEST_ARGS ?= -n auto
 EXAMPLES := $(sort $(wildcard examples/*/run.py))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
