@@ -6,13 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.study import RunFolder, read_results
-from femtune.study.results import Results
+from femtune.study.results import Results, json_schema
 
 Bench = Any
 
@@ -61,9 +62,6 @@ def test_results_are_read_again(done: RunFolder) -> None:
 
 
 def test_results_obey_the_published_schema(done: RunFolder) -> None:
-    jsonschema = pytest.importorskip("jsonschema")
-    from femtune.study.results import json_schema  # noqa: PLC0415
-
     jsonschema.validate(json.loads((done.folder / "results.json").read_text()), json_schema())
 
 

@@ -1,1 +1,1 @@
-"""TBD."""
+"""Files of others: decks, tests and studies, in and out."""

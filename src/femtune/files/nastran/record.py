@@ -53,10 +53,6 @@ class Record:
         """Whether a field holds an integer."""
         return self._source(name).card.is_integer(self.at(name))
 
-    def has_real(self, name: str) -> bool:
-        """Whether a field holds a real number."""
-        return self._source(name).card.is_real(self.at(name))
-
     def integer(self, name: str, default: int | EllipsisType | None = ...) -> Any:
         """Integer in a field; without default a blank field is an error."""
         return self._source(name).card.integer(self.at(name), default)  # type: ignore[arg-type]

@@ -12,8 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import pyuff
-
+from femtune._optional import require
 from femtune.files.uff.fields import with_e_exponents
 from femtune.files.uff.scan import DataSet
 
@@ -28,6 +27,7 @@ def through_pyuff(data_set: DataSet) -> dict[str, Any]:
     ------
     FemtuneError : ``uff.unreadable`` when pyuff fails, sees another data set, or leaves keys out
     """
+    pyuff = require("pyuff")
     with tempfile.TemporaryDirectory(prefix="femtune-uff-") as folder:
         path = Path(folder) / "one.uff"
         path.write_bytes(_clean_copy(data_set))

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from femtune._optional import require
 from femtune.report.figures.svg import FONT, INK, LINE, PALE
 
 if TYPE_CHECKING:
@@ -47,18 +48,15 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
     `draw` places its axes itself.
     """
     # matplotlib is imported where a picture is drawn: who only looks at numbers does not wait for it
-    import matplotlib  # noqa: PLC0415
-    from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
+    matplotlib = require("matplotlib")
+    canvas, sheet = require("matplotlib.backends.backend_svg"), require("matplotlib.figure")
     with matplotlib.rc_context(), warnings.catch_warnings():
         # a letter that the font lacks is shown as a box: no reason to stop
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from")
         matplotlib.rcdefaults()
-        settings: Any = matplotlib.rcParams
-        settings.update(_STYLE)
-        figure = Figure(figsize=(width_in, height_in), layout="constrained" if arrange else None)
-        FigureCanvasSVG(figure)
+        matplotlib.rcParams.update(_STYLE)
+        figure = sheet.Figure(figsize=(width_in, height_in), layout="constrained" if arrange else None)
+        canvas.FigureCanvasSVG(figure)
         draw(figure)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
