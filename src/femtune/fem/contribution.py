@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.parameters.jet import Jet
 
-MatrixKind = Literal["stiffness", "mass"]
+MatrixKind = Literal["stiffness", "mass", "viscous", "hysteretic"]
 Coefficient = Callable[[Mapping[str, Jet], Mapping[str, NDArray]], Jet]
 
 
@@ -21,7 +21,7 @@ class Contribution:
 
     Parameters
     ----------
-    matrix : "stiffness" or "mass"
+    matrix : "stiffness", "mass" or "viscous" (a damping matrix C)
     label : short name for messages and tests, "axial"
     at : (m,) positions of the elements in their batch
     matrices : (m, d, d) constant symmetric matrices on the batch's DOFs, in the displacement frames of the nodes
@@ -29,6 +29,8 @@ class Contribution:
     coefficient : (jets of the roles, facts) -> jet of shape (m,); plain arithmetic, complex-safe
     facts : (m,) constants that enter the coefficient (a length); empty where it depends on the values only, so that
         elements of the same values share one scalar
+    loss : name of the value that is the loss factor η of a stiffness; where the batch has it, η·coefficient·matrix
+        is the imaginary, hysteretic stiffness that goes with this one
     """
 
     matrix: MatrixKind
@@ -38,6 +40,7 @@ class Contribution:
     roles: tuple[str, ...]
     coefficient: Coefficient
     facts: Mapping[str, NDArray] = field(default_factory=dict)
+    loss: str = "GE"
 
 
 def product(*roles: str) -> Coefficient:
@@ -50,3 +53,13 @@ def product(*roles: str) -> Coefficient:
         return out
 
     return multiply
+
+
+def hysteretic(part: Contribution) -> Contribution:
+    """The imaginary stiffness that a loss factor makes of a stiffness."""
+
+    def coefficient(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        return values[part.loss] * part.coefficient(values, facts)
+
+    roles = tuple(dict.fromkeys((*part.roles, part.loss)))
+    return replace(part, matrix="hysteretic", roles=roles, coefficient=coefficient)

@@ -173,6 +173,22 @@ def join_constraints(parts: Iterable[ConstraintRows]) -> ConstraintRows:
 
 
 @dataclass(frozen=True)
+class OverallDamping:
+    """Structural damping of the whole model.
+
+    Parameters
+    ----------
+    loss_factor : position in the value table of a loss factor of all stiffness (PARAM G), None without one
+    overall_omega, element_omega : rad/s at which viscous damping stands in for the overall and for the elements'
+        loss factors where a response is not harmonic (PARAM W3 and W4); 0 leaves them out there
+    """
+
+    loss_factor: int | None = None
+    overall_omega: float = 0.0
+    element_omega: float = 0.0
+
+
+@dataclass(frozen=True)
 class Structure:
     """One finite element model before a configuration is chosen.
 
@@ -188,6 +204,10 @@ class Structure:
     consistent_mass : True for consistent ("coupled") mass of bars, beams and rods, False for lumped
     hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC)
     element_kinds : card name of every element number, rigid elements included
+    drilling : factor of a shell's stiffness against turning about its normal (PARAM K6ROT); 1e-6·drilling·G·t
+        times the squared difference of that turn and the membrane's own rotation
+    damping : damping of the whole structure (PARAM G, W3, W4)
+    dof_sets : g-set DOFs by the name of a set that the deck lists ("ASET", "SUPORT", "USET U1"); they hold nothing
     """
 
     nodes: NodeTable
@@ -203,6 +223,9 @@ class Structure:
     consistent_mass: bool = False
     hold_singular: bool = True
     element_kinds: Mapping[int, str] = field(default_factory=dict)
+    drilling: float = 100.0
+    damping: OverallDamping = field(default_factory=OverallDamping)
+    dof_sets: Mapping[str, Integers] = field(default_factory=dict)
 
     def split(self, index: int, elements: Iterable[int], region: str) -> Structure:
         """The structure with its own copy of a value for some of its elements."""

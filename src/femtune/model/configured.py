@@ -75,8 +75,12 @@ class ModelPoint:
     x: NDArray
 
     @cached_property
+    def _table(self) -> Jet:
+        return self.configured.model.table(self.x)
+
+    @cached_property
     def _coefficients(self) -> list[Jet | None]:
-        table = self.configured.model.table(self.x)
+        table = self._table
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table) if t.coefficient else None for t in terms]
 
@@ -97,6 +101,39 @@ class ModelPoint:
     def mass(self) -> sp.csr_array:
         """M."""
         return self._matrix("mass", ())
+
+    @cached_property
+    def viscous(self) -> sp.csr_array:
+        """C of dashpots; real."""
+        return self._matrix("viscous", ())
+
+    @cached_property
+    def hysteretic(self) -> sp.csr_array:
+        """H of K + iH: stiffness times loss factors of materials, elements and the whole structure; real."""
+        eta = self._loss_factor
+        own = self._matrix("hysteretic", ())
+        return own if eta is None else sp.csr_array(own + eta.value * self.stiffness)
+
+    @cached_property
+    def viscous_derivatives(self) -> tuple[sp.csr_array, ...]:
+        """∂C/∂x_i of every free parameter."""
+        return tuple(self._matrix("viscous", (i,)) for i in range(self.n_parameters))
+
+    @cached_property
+    def hysteretic_derivatives(self) -> tuple[sp.csr_array, ...]:
+        """∂H/∂x_i of every free parameter."""
+        own = [self._matrix("hysteretic", (i,)) for i in range(self.n_parameters)]
+        eta = self._loss_factor
+        if eta is None:
+            return tuple(own)
+        pairs = zip(own, self.stiffness_derivatives, eta.grad)
+        return tuple(sp.csr_array(h + eta.value * k + d * self.stiffness) for h, k, d in pairs)
+
+    @property
+    def _loss_factor(self) -> Jet | None:
+        """Loss factor of all stiffness."""
+        index = self.configured.model.structure.damping.loss_factor
+        return None if index is None else self._table[index]
 
     @cached_property
     def stiffness_derivatives(self) -> tuple[sp.csr_array, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +23,7 @@ _REPEATED = 1e-6
 """Neighbours whose λ − σ differ by less than this fraction are one repeated mode."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EigenSolution:
     """The lowest modes of a model point.
 
@@ -32,7 +33,7 @@ class EigenSolution:
     shapes : (n_free, m), φᵀMφ = 1
     wanted : number of modes that were asked for, a repeated one at the end kept whole; the others serve the
         derivatives
-    shift, factor : σ and the factors of K − σM
+    shift : σ below the spectrum, at which the eigenproblem was inverted
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
         counted from the inertia of K − σM; −1 where it could not be counted
     """
@@ -42,10 +43,17 @@ class EigenSolution:
     shapes: NDArray[np.float64] = field(repr=False)
     wanted: int
     shift: float
-    factor: Factor = field(repr=False)
     sturm_shift: float
     sturm_count: int
     notices: tuple[Notice, ...] = ()
+    known_factor: Factor | None = field(default=None, repr=False)
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Factors of K − σM, made again where the solution came without them."""
+        if self.known_factor is not None:
+            return self.known_factor
+        return factorise(sp.csr_array(self.point.stiffness - self.shift * self.point.mass))
 
     @property
     def freq_hz(self) -> NDArray[np.float64]:
@@ -83,7 +91,7 @@ def solve_modes(point: ModelPoint, count: int | None = None, max_hz: float | Non
         extra *= 4
     notices = (_not_counted(),) if below is None else ()
     counted = -1 if below is None else below
-    return EigenSolution(point, values[:known], shapes[:, :known], whole, shift, factor, cut[0], counted, notices)
+    return EigenSolution(point, values[:known], shapes[:, :known], whole, shift, cut[0], counted, notices, factor)
 
 
 def _check_matrices(point: ModelPoint, M: sp.csr_array) -> None:

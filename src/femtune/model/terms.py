@@ -21,7 +21,7 @@ class Term:
 
     Parameters
     ----------
-    matrix : "stiffness" or "mass"
+    matrix : "stiffness", "mass", "viscous" or "hysteretic"
     label : what it is, "bar axial"
     elements : (m,) element numbers, 0 for masses that a configuration adds
     dofs : (m, d) g-set DOFs, −1 for ground

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from femtune.fem.contribution import Contribution
+from femtune.fem.contribution import Contribution, hysteretic
 from femtune.fem.elements.bar import bar
 from femtune.fem.elements.bush import bush
 from femtune.fem.elements.discrete import scalar_mass, spring
@@ -27,5 +27,6 @@ KERNELS: dict[str, ElementKernel] = {
 
 
 def contributions(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """All exact terms of a batch."""
-    return KERNELS[batch.kind](batch, structure)
+    """All exact terms of a batch; a stiffness whose loss factor is a value of the batch gives a hysteretic one too."""
+    parts = KERNELS[batch.kind](batch, structure)
+    return [*parts, *(hysteretic(p) for p in parts if p.matrix == "stiffness" and p.loss in batch.roles)]
