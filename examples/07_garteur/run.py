@@ -1,0 +1,106 @@
+"""The GARTEUR SM-AG19 aeroplane from its mesh to its modes: python run.py [--quick] [--evidence DIR].
+
+The mesh is not ours and not part of this project: it is read from ../shared/data/garteur beside the checkout, or from
+$FEMTUNE_SHARED_DATA; without it the example says so and ends. Decks and pages go into the folder `run` here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from deck import deck_text
+from mesh import read_mesh
+
+from femtune import steps
+from femtune.study.results_model import ModelFacts
+
+HERE = Path(__file__).resolve().parent
+MASS_KG, STRAIN_FREE = 42.858, 1e-8
+TEST_HZ = (6.38, 16.10, 33.12, 33.53, 35.65, 48.38, 49.43, 55.08)
+"""Frequencies of one laboratory's test, for the eye: the nominal model is not updated here."""
+
+
+@dataclass(frozen=True)
+class Aeroplane:
+    """One state of the aeroplane: its deck, what femtune says of it, and its natural frequencies."""
+
+    name: str
+    deck: Path
+    facts: ModelFacts
+    freq_hz: tuple[float, ...]
+
+    @property
+    def elastic_hz(self) -> tuple[float, ...]:
+        """Without the rigid-body modes."""
+        return tuple(f for f in self.freq_hz if f > 1e-3 * self.freq_hz[-1])
+
+
+def aeroplane(folder: Path, mesh_file: Path, clamped: bool) -> Aeroplane:
+    """Write the deck and solve it."""
+    name = "clamped" if clamped else "free"
+    deck = folder / f"garteur_{name}.bdf"
+    deck.write_text(deck_text(read_mesh(mesh_file), clamped))
+    (found,) = steps.modes(deck)
+    return Aeroplane(name, deck, steps.info(deck), tuple(found.freq_hz))
+
+
+def check(state: Aeroplane) -> None:
+    """Mass, and the number and freedom from strain of the rigid motions."""
+    (facts,) = state.facts.configurations
+    assert abs(facts.mass - MASS_KG) < 1e-3, facts.mass
+    rigid = len(state.freq_hz) - len(state.elastic_hz)
+    assert rigid == (0 if state.name == "clamped" else 6), (state.name, rigid)
+    if state.name == "free":
+        worst = max(facts.rigid_body_check.relative_energies)
+        assert worst < STRAIN_FREE, worst
+
+
+def table(states: list[Aeroplane]) -> str:
+    """Elastic modes of both states, and those of a test for the eye."""
+    free, clamped = (s.elastic_hz for s in states)
+    rows = []
+    for i in range(min(len(free), len(clamped))):
+        test = f"{TEST_HZ[i]:.2f}" if i < len(TEST_HZ) else ""
+        rows.append(f"| {i + 1} | {free[i]:.4f} | {test} | {clamped[i]:.4f} |")
+    head = "| mode | free, Hz | one laboratory's test, Hz | clamped at node 58, Hz |\n|---|---|---|---|"
+    return "\n".join([head, *rows])
+
+
+def main() -> None:
+    """Both decks, their modes, and a page with pictures of each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the same: it takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    arguments = parser.parse_args()
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    mesh_file = Path(os.environ.get("FEMTUNE_SHARED_DATA", beside)) / "garteur" / "shell_mesh.mail"
+    if not mesh_file.is_file():
+        print(f"skipped: the mesh is not here ({mesh_file})")
+        return
+    folder = HERE / "run"
+    folder.mkdir(exist_ok=True)
+    states = [aeroplane(folder, mesh_file, clamped) for clamped in (False, True)]
+    for state in states:
+        check(state)
+    (facts,) = states[0].facts.configurations
+    worst = max(facts.rigid_body_check.relative_energies)
+    text = "\n".join(
+        [
+            "# The GARTEUR aeroplane: shells, links and masses\n",
+            f"Mass {facts.mass:.4f} kg ({MASS_KG} kg stated). The six rigid motions of the free aeroplane are free of "
+            f"strain: relative strain energy at most {worst:.1e}. Twenty modes a state; rigid-body modes left out.\n",
+            table(states),
+        ]
+    )
+    print(text)
+    if arguments.evidence:
+        (arguments.evidence / "07_garteur.md").write_text(text + "\n")
+    for state in states:
+        print(f"deck: {state.deck}")
+
+
+if __name__ == "__main__":
+    main()
