@@ -55,9 +55,17 @@ def compile_terms(structure: Structure, touched: set[int]) -> tuple[Term, ...]:
 
 def _terms_of(part: Contribution, batch: ElementBatch, structure: Structure, touched: set[int]) -> list[Term]:
     at = np.stack([batch.roles[role][part.at] for role in part.roles], axis=1)
-    moves = np.asarray(np.isin(at, list(touched)).any(axis=1))
+    moves = np.asarray(np.isin(at, list(touched)).any(axis=1)) & ~_lossless(part, batch, structure, touched)
     terms = [_constant(part, batch, structure, at, ~moves), _variable(part, batch, at, moves)]
     return [term for term in terms if term is not None]
+
+
+def _lossless(part: Contribution, batch: ElementBatch, structure: Structure, touched: set[int]) -> NDArray[np.bool_]:
+    """(m,) True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""
+    if part.matrix != "hysteretic":
+        return np.zeros(len(part.at), bool)
+    loss = batch.roles[part.loss][part.at]
+    return np.asarray((structure.values.values[loss] == 0.0) & ~np.isin(loss, list(touched)))
 
 
 def _constant(part: Contribution, batch: ElementBatch, structure: Structure, at: NDArray, mask: NDArray) -> Term | None:

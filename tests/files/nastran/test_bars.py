@@ -44,7 +44,7 @@ def test_values_of_a_bar(deck_of: DeckOf) -> None:
     model, one = batch(deck_of(BASE + "CBAR,7,3,1,2,0.,1.,0.\n"))
     assert values(model, one) == pytest.approx(
         {"E": 2e11, "G": 8e10, "rho": 7800, "A": 1e-3, "I1": 2e-6, "I2": 3e-6, "I12": 1e-7, "J": 4e-6,
-         "K1": 0.8, "K2": 0.7, "NSM": 0.5}
+         "K1": 0.8, "K2": 0.7, "NSM": 0.5, "GE": 0.0}
     )  # fmt: skip
     assert (one.kind, one.card, one.ids.tolist(), one.nodes.tolist()) == ("bar", "CBAR", [7], [[0, 1]])
     assert one.dofs.tolist() == [list(range(12))]

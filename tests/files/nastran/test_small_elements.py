@@ -31,9 +31,9 @@ def values(model: BuiltModel, one: ElementBatch, i: int = 0) -> dict[str, float]
 
 
 def test_rods(deck_of: DeckOf) -> None:
-    text = POINTS + "MAT1,1,2.,1.,,3.\nPROD,4,1,.5,.1,,.2\nCROD,7,4,1,2\nCONROD,8,2,3,1,.6,.3,,.4\n"
+    text = POINTS + "MAT1,1,2.,1.,,3.,,,.02\nPROD,4,1,.5,.1,,.2\nCROD,7,4,1,2\nCONROD,8,2,3,1,.6,.3,,.4\n"
     model, (rod, own) = batches(deck_of(text))
-    shared = {"E": 2.0, "G": 1.0, "rho": 3.0}
+    shared = {"E": 2.0, "G": 1.0, "rho": 3.0, "GE": 0.02}
     assert values(model, rod) == {**shared, "A": 0.5, "J": 0.1, "NSM": 0.2}
     assert values(model, own) == {**shared, "A": 0.6, "J": 0.3, "NSM": 0.4}
     assert (rod.card, own.card, own.dofs.tolist()) == ("CROD", "CONROD", [list(range(6, 18))])

@@ -84,7 +84,7 @@ def _derived(ref: FieldRef, why: str, where: Where | None) -> FemtuneError:
 def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:
     return FemtuneError(
         "parameter.touches-nothing",
-        f"no element's stiffness or mass depends on {ref}",
+        f"no element's stiffness, mass or damping depends on {ref}",
         where=where,
         hint="name a field of a card that elements of the model use",
     )

@@ -31,7 +31,7 @@ def poisson_ratio(young: Jet, shear: Jet) -> Jet:
 
 @dataclass
 class Materials:
-    """Materials by number; positions of "E", "G" and "rho" in the value table."""
+    """Materials by number; positions of "E", "G", "rho" and "GE" in the value table."""
 
     building: Building
     records: Mapping[int, Record]
@@ -56,8 +56,7 @@ class Materials:
     def _make(self, mid: int, user: Record) -> Roles:
         record, b = self.records[mid], self.building
         _check(record)
-        b.value(record, mid, "GE")
-        return {**self._elastic(record, mid), "rho": b.value(record, mid, "RHO")}
+        return {**self._elastic(record, mid), "rho": b.value(record, mid, "RHO"), "GE": b.value(record, mid, "GE")}
 
     def _elastic(self, record: Record, mid: int) -> Roles:
         """E and G; a third that is blank follows from the two that are given."""
