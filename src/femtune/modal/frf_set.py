@@ -26,6 +26,8 @@ class FrfSet:
     kind : one of KINDS
     coherence : (responses, references, k) or None
     source : where they come from, in words
+    response_names, reference_names : names of the axes where some of them are combinations of DOFs, which bear the
+        label of the one DOF that they stand for; empty where the labels say all
 
     Raises
     ------
@@ -40,6 +42,8 @@ class FrfSet:
     kind: str
     coherence: NDArray[np.float64] | None = None
     source: str = ""
+    response_names: tuple[str, ...] = ()
+    reference_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "freq_hz", read_only(self.freq_hz, float))
@@ -55,6 +59,9 @@ class FrfSet:
         for name, array in (("values", self.values), ("coherence", self.coherence)):
             if array is not None and array.shape != wanted:
                 raise FemtuneError("frf.shape", f"{name} has shape {array.shape}, wanted {wanted}")
+        for names, wanted_names in ((self.response_names, wanted[0]), (self.reference_names, wanted[1])):
+            if names and len(names) != wanted_names:
+                raise FemtuneError("frf.shape", f"{len(names)} names for {wanted_names} rows or columns")
 
     def _check_values(self) -> None:
         lines = self.freq_hz

@@ -100,7 +100,7 @@ def _outside(solution: EigenSolution, members: list[int], forces: NDArray) -> ND
     for j, member in enumerate(members):
         eigenvalue = float(solution.eigenvalues[member])
         part = (known.T @ forces[:, j, :]) * _inverse_gap(solution, eigenvalue, others)[:, None]
-        out[:, j, :] = known @ part + _complement(solution, eigenvalue, -forces[:, j, :])
+        out[:, j, :] = known @ part + complement(solution, eigenvalue, -forces[:, j, :])
     return out
 
 
@@ -111,10 +111,15 @@ def _inverse_gap(solution: EigenSolution, eigenvalue: float, others: list[int]) 
     return np.divide(1.0, gap, out=np.zeros_like(gap), where=apart)
 
 
-def _complement(solution: EigenSolution, eigenvalue: float, b: NDArray) -> NDArray:
-    """y ⟂_M all known modes with (K − λM)y = b, by conjugate gradients with K − σM as preconditioner.
+def complement(solution: EigenSolution, eigenvalue: float, b: NDArray) -> NDArray:
+    """y (n, k) ⟂_M all known modes with (K − λM)y = b, by conjugate gradients with K − σM as preconditioner.
 
-    On the complement of the known modes, which are the lowest, K − λM is positive definite.
+    b (n, k) is freed of its part in the known modes first. On their complement (they are the lowest) K − λM is
+    positive definite.
+
+    Raises
+    ------
+    FemtuneError : ``derivative.not-converged``
     """
     K, M, phi = solution.point.stiffness, solution.point.mass, solution.shapes
     m_phi = M @ phi

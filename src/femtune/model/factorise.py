@@ -1,4 +1,4 @@
-"""Factorisation of sparse symmetric matrices, with inertia, behind one small interface."""
+"""Factorisation of sparse symmetric matrices, real (with inertia) or complex, behind one small interface."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from femtune.model import pardiso
 
 
 class Factor(Protocol):
-    """LDLᵀ or LU factors of a symmetric matrix."""
+    """LDLᵀ or LU factors of a real or complex symmetric matrix (A = Aᵀ, not Hermitian)."""
 
     name: str
 
     @property
     def negative_pivots(self) -> int | None:
-        """Number of negative eigenvalues (Sylvester's law), None where the pivoting hides it."""
+        """Number of negative eigenvalues (Sylvester's law), None where the pivoting hides it or A is complex."""
 
     def solve(self, b: NDArray) -> NDArray:
         """A⁻¹ b for b of shape (n,) or (n, k)."""
@@ -48,13 +48,15 @@ class SuperLuFactor:
     @property
     def negative_pivots(self) -> int | None:
         """Count of negative diagonal entries of U, where rows and columns were permuted alike."""
-        if (self._lu.perm_r != self._lu.perm_c).any():
+        if self._lu.U.dtype == complex or (self._lu.perm_r != self._lu.perm_c).any():
             return None
         return int((self._lu.U.diagonal() < 0).sum())
 
     def solve(self, b: NDArray) -> NDArray:
-        """A⁻¹ b."""
-        return self._lu.solve(np.ascontiguousarray(b, dtype=float))
+        """A⁻¹ b; real where A and b are."""
+        if self._lu.U.dtype == complex or not np.iscomplexobj(b):
+            return self._lu.solve(np.ascontiguousarray(b, dtype=self._lu.U.dtype))
+        return self.solve(b.real) + 1j * self.solve(b.imag)
 
 
 PARDISO_FROM = 3000
@@ -62,7 +64,7 @@ PARDISO_FROM = 3000
 
 
 def factorise(matrix: sp.csr_array, solver: str | None = None) -> Factor:
-    """Factorise a symmetric matrix with the fastest solver at hand, or with the one named.
+    """Factorise a real or complex symmetric matrix with the fastest solver at hand, or with the one named.
 
     Raises
     ------

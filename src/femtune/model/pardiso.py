@@ -1,6 +1,7 @@
 """PARDISO of the Math Kernel Library (extra "fast"), called directly for symmetric indefinite matrices.
 
-The Python bindings that exist serve the unsymmetric type only; type −2 halves the work and reports the inertia.
+The Python bindings that exist serve the unsymmetric type only; the symmetric types halve the work, and type −2 reports
+the inertia.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 
 _NAMES = {"linux": "libmkl_rt.so", "win32": "mkl_rt", "darwin": "libmkl_rt"}
-_SYMMETRIC_INDEFINITE = -2
+_SYMMETRIC_INDEFINITE, _COMPLEX_SYMMETRIC = -2, 6
 _ANALYSE_AND_FACTORISE, _SOLVE, _RELEASE = 12, 33, -1
 _ORDERING, _REPLACED_PIVOTS, _NEGATIVE_EIGENVALUES = 4, 13, 22
 _GIVEN, _RETURNED = 1, 2
@@ -49,7 +50,7 @@ def _candidates() -> list[Path]:
 
 
 class PardisoFactor:
-    """LDLᵀ of a real symmetric matrix."""
+    """LDLᵀ of a real or complex symmetric matrix."""
 
     name = "PARDISO"
 
@@ -57,6 +58,7 @@ class PardisoFactor:
         upper = sp.csr_array(sp.triu(matrix, format="csr"))
         upper.sort_indices()
         self._n = upper.shape[0]
+        self._kind = _COMPLEX_SYMMETRIC if np.iscomplexobj(upper.data) else _SYMMETRIC_INDEFINITE
         # pivots are judged by the largest entry, so rows of very different stiffness are scaled alike
         self._scale = _unit_diagonal(matrix)
         rows = np.repeat(np.arange(self._n), np.diff(upper.indptr))
@@ -75,13 +77,13 @@ class PardisoFactor:
         self._settings[_ORDERING] = _RETURNED if known is None else _GIVEN
         if known is not None:
             self._permutation[:] = known
-        self._call(_ANALYSE_AND_FACTORISE, np.zeros((self._n, 1), order="F"))
+        self._call(_ANALYSE_AND_FACTORISE, np.zeros((self._n, 1), self._values.dtype, order="F"))
         if known is None:
             _remember(pattern, self._permutation)
 
     def _call(self, phase: int, b: NDArray) -> NDArray:
         x = np.zeros_like(b, order="F")
-        numbers = (1, 1, _SYMMETRIC_INDEFINITE, phase, self._n)
+        numbers = (1, 1, self._kind, phase, self._n)
         maxfct, mnum, kind, step, size = (ctypes.byref(ctypes.c_int32(i)) for i in numbers)
         columns, silent, error = ctypes.c_int32(b.shape[1]), ctypes.c_int32(0), ctypes.c_int32(0)
         found = library()
@@ -106,17 +108,20 @@ class PardisoFactor:
 
     @property
     def negative_pivots(self) -> int | None:
-        """Number of negative eigenvalues; None where pivots were replaced."""
-        return None if self._settings[_REPLACED_PIVOTS] else int(self._settings[_NEGATIVE_EIGENVALUES])
+        """Number of negative eigenvalues; None where pivots were replaced and for a complex matrix."""
+        hidden = self._settings[_REPLACED_PIVOTS] or self._kind == _COMPLEX_SYMMETRIC
+        return None if hidden else int(self._settings[_NEGATIVE_EIGENVALUES])
 
     def solve(self, b: NDArray) -> NDArray:
         """A⁻¹ b for b of shape (n,) or (n, k)."""
-        block = np.asfortranarray(b.reshape(self._n, -1) * self._scale[:, None], dtype=np.float64)
+        if self._kind == _SYMMETRIC_INDEFINITE and np.iscomplexobj(b):
+            return np.asarray(self.solve(b.real) + 1j * self.solve(b.imag))
+        block = np.asfortranarray(b.reshape(self._n, -1) * self._scale[:, None], dtype=self._values.dtype)
         return (self._call(_SOLVE, block) * self._scale[:, None]).reshape(b.shape)
 
     def __del__(self) -> None:
         if library is not None and getattr(self, "_settings", None) is not None:
-            self._call(_RELEASE, np.zeros((self._n, 1), order="F"))
+            self._call(_RELEASE, np.zeros((self._n, 1), self._values.dtype, order="F"))
 
 
 def _unit_diagonal(matrix: sp.csr_array) -> NDArray[np.float64]:
