@@ -13,7 +13,7 @@ from femtune.files.study_file import ModesTable, StudyFile, read_study_file
 from femtune.model import ParametricModel, parametric_model
 from femtune.parameters import ParameterSet
 from femtune.residuals import ResidualRules, UpdateProblem
-from femtune.study.assignments import assignments, parameter_set
+from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
 from femtune.study.progress import Progress, silent
 
@@ -166,7 +166,8 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     errors = ErrorCollector()
     model = None
     with errors.catch():
-        model = parametric_model(built.structure, parameter_set(file, built), assignments(file, built))
+        found = targets(file, built)
+        model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
     notices: list[Notice] = []
     cases: list[StudyCase] = []
     base = model or parametric_model(built.structure, ParameterSet(()), ())

@@ -47,12 +47,13 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
     """The parameters as the study describes them."""
     values = study.parameters.values(np.zeros(len(study.parameters.free)))
     out = []
-    for p, entry in zip(study.parameters.parameters, study.file.parameter):
-        free = p.free
+    for p in study.parameters.parameters:
+        free, mine = p.free, [a for a in study.model.assignments if a.parameter == p.name]
         out.append(
             ParameterFacts(
                 name=p.name,
-                fields=tuple(str(ref) for ref in entry.targets),
+                fields=tuple(str(a.ref) for a in mine),
+                elements=None if not mine or mine[0].elements is None else len(mine[0].elements),
                 unit=p.unit,
                 nominal=values[p.name],
                 lower=p.lower if free else None,

@@ -30,6 +30,8 @@ class ParameterFacts(Record):
     """Standard deviation of the prior, in `unit`; None for a tied parameter."""
     tie: str = ""
     """Expression of other parameters that it follows; "" for a free parameter."""
+    elements: int | None = None
+    """Number of elements in its region; None where it moves all that use its fields."""
 
 
 class Share(Record):

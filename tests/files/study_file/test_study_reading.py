@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
 from femtune.fem.values import FieldRef
-from femtune.files.study_file import StudyFile, overlay, read_study_file, study_from_text
+from femtune.files.study_file import StudyFile, element_list, overlay, read_study_file, study_from_text
 from femtune.model.configuration import AddedMass
 
 _FULL = """\
@@ -153,10 +153,10 @@ def test_overlay_is_what_the_model_takes(full: StudyFile) -> None:
 def test_parameters(full: StudyFile) -> None:
     free, tied = full.parameter
     assert free.targets == (FieldRef("PBAR", 1, "I1"), FieldRef("MAT1", 2, "E"))
-    assert free.region is not None
-    assert free.region.among(range(10)) == (1, 2, 3, 4)
-    assert tied.region is not None
-    assert tied.region.among(range(10)) == (5, 6)
+    assert free.elements is not None
+    assert element_list(free.elements).among(range(10)) == (1, 2, 3, 4)
+    assert tied.elements is not None
+    assert element_list(tied.elements).among(range(10)) == (5, 6)
     assert (free.free, tied.free) == (True, False)
 
 

@@ -14,6 +14,7 @@ from femtune.files.study_file.configuration import (
 from femtune.files.study_file.kinds import element_list
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.reading import read_study_file, study_from_text
+from femtune.files.study_file.region import NearTable, RegionTable
 from femtune.files.study_file.steps import (
     CorrelateTable,
     ModesTable,
@@ -35,9 +36,11 @@ __all__ = [
     "LeaveOutEntry",
     "MassEntry",
     "ModesTable",
+    "NearTable",
     "OutputTable",
     "PairEntry",
     "ParameterEntry",
+    "RegionTable",
     "ResidualsTable",
     "RigidFloorEntry",
     "SensorEntry",

@@ -24,7 +24,7 @@ T = TypeVar("T")
 _MOST_SUPPORTS = 100_000
 _LEAST_SPREAD = 1e-12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
-_FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7}) +([0-9]{1,18}) +([A-Z][A-Z0-9]{0,15})")
+_FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7})(?: +([0-9]{1,18}))? +([A-Z][A-Z0-9]{0,15})")
 
 
 def checked(check: Callable[[Any], object]) -> AfterValidator:
@@ -114,12 +114,12 @@ def _bad_support(text: str) -> FemtuneError:
 
 
 def field_reference(text: str) -> FieldRef:
-    """``PBAR 1 I1`` -> the field I1 of PBAR 1 (error ``study.field``)."""
+    """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR (error ``study.field``)."""
     match = _FIELD.fullmatch(text.strip())
-    if match is None or int(match[2]) == 0:
+    if match is None or match[2] is not None and int(match[2]) == 0:
         hint = 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
         raise FemtuneError("study.field", "this does not name the field of a card", hint=hint)
-    return FieldRef(match[1], int(match[2]), match[3])
+    return FieldRef(match[1], int(match[2] or 0), match[3])
 
 
 def _frequency_sd(value: object) -> None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from femtune.fem.values import FieldRef
-from femtune.files.nastran.lists import IntegerList
 from femtune.files.study_file.kinds import (
     Elements,
     Expression,
     FieldText,
     Positive,
     Text,
-    element_list,
     field_reference,
 )
+from femtune.files.study_file.region import RegionTable
 from femtune.files.study_file.table import Table
 
 
@@ -22,6 +21,7 @@ class ParameterEntry(Table):
     name: Text
     fields: tuple[FieldText, ...] = ()
     elements: Elements | None = None
+    region: RegionTable | None = None
     lower: float | None = None
     upper: float | None = None
     nominal: float | None = None
@@ -38,10 +38,5 @@ class ParameterEntry(Table):
 
     @property
     def targets(self) -> tuple[FieldRef, ...]:
-        """The fields that it moves."""
+        """The fields that it moves; number 0 stands for all cards of the name."""
         return tuple(field_reference(text) for text in self.fields)
-
-    @property
-    def region(self) -> IntegerList | None:
-        """The elements whose fields it moves, None for all that use them."""
-        return None if self.elements is None else element_list(self.elements)

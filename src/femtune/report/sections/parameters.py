@@ -15,6 +15,8 @@ _CAPTION = (
     "Blue: the updated value ± one standard deviation. Orange square: at a bound, where no standard deviation is given."
 )
 
+_MOST_FIELDS = 6
+
 
 def parameters(source: Source) -> list[Block]:
     """Forest plot and table."""
@@ -73,6 +75,12 @@ def _spread(result: ParameterResult | None) -> Cell:
 
 
 def _fields(fact: ParameterFacts) -> str:
+    named = _named(fact.fields)
     if fact.tie:
-        return f"tied: {fact.tie}" + (f"; {', '.join(fact.fields)}" if fact.fields else "")
-    return ", ".join(fact.fields) or "no field in the deck"
+        return f"tied: {fact.tie}" + (f"; {named}" if named else "")
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field in the deck"
+
+
+def _named(fields: tuple[str, ...]) -> str:
+    more = len(fields) - _MOST_FIELDS
+    return ", ".join(fields[:_MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
