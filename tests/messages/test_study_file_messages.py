@@ -61,7 +61,7 @@ _ON_PAGES = (
     _Case("study.value", "count = 8", "count = 0", 7, "greater than or equal to 1"),
     _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "8 THRU 1"', 12, "does not ascend"),
     _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_added = ["12-123"]', 12, '"12:123"'),
-    _Case("study.field", "PBAR 1 I1", "PBAR I1", 16, '"PBAR 1 I1"'),
+    _Case("study.field", "PBAR 1 I1", "PBAR-1-I1", 16, '"PBAR 1 I1"'),
     _Case("study.modes", "count = 8", "count = 8\nmax_hz = 200.0", 8, "both count and max_hz"),
     _Case(
         "study.duplicate-name", "[[parameter]]", '[[configuration]]\nname = "empty"\n\n[[parameter]]', 15, "on line 10"
