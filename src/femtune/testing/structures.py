@@ -97,11 +97,12 @@ def make_structure(xyz: ArrayLike, parts: Iterable[Part], frames: NDArray | None
     basic = np.tile(np.eye(3), (n, 1, 1))
     nodes = NodeTable(np.arange(1, n + 1), points, basic if frames is None else frames)
     table = ValueTableBuilder()
-    batches = tuple(_batch(i, part, table) for i, part in enumerate(parts))
+    batches = tuple(part_batch(i, part, table) for i, part in enumerate(parts))
     return Structure(nodes, table.table(), batches, **settings)
 
 
-def _batch(i: int, part: Part, table: ValueTableBuilder) -> ElementBatch:
+def part_batch(i: int, part: Part, table: ValueTableBuilder) -> ElementBatch:
+    """The elements of the i-th part, their values put into the table."""
     at, e = part.connection, len(part.connection)
     ids = 1000 * i + 1 + np.arange(e)
     roles = {

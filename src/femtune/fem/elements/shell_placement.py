@@ -1,0 +1,97 @@
+"""Where a shell sits: its mean plane, the corners projected on it, the material's axes, and the rigid arms.
+
+The element is made flat. Each grid point carries its corner of the flat element on a rigid arm along the normal, so
+that rigid motion stays strain-free on a warped element. Nothing here depends on the number of nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.fem.elements.placement import arm_transform
+from femtune.fem.structure import ElementBatch, Structure
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ShellPlane:
+    """m shells with n corners on their mean planes.
+
+    Parameters
+    ----------
+    axes : (m, 3, 3) columns x, y, z in the basic frame: x along the projected side 1-2, z the positive normal
+    corners : (m, n, 2) x and y of the corners, from the mean of the grid points
+    heights : (m, n) distances of the grid points above the plane, along z; zero on a flat element
+    carry : (m, n, 6, 6) from a grid point's displacements, in its own frame, to (u, v, w, θx, θy, θz) of its corner
+    frames : (m, n, 3, 3) displacement frames of the grid points
+    material : (m, 2) cosine and sine of the angle from x to the material's x axis, about z
+    """
+
+    axes: Reals
+    corners: Reals
+    heights: Reals
+    carry: Reals
+    frames: Reals
+    material: Reals
+
+    def __len__(self) -> int:
+        return len(self.axes)
+
+
+def shell_plane(batch: ElementBatch, structure: Structure, part: slice) -> ShellPlane:
+    """Mean planes of a part of a batch; shapes must have passed ``check_shells``."""
+    at = batch.nodes[part]
+    xyz, frames = structure.nodes.xyz[at], structure.nodes.frames[at]
+    axes, corners, heights = mean_plane(xyz)
+    arms = -heights[:, :, None] * axes[:, None, :, 2]
+    m, n = at.shape
+    every = np.broadcast_to(axes[:, None], frames.shape).reshape(-1, 3, 3)
+    carry = arm_transform(every, arms.reshape(-1, 3), frames.reshape(-1, 3, 3)).reshape(m, n, 6, 6)
+    material = material_axis(axes, batch.facts["theta"][part], batch.facts["direction"][part])
+    return ShellPlane(axes, corners, heights, carry, frames, material)
+
+
+def mean_plane(xyz: Reals) -> tuple[Reals, Reals, Reals]:
+    """Axes (m, 3, 3), projected corners (m, n, 2) and heights (m, n) of shells with corners `xyz` (m, n, 3)."""
+    z = shell_normal(xyz)
+    z = z / np.linalg.norm(z, axis=1)[:, None]
+    side = xyz[:, 1] - xyz[:, 0]
+    x = side - np.sum(side * z, axis=1)[:, None] * z
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    axes = np.stack([x, np.cross(z, x), z], axis=2)
+    local = (xyz - xyz.mean(axis=1)[:, None]) @ axes
+    heights = local[:, :, 2]
+    # rounding of a flat element's heights must not make arms
+    size = np.abs(local[:, :, :2]).max(axis=(1, 2))
+    return axes, local[:, :, :2], np.where(np.abs(heights) > 1e-13 * size[:, None], heights, 0.0)
+
+
+def shell_normal(xyz: Reals) -> Reals:
+    """(m, 3) positive normals, not of unit length: diagonal 1-3 × diagonal 2-4, or side 1-2 × side 1-3."""
+    if xyz.shape[1] == 3:
+        return np.cross(xyz[:, 1] - xyz[:, 0], xyz[:, 2] - xyz[:, 0])
+    return np.cross(xyz[:, 2] - xyz[:, 0], xyz[:, 3] - xyz[:, 1])
+
+
+def material_axis(axes: Reals, theta: Reals, direction: Reals) -> Reals:
+    """(m, 2) cosine and sine of the material's angle: `theta` from side 1-2, or a `direction` that is projected."""
+    out = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    given = direction.any(axis=1)
+    if given.any():
+        flat = np.einsum("mi,mij->mj", direction[given], axes[given])[:, :2]
+        out[given] = flat / np.linalg.norm(flat, axis=1)[:, None]
+    return out
+
+
+def offset_arms(plane: ShellPlane) -> Reals:
+    """(m, n, 3, 6) basic displacements, for a unit offset along the normal, from those of each grid point."""
+    m, n = plane.heights.shape
+    normals = np.broadcast_to(plane.axes[:, None, :, 2], (m, n, 3)).reshape(-1, 3)
+    basic = np.broadcast_to(np.eye(3), (m * n, 3, 3))
+    lifted = arm_transform(basic, normals, plane.frames.reshape(-1, 3, 3))[:, :3]
+    lifted[:, :, :3] = 0.0
+    return lifted.reshape(m, n, 3, 6)

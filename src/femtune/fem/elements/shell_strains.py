@@ -1,0 +1,113 @@
+"""Strains of a flat shell as rows on its corners' displacements, and the same rows on the grid points.
+
+A formulation gives rows, each multiplied by the root of its integration weight, so that energies are sums of squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.fem.elements.shell_placement import ShellPlane
+
+Reals = NDArray[np.float64]
+Rows = dict[str, Reals]
+
+IN_PLANE, OUT_OF_PLANE, ABOUT_NORMAL = [0, 1], [2, 3, 4], [0, 1, 5]
+
+OFFSET = "+"
+"""Ends the name of a row that gives the strain for a unit offset of the mid-surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShellStrains:
+    """Strain rows of m shells with n corners on the local axes, at r places (r may differ), weights within.
+
+    Parameters
+    ----------
+    membrane : (m, r, 3, n, 2) strains xx, yy and engineering xy from (u, v)
+    uniaxial : (m, q, n, 2) strains along `along` that meet uniaxial stress, from (u, v): in-plane bending
+    along : (m, q, 2) unit directions of these
+    drilling : (m, r, n, 3) turn about the normal less the membrane's own rotation, from (u, v, θz)
+    bending : (m, r, 3, n, 3) curvatures θy,x, −θx,y and θy,y − θx,x from (w, θx, θy)
+    shear : (m, r, 2, n, 3) transverse shear w,x + θy and w,y − θx from (w, θx, θy)
+    """
+
+    membrane: Reals
+    uniaxial: Reals
+    along: Reals
+    drilling: Reals
+    bending: Reals
+    shear: Reals
+
+
+@dataclass(frozen=True)
+class ShellFormulation:
+    """What a shape of shell adds to the parts that all shells share.
+
+    Parameters
+    ----------
+    uniaxial : number q of uniaxial strain rows
+    strains : mean plane -> strain rows
+    shares : corners (m, n, 2) -> (m, n, n) integrals of products of the shape functions over the area
+    """
+
+    uniaxial: int
+    strains: Callable[[ShellPlane], ShellStrains]
+    shares: Callable[[Reals], Reals]
+
+
+def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool) -> Rows:
+    """Rows (m, r, 6n) by name on the grid points' displacements, strains along the material's axes.
+
+    ``m1 m2 m12`` membrane, ``a1 …`` uniaxial, ``drill``, ``b1 b2 b12`` bending, ``s1 s2`` shear; with `offsets` also
+    those of the membrane that a unit offset adds. The twelfth of t³/12 is within the bending rows.
+    """
+    c, s = plane.material[:, 0], plane.material[:, 1]
+    membrane = _named("m", _turn_strain(strains.membrane, c, s))
+    uniaxial = {f"a{i + 1}": strains.uniaxial[:, i : i + 1] for i in range(strains.uniaxial.shape[1])}
+    in_plane = {**membrane, **uniaxial}
+    out = {name: _lift(rows, plane, IN_PLANE) for name, rows in in_plane.items()}
+    out["drill"] = _lift(strains.drilling, plane, ABOUT_NORMAL)
+    bending = _named("b", _turn_strain(strains.bending * np.sqrt(1.0 / 12.0), c, s))
+    sheared = dict(zip(("s1", "s2"), np.moveaxis(_turn_vector(strains.shear, c, s), 2, 0)))
+    out.update({name: _lift(rows, plane, OUT_OF_PLANE) for name, rows in (bending | sheared).items()})
+    if offsets:
+        in_plane["drill"] = strains.drilling[..., :2]
+        out.update({name + OFFSET: _lift(_by_turn(rows), plane, [3, 4]) for name, rows in in_plane.items()})
+    return out
+
+
+def _named(letter: str, rows: Reals) -> Rows:
+    return {f"{letter}{k}": rows[:, :, i] for i, k in enumerate(("1", "2", "12"))}
+
+
+def _by_turn(rows: Reals) -> Reals:
+    """Rows on (θx, θy) from rows on (u, v): a unit offset moves u by θy and v by −θx."""
+    return np.stack([-rows[..., 1], rows[..., 0]], axis=-1)
+
+
+def _turn_strain(rows: Reals, c: Reals, s: Reals) -> Reals:
+    """Strains xx, yy, xy (axis 2) along axes at the angle with cosine c and sine s (m,)."""
+    turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+    return _turned(turn, rows)
+
+
+def _turn_vector(rows: Reals, c: Reals, s: Reals) -> Reals:
+    return _turned(np.array([[c, s], [-s, c]]), rows)
+
+
+def _turned(turn: Reals, rows: Reals) -> Reals:
+    m, r, k = rows.shape[:3]
+    flat = rows.reshape(m, r, k, -1)
+    return np.asarray((np.moveaxis(turn, 2, 0)[:, None] @ flat).reshape(rows.shape))
+
+
+def _lift(rows: Reals, plane: ShellPlane, components: list[int]) -> Reals:
+    """(m, r, 6n) rows on the grid points from rows (m, r, n, k) on some components of the corners."""
+    m, r, n, _ = rows.shape
+    lifted = np.swapaxes(rows, 1, 2) @ plane.carry[:, :, components, :]
+    return np.asarray(np.swapaxes(lifted, 1, 2).reshape(m, r, 6 * n))
