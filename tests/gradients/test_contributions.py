@@ -36,6 +36,12 @@ CASES: dict[str, Part] = {
     "beam, I12 and shear in plane 2": bars(PAIRS, {**SECTION, "K2": 0.6, "I12": 2e-9}, card="CBEAM"),
     "rod": rods(PAIRS, {"E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "J": 1e-8, "rho": 7850.0, "NSM": 0.3}),
     "bush": bushes(PAIRS, {f"K{i}": 1e4 * i for i in range(1, 7)}, frame=FRAME, arm_a=(0.1, 0.2, 0.3)),
+    "damped bush": bushes(PAIRS, {f"{x}{i}": 0.1 * i for x in ("K", "B", "GE") for i in range(1, 7)}, frame=FRAME),
+    "rod with loss factor": rods(PAIRS, {"E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "J": 1e-8, "rho": 1, "GE": 0.02}),
+    "bar with loss factor": bars(PAIRS, {**SECTION, **SHEAR, "GE": [0.0, 0.05]}),
+    "dashpot": scalars("dashpot", [[0, 7], [3, -1]], "B", [2.0, -3.0]),
+    "line dashpot": Part("line-dashpot", "CVISC", np.array(PAIRS), {"CE": 3.0, "CR": [0.2, 0.0]}, {"axis": FRAME[:2]}),
+    "line spring": Part("line-spring", "CBUSH1D", np.array([[0, 1], [2, -1]]), {"K": 3, "C": 0.1}, {"axis": FRAME[1:]}),
     "grounded bush": bushes([[2, -1]], {f"K{i}": 1e4 * i for i in range(1, 7)}),
     "concentrated mass": masses([0, 2], {"M": 2.0, "I11": 0.1, "I21": 0.02, "I22": 0.3, "I33": 0.2}, (0.1, 0.0, 0.2)),
     "general mass": Part(

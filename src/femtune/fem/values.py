@@ -76,8 +76,9 @@ class ValueTable:
         out = jet.constant(self.values.astype(kind), n_variables)
         for i, j in assigned.items():
             _put(out, i, j)
+        touched = self.dependents(assigned)
         for d in self.derived:
-            if d.target not in assigned and self.dependents(assigned) & {d.target}:
+            if d.target not in assigned and d.target in touched:
                 _put(out, d.target, d.function(*(out[s] for s in d.sources)))
         return out
 

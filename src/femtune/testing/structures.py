@@ -77,8 +77,8 @@ def masses(nodes: Sequence[int], values: Mapping[str, ArrayLike], offset: ArrayL
 
 
 def scalars(kind: str, dofs: ArrayLike, role: str, value: ArrayLike) -> Part:
-    """Springs ("spring", "K") or masses ("scalar-mass", "M") between DOFs, −1 for ground."""
-    card = {"spring": "CELAS2", "scalar-mass": "CMASS2"}[kind]
+    """Springs ("spring", "K"), masses ("scalar-mass", "M") or dashpots ("dashpot", "B"); DOFs, −1 for ground."""
+    card = {"spring": "CELAS2", "scalar-mass": "CMASS2", "dashpot": "CDAMP2"}[kind]
     return Part(kind, card, np.array(dofs), {role: value})
 
 
@@ -109,7 +109,7 @@ def part_batch(i: int, part: Part, table: ValueTableBuilder) -> ElementBatch:
         name: np.array([table.add(FieldRef(part.card, int(k), name), x) for k, x in zip(ids, _spread(value, e))])
         for name, value in part.values.items()
     }
-    if part.kind in ("spring", "scalar-mass"):
+    if part.kind in ("spring", "scalar-mass", "dashpot"):
         return ElementBatch(part.kind, part.card, ids, np.where(at >= 0, at // 6, -1), at, roles)
     dofs = np.where(at[:, :, None] >= 0, 6 * at[:, :, None] + np.arange(6), -1).reshape(e, -1)
     return ElementBatch(part.kind, part.card, ids, at, dofs, roles, part.facts)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from femtune.fem.contribution import Contribution, hysteretic
 from femtune.fem.elements.bar import bar
 from femtune.fem.elements.bush import bush
+from femtune.fem.elements.dashpot import dashpot, line_dashpot, line_spring
 from femtune.fem.elements.discrete import scalar_mass, spring
 from femtune.fem.elements.point_mass import concentrated_mass, general_mass
 from femtune.fem.elements.rod import rod
@@ -19,6 +20,9 @@ KERNELS: dict[str, ElementKernel] = {
     "rod": rod,
     "spring": spring,
     "bush": bush,
+    "dashpot": dashpot,
+    "line-dashpot": line_dashpot,
+    "line-spring": line_spring,
     "scalar-mass": scalar_mass,
     "concentrated-mass": concentrated_mass,
     "general-mass": general_mass,

@@ -1,4 +1,4 @@
-"""Bushes (CBUSH): six springs at one place, each held by a rigid arm to a grid point; the second may be ground."""
+"""Bushes (CBUSH): six springs and dashpots at one place, held by rigid arms to two grid points, or one and ground."""
 
 from __future__ import annotations
 
@@ -10,15 +10,25 @@ from femtune.fem.structure import ElementBatch, Structure
 
 
 def bush(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """Stiffnesses K1 to K6 along and about the axes of ``frame``; rigid motion is strain-free with any arms."""
+    """Stiffnesses K1 to K6 and damping B1 to B6 along and about the axes of ``frame``, with loss factors GE1 to GE6.
+
+    Rigid motion is strain-free with any arms.
+    """
     axes = batch.facts["frame"]
     a, b = (
         placement.arm_transform(axes, batch.facts[arm], placement.node_frames(batch, structure, k))
         for k, arm in enumerate(("arm_a", "arm_b"))
     )
     gaps = np.concatenate([-a, b], axis=2)
+    out: list[Contribution] = []
+    for i in range(6):
+        out += _direction(batch, i + 1, placement.outer(gaps[:, i]))
+    return out
+
+
+def _direction(batch: ElementBatch, i: int, matrices: placement.Reals) -> list[Contribution]:
+    """Spring and dashpot of a direction from 1 to 6."""
     at = np.arange(len(batch))
-    return [
-        Contribution("stiffness", f"K{i + 1}", at, placement.outer(gaps[:, i]), (f"K{i + 1}",), product(f"K{i + 1}"))
-        for i in range(6)
-    ]
+    k, b = f"K{i}", f"B{i}"
+    spring = Contribution("stiffness", k, at, matrices, (k,), product(k), loss=f"GE{i}")
+    return [spring, *([Contribution("viscous", b, at, matrices, (b,), product(b))] if b in batch.roles else [])]

@@ -22,6 +22,7 @@ from femtune.files.nastran.control import (
     mass_factor,
     real_param,
 )
+from femtune.files.nastran.dampers import read_dampers
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
@@ -136,6 +137,7 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
         *read_rods(building, grids, materials),
         *read_scalars(building, grids),
         *read_bushes(building, grids),
+        *read_dampers(building, grids),
         *read_masses(building, grids),
     ]
 

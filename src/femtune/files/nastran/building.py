@@ -23,10 +23,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class FieldPlace:
-    """Where a value stands: index of the card in `Deck.cards` and indices of the fields (all hold the same value)."""
+    """Where a value stands: index of the card in `Deck.cards` and indices of the fields (all hold the same value).
+
+    `flag` is index and text of a field that has to be written with it, where the card lacks the line for the value.
+    """
 
     card: int
     fields: tuple[int, ...]
+    flag: tuple[int, str] | None = None
 
 
 @dataclass
@@ -52,12 +56,13 @@ class Building:
         return Record(cards[0], CATALOGUE[name].fields) if cards else None
 
     def value(
-        self, record: Record, id: int, name: str, default: float = 0.0, also: tuple[int, ...] = ()
+        self, record: Record, id: int, name: str, default: float = 0.0, also: tuple[int, ...] = (),
+        flag: tuple[int, str] | None = None,
     ) -> int:  # fmt: skip
         """Position in the value table of a field of a card; a blank field is an entry with the default."""
         ref = FieldRef(record.name, id, name)
         if ref not in self.places:
-            self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also))
+            self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
         return self.values.add(ref, record.real(name, default))
 
     def by_number(self, records: list[Record], what: str) -> dict[int, Record]:

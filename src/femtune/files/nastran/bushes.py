@@ -1,4 +1,4 @@
-"""Bushes: CBUSH with PBUSH, its own frame and the arms to its location."""
+"""Bushes: CBUSH with PBUSH (stiffness, damping, loss factors), its own frame and the arms to its location."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from femtune.fem.structure import ElementBatch
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.bars import check_line, element_frame, orientation_vector
 from femtune.files.nastran.building import BatchRows, Building, Library
-from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.card import Card
 from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Roles
 from femtune.files.nastran.properties import Properties, read_properties
 from femtune.files.nastran.record import Record
+from femtune.parameters.jet import Jet
 
 Reals = NDArray[np.float64]
 
-_STIFFNESSES = ("K1", "K2", "K3", "K4", "K5", "K6")
+_LINES = ("K", "B", "GE")
 _FLAGS = ("K", "B", "GE", "RCV", "M", "T", "D")
 _COINCIDENT = 1e-10
 
@@ -28,7 +29,7 @@ _COINCIDENT = 1e-10
 def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
     """Batch of CBUSH."""
     properties = read_properties(building, "CBUSH")
-    values = Library(lambda pid, user: _stiffnesses(building, properties.find(pid, user), pid))
+    values = Library(lambda pid, user: _values(building, properties.find(pid, user), pid))
     rows = BatchRows("bush", "CBUSH")
     for record in building.records("CBUSH"):
         with building.errors.catch():
@@ -36,9 +37,19 @@ def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
     return rows.batches()
 
 
-def _stiffnesses(building: Building, record: Record, pid: int) -> Roles:
-    """K1 to K6 stand after the flag K, on whichever line of the card it is."""
-    card = record.card
+def _values(building: Building, record: Record, pid: int) -> Roles:
+    """K1 to K6, B1 to B6 and GE1 to GE6; each line of the card starts with the flag of what it holds."""
+    flags = _flags(record.card)
+    spare = 8 * max(-(-len(record.card.fields) // 8), 1) + 1
+    roles: dict[str, int] = {}
+    for flag in sorted(_LINES, reverse=True):
+        roles |= _line(building, record, pid, flag, flags.get(flag, spare), flag in flags)
+        spare += 0 if flag in flags else 8
+    return roles
+
+
+def _flags(card: Card) -> dict[str, int]:
+    """Position of each flag of a PBUSH."""
     flags = {card.text(at): at for at in range(1, max(len(card.fields), 2), 8)}
     wrong = [flag for flag in flags if flag and flag not in _FLAGS]
     if wrong:
@@ -47,11 +58,24 @@ def _stiffnesses(building: Building, record: Record, pid: int) -> Roles:
     if "M" in flags and any(card.real(flags["M"] + i, 0.0) for i in range(1, 7)):
         raise card.error("deck.section", "mass of a PBUSH (flag M) is not modelled", index=flags["M"],
                          hint="give the mass by a CONM2")  # fmt: skip
-    own = Record(card, CATALOGUE["PBUSH"].fields, flags.get("K", 1) - 1)
-    if "K" not in flags:
-        # a card of damping only has no place for stiffnesses
-        return {k: building.values.add(FieldRef("PBUSH", pid, k), 0.0) for k in _STIFFNESSES}
-    return {k: building.value(own, pid, k) for k in _STIFFNESSES}
+    return flags
+
+
+def _line(building: Building, record: Record, pid: int, flag: str, at: int, present: bool) -> dict[str, int]:
+    """The six values of a line; one that the card lacks is written with its flag behind the last line."""
+    names = tuple(f"{flag}{i}" for i in range(1, 7))
+    own = Record(record.card, names, at + 1)
+    new = None if present else (at, flag)
+    if flag == "GE" and all(own.blank(name) for name in names[1:]):
+        # Nastran gives all directions the first loss factor where the others are blank
+        first = building.value(own, pid, "GE1", flag=new)
+        derive = building.values.derive
+        return {"GE1": first, **{n: derive(FieldRef("PBUSH", pid, n), _same, first) for n in names[1:]}}
+    return {name: building.value(own, pid, name, flag=new) for name in names}
+
+
+def _same(x: Jet) -> Jet:
+    return x
 
 
 def _add(
@@ -97,9 +121,9 @@ def _frame(record: Record, grids: Grids, a: int, line: Reals, stiffness: Mapping
 
 
 def _axial_only(record: Record, stiffness: Mapping[str, float]) -> bool:
-    """Without orientation the axes across the line do not matter where only K1 and K4 act."""
+    """Without orientation the axes across the line do not matter where only directions 1 and 4 act."""
     oriented = not all(record.blank(x) for x in ("X1", "X2", "X3"))
-    return not oriented and not any(stiffness[k] for k in ("K2", "K3", "K5", "K6"))
+    return not oriented and not any(stiffness[flag + i] for flag in "KB" for i in "2356")
 
 
 def _any_across(line: Reals) -> Reals:

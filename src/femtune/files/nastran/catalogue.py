@@ -51,11 +51,24 @@ CONROD    element   EID G1 G2 MID A J C NSM
 PROD      property  PID MID A J C NSM
 CELAS1    element   EID PID G1 C1 G2 C2
 CELAS2    element   EID K G1 C1 G2 C2 GE S
+CELAS3    element   EID PID S1 S2
+CELAS4    element   EID K S1 S2
 PELAS     property  PID K GE S
+CDAMP1    element   EID PID G1 C1 G2 C2
+CDAMP2    element   EID B G1 C1 G2 C2
+CDAMP3    element   EID PID S1 S2
+CDAMP4    element   EID B S1 S2
+PDAMP     property  PID B
+CVISC     element   EID PID G1 G2
+PVISC     property  PID CE CR
+CBUSH1D   element   EID PID GA GB CID
+PBUSH1D   property  PID K C M
 CBUSH     element   EID PID GA GB X1 X2 X3 CID S OCID S1 S2 S3
 PBUSH     property  PID - K1 K2 K3 K4 K5 K6
 CMASS1    element   EID PID G1 C1 G2 C2
 CMASS2    element   EID M G1 C1 G2 C2
+CMASS3    element   EID PID S1 S2
+CMASS4    element   EID M S1 S2
 PMASS     property  PID M
 CONM1     element   EID G CID M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66
 CONM2     element   EID G CID M X1 X2 X3 - I11 I21 I22 I31 I32 I33
@@ -69,6 +82,7 @@ SPCADD    other     SID
 EIGR      other     SID METHOD F1 F2 NE ND - - NORM G C
 EIGRL     other     SID V1 V2 ND MSGLVL MAXSET SHFSCL NORM
 PARAM     other     NAME VALUE
+TABDMP1   other     TID TYPE FLAT
 """
 
 _VALUES = {
@@ -79,16 +93,26 @@ _VALUES = {
     "PBEAML": "DIM1 DIM2 DIM3 DIM4 NSM",
     "PROD": "A J NSM",
     "CONROD": "A J NSM",
-    "PELAS": "K",
-    "CELAS2": "K",
-    "PBUSH": "K1 K2 K3 K4 K5 K6",
+    "PELAS": "K GE",
+    "CELAS2": "K GE",
+    "CELAS4": "K",
+    "PDAMP": "B",
+    "CDAMP2": "B",
+    "CDAMP4": "B",
+    "PVISC": "CE CR",
+    "PBUSH1D": "K C",
+    "PBUSH": "K1 K2 K3 K4 K5 K6 B1 B2 B3 B4 B5 B6 GE1 GE2 GE3 GE4 GE5 GE6",
     "PMASS": "M",
     "CMASS2": "M",
+    "CMASS4": "M",
     "CONM1": "M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66",
     "CONM2": "M I11 I21 I22 I31 I32 I33",
 }
 
-_STARTS = {"PELAS": (0, 4), "PMASS": (0, 2, 4, 6), "CORD1R": (0, 4), "CORD1C": (0, 4), "CORD1S": (0, 4)}
+_STARTS = {
+    **dict.fromkeys(("PELAS", "PVISC", "CORD1R", "CORD1C", "CORD1S"), (0, 4)),
+    **dict.fromkeys(("PMASS", "PDAMP"), (0, 2, 4, 6)),
+}
 
 
 def _kind(line: str) -> CardKind:

@@ -168,13 +168,21 @@ def _spoint_numbers(record: Record, grids: Mapping[int, Record]) -> set[int]:
 def _implied_scalars(building: Building, grids: Mapping[int, Record]) -> set[int]:
     """Points that scalar elements name without a component: Nastran makes them scalar points."""
     found = set()
-    for record in building.records("CELAS1", "CELAS2", "CMASS1", "CMASS2"):
+    for record in building.records(*_SCALAR_ELEMENTS):
         with building.errors.catch():
             for end in "12":
-                number = record.integer("G" + end, 0)
-                if number > 0 and number not in grids and record.component("C" + end, "0") == "0":
+                number = record.integer(("G" if "G1" in record.names else "S") + end, 0)
+                if number > 0 and number not in grids and _no_component(record, end):
                     found.add(number)
     return found
+
+
+_SCALAR_ELEMENTS = tuple(f"{kind}{i}" for kind in ("CELAS", "CMASS", "CDAMP") for i in (1, 2, 3, 4))
+
+
+def _no_component(record: Record, end: str) -> bool:
+    """True where an end is a scalar point; elements that join scalar points only name no components."""
+    return "G1" not in record.names or record.component("C" + end, "0") == "0"
 
 
 def permanent_constraints(building: Building, grids: Grids) -> NDArray[np.int64]:

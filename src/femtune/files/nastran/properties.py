@@ -14,8 +14,14 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CBEAM": ("PBEAM", "PBEAML"),
     "CROD": ("PROD",),
     "CELAS1": ("PELAS",),
+    "CELAS3": ("PELAS",),
+    "CDAMP1": ("PDAMP",),
+    "CDAMP3": ("PDAMP",),
+    "CVISC": ("PVISC",),
+    "CBUSH1D": ("PBUSH1D",),
     "CBUSH": ("PBUSH",),
     "CMASS1": ("PMASS",),
+    "CMASS3": ("PMASS",),
 }
 """Property cards that an element may refer to."""
 

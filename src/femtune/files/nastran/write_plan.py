@@ -94,6 +94,8 @@ class _Planning:
             raise _no_field(ref)
         place = self.built.fields[plain]
         self.edits.update({(place.card, index): float(value) for index in place.fields})
+        if place.flag is not None:
+            self.edits[place.card, place.flag[0]] = place.flag[1]
         self.at[ref] = (place.card, place.fields[0])
 
     def split(self, regions: Mapping[str, set[int]], updates: Mapping[FieldRef, float]) -> None:
@@ -211,10 +213,12 @@ class _Copying:
         if place is None:
             raise _no_field(ref)
         width = 16 if self.planning.wide else 8
-        for index in place.fields:
+        texts: dict[int, str] = {index: format_real(value, width) for index in place.fields}
+        texts.update([place.flag] if place.flag else [])
+        for index, text in texts.items():
             at = index - record.start
             fields += [""] * (at + 1 - len(fields))
-            fields[at] = format_real(value, width)
+            fields[at] = text
         if ref.region:
             self.planning.values[ref] = rounded(value, width)
 
