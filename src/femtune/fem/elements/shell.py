@@ -18,6 +18,7 @@ from femtune.fem.elements.shell_laws import ShellTerm, stiffness_terms
 from femtune.fem.elements.shell_mass import ShellMass, fill_mass, lumped
 from femtune.fem.elements.shell_placement import ShellPlane, shell_plane
 from femtune.fem.elements.shell_strains import Rows, ShellFormulation, ShellStrains, nodal_rows
+from femtune.fem.elements.tri import TRI
 from femtune.fem.structure import ElementBatch, Structure
 
 Reals = NDArray[np.float64]
@@ -36,10 +37,16 @@ def shell_quad(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return shell(batch, structure, QUAD)
 
 
+def shell_tri(batch: ElementBatch, structure: Structure) -> list[Contribution]:
+    """Stiffness and mass of CTRIA3; errors as of ``shell_quad``."""
+    return shell(batch, structure, TRI)
+
+
 def shell(batch: ElementBatch, structure: Structure, formulation: ShellFormulation) -> list[Contribution]:
     """Stiffness and mass of a batch of shells of one formulation; errors as of ``check_shells``."""
     check_shells(batch, structure)
-    terms = stiffness_terms(batch, structure, formulation.uniaxial)
+    residual = formulation.residual and formulation.residual(structure.nodes.xyz[batch.nodes])
+    terms = stiffness_terms(batch, structure, formulation.uniaxial, residual)
     d = batch.dofs.shape[1]
     matrices = [np.empty((len(term.at), d, d)) for term in terms]
     mass = ShellMass.empty(batch)

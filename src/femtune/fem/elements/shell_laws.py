@@ -7,13 +7,14 @@ is not isotropic depends on the element, by the angle between its sides and the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.fem.contribution import Coefficient, product
 from femtune.fem.elements.placement import nominal
+from femtune.fem.elements.shell_shear import SOFTENERS, bends, softened_shear
 from femtune.fem.elements.shell_strains import OFFSET
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
@@ -55,14 +56,22 @@ class _Law:
     has: Flags
 
 
-def stiffness_terms(batch: ElementBatch, structure: Structure, uniaxial: int) -> list[ShellTerm]:
-    """All stiffness terms of a batch of shells; those that no element has are left out."""
+def stiffness_terms(
+    batch: ElementBatch, structure: Structure, uniaxial: int, residual: NDArray | None = None
+) -> list[ShellTerm]:
+    """All stiffness terms of a batch of shells; those that no element has are left out.
+
+    `residual` (e,) is what the formulation gives for the shear's residual bending flexibility, None without one.
+    """
     membrane = _Law("M", "m", "membrane", ("t",), "GE", batch.facts["has_membrane"])
     bending = _Law("B", "b", "bending", ("t", "t", "t", "RI"), "GEB", batch.facts["has_bending"])
     shear = _Law("S", "s", "shear", ("t", "TS"), "GES", batch.facts["has_bending"])
     flat = [*_plane_law(batch, structure, membrane), *_in_plane_bending(batch, structure, uniaxial)]
     lifted = [lifted for term in flat for lifted in _offset_terms(term, batch.facts["offset_given"])]
-    terms = [*flat, *lifted, *_plane_law(batch, structure, bending), *_shear_law(batch, structure, shear)]
+    sheared = list(_shear_law(batch, structure, shear))
+    if residual is not None:
+        sheared = [part for term in sheared for part in _softened(term, residual, bends(batch, structure))]
+    terms = [*flat, *lifted, *_plane_law(batch, structure, bending), *sheared]
     return [term for term in terms if len(term.at)]
 
 
@@ -88,6 +97,15 @@ def _shear_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
     yield _term(law, "11", law.has & ~alike, ("s1",))
     yield _term(law, "22", law.has & ~alike, ("s2",))
     yield _term(law, "12", coupled, ("s1",), ("s2",))
+
+
+def _softened(term: ShellTerm, residual: NDArray, soft: Flags) -> list[ShellTerm]:
+    """A term of shear, with residual bending flexibility where there is bending."""
+    at, rest = term.at[soft[term.at]], term.at[~soft[term.at]]
+    roles = tuple(dict.fromkeys((*term.roles, *SOFTENERS)))
+    facts = {"residual": residual[at]}
+    series = replace(term, at=at, roles=roles, coefficient=softened_shear(term.roles[0]), facts=facts)
+    return [series, replace(term, at=rest)]
 
 
 def _shared_zero(batch: ElementBatch, structure: Structure, a: str, b: str) -> Flags:

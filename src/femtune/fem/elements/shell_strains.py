@@ -53,11 +53,13 @@ class ShellFormulation:
     uniaxial : number q of uniaxial strain rows
     strains : mean plane -> strain rows
     shares : corners (m, n, 2) -> (m, n, n) integrals of products of the shape functions over the area
+    residual : grid points (e, n, 3) -> (e,) 12h²/15 of the residual bending flexibility; None where there is none
     """
 
     uniaxial: int
     strains: Callable[[ShellPlane], ShellStrains]
     shares: Callable[[Reals], Reals]
+    residual: Callable[[Reals], Reals] | None = None
 
 
 def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool) -> Rows:
