@@ -11,6 +11,7 @@ from femtune.fem.elements.dashpot import dashpot, line_dashpot, line_spring
 from femtune.fem.elements.discrete import scalar_mass, spring
 from femtune.fem.elements.point_mass import concentrated_mass, general_mass
 from femtune.fem.elements.rod import rod
+from femtune.fem.elements.shell import shell_quad, shell_tri
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
@@ -26,6 +27,8 @@ KERNELS: dict[str, ElementKernel] = {
     "scalar-mass": scalar_mass,
     "concentrated-mass": concentrated_mass,
     "general-mass": general_mass,
+    "shell-quad": shell_quad,
+    "shell-tri": shell_tri,
 }
 """Kernel of each batch kind."""
 
