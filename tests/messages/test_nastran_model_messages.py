@@ -34,16 +34,20 @@ DECKS = {
     "deck.material": _BASE.replace("2.1+11", "-2.1+11") + _BAR,
     "deck.section": _BASE + "PBARL,4,1,,HAT\n,1.,2.,3.,4.\nCBAR,7,4,1,2,0.,1.,0.\n",
     "deck.missing-set": "SOL 103\nCEND\nSPC = 3\nBEGIN BULK\nGRID,1,,0.,0.,0.\nSPC1,1,123456,1\nENDDATA\n",
-    "deck.unsupported-element": _BASE + "CQUAD4,21,9,1,2,3,4\nCQUAD4,22,9,3,4,5,6\n",
+    "deck.unsupported-element": _BASE + "CQUAD8,21,9,1,2,3,4\nCQUAD8,22,9,3,4,5,6\n",
     "deck.field-value": _BASE + "CELAS2,9,1.+5,1,12\n",
     "deck.fluid-point": "GRID,1,,0.,0.,0.,-1\n",
     "deck.offset-frame": _BASE + "CBAR,7,3,1,2,0.,1.,0.,EEG\n",
+    "deck.shell-section": _BASE + "PSHELL,12,1,.1,-1\nCTRIA3,32,12,1,2,3\n",
+    "deck.shell-corners": _BASE + "CQUAD4,31,12,1,2,3,2\nPSHELL,12,1,.1\n",
+    "deck.material-type": _BASE + "MAT8,2,2.,2.,.3,1.\nPROD,9,2,1.\nCROD,3,9,1,2\n",
     "deck.param": _BASE + "PARAM,COUPMASS,MAYBE\n",
 }
 NOTICES = {
     "deck.ignored-cards": _BASE + "FORCE,1,1,,10.,0.,0.,1.\nFORCE,1,2,,10.,0.,0.,1.\n",
     "deck.ignored-param": _BASE + "PARAM,POST,-1\n",
     "deck.repeated-grid": _BASE + "GRID,2,,1.,0.,0.\n",
+    "deck.uneven-thickness": _BASE + "CTRIA3,32,12,1,2,3\n,,,.1,.2,.3\nPSHELL,12,1,,1\nGRID,3,,0.,1.,0.\n",
     "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",
 }
 _W = Where("study.toml", 31, "parameter[2]")

@@ -55,11 +55,11 @@ def test_missing_includes_are_an_error(nastran_decks: Path) -> None:
     assert error.value.code == "deck.missing-include"
 
 
-def test_shells_and_solids_are_refused(nastran_decks: Path) -> None:
+def test_solids_are_refused(nastran_decks: Path) -> None:
     with pytest.raises(FemtuneError) as error:
-        built(nastran_decks, "plate_py.dat")
+        built(nastran_decks, "tet10.bdf")
     assert error.value.code == "deck.unsupported-element"
-    assert "CQUAD4" in str(error.value)
+    assert "CTETRA" in str(error.value)
 
 
 def test_higher_listed_values_of_the_bush_deck_are_residual_vectors(nastran_decks: Path) -> None:

@@ -16,6 +16,7 @@ from femtune.files.nastran.control import (
     EigenMethod,
     check_selected,
     coupled_mass,
+    drilling_factor,
     eigen_methods,
     hold_singular,
     ignored_params,
@@ -39,6 +40,7 @@ from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.multipoint import read_multipoint_sets
 from femtune.files.nastran.rigid import read_rigid
 from femtune.files.nastran.rods import read_rods
+from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.springs import read_scalars
 from femtune.files.nastran.supports import read_supports
 
@@ -126,6 +128,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         mass_factor=mass_factor(building),
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),
+        drilling=drilling_factor(building),
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
     )
 
@@ -135,6 +138,7 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
     return [
         *read_bars(building, grids, materials),
         *read_rods(building, grids, materials),
+        *read_shells(building, grids, materials),
         *read_scalars(building, grids),
         *read_bushes(building, grids),
         *read_dampers(building, grids),

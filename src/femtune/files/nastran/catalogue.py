@@ -38,6 +38,11 @@ CORD2R    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 CORD2C    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 CORD2S    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 MAT1      material  MID E G NU RHO A TREF GE
+MAT2      material  MID G11 G12 G13 G22 G23 G33 RHO A1 A2 A3 TREF GE
+MAT8      material  MID E1 E2 NU12 G12 G1Z G2Z RHO A1 A2 TREF XT XC YT YC S GE
+CQUAD4    element   EID PID G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4
+CTRIA3    element   EID PID G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3
+PSHELL    property  PID MID1 T MID2 RI MID3 TS NSM Z1 Z2 MID4
 CBAR      element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B
 CBEAM     element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B SA SB
 BAROR     other     - PID - - X1 X2 X3 OFFT
@@ -87,6 +92,11 @@ TABDMP1   other     TID TYPE FLAT
 
 _VALUES = {
     "MAT1": "E G NU RHO GE",
+    "MAT2": "G11 G12 G13 G22 G23 G33 RHO GE",
+    "MAT8": "E1 E2 NU12 G12 G1Z G2Z RHO GE",
+    "CQUAD4": "ZOFFS T1 T2 T3 T4",
+    "CTRIA3": "ZOFFS T1 T2 T3",
+    "PSHELL": "T RI TS NSM",
     "PBAR": "A I1 I2 J NSM K1 K2 I12",
     "PBEAM": "A I1 I2 I12 J NSM K1 K2",
     "PBARL": "DIM1 DIM2 DIM3 DIM4 NSM",
@@ -124,5 +134,5 @@ def _kind(line: str) -> CardKind:
 CATALOGUE: dict[str, CardKind] = {kind.name: kind for kind in map(_kind, _LAYOUT.strip().splitlines())}
 """Understood cards by name."""
 
-NODE_FIELDS = frozenset({"GA", "GB", "G1", "G2", "G"})
+NODE_FIELDS = frozenset({"GA", "GB", "G1", "G2", "G3", "G4", "G"})
 """Names of the fields of elements that refer to grid points."""

@@ -11,7 +11,9 @@ from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.reals import parse_integer, parse_real
 from femtune.files.nastran.record import Record
 
-UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC")
+UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT")
+
+_WHY_IGNORED = {"SNORM": ": a shell's normal is that of its own element, and turning about it is held by K6ROT"}
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,16 @@ def hold_singular(building: Building) -> bool:
     return _switch(building, "AUTOSPC", words, True)
 
 
+def drilling_factor(building: Building) -> float:
+    """PARAM K6ROT, the stiffness of shells against turning about their normal; 100 without it."""
+    value = real_param(building, "K6ROT", 100.0)
+    if value >= 0.0:
+        return value
+    with building.errors.catch():
+        raise _bad_param("K6ROT", building.deck.params["K6ROT"], "zero or more")
+    return 100.0
+
+
 def _switch(building: Building, name: str, words: dict[str, bool], default: bool) -> bool:
     given = building.deck.params.get(name)
     if given is None or not given.value:
@@ -113,7 +125,12 @@ def _bad_param(name: str, given: DeckParameter, expected: str) -> FemtuneError:
 def ignored_params(deck: Deck) -> list[Notice]:
     """PARAM cards that have no meaning here."""
     return [
-        Notice("deck.ignored-param", f"PARAM {name} = {given.value} is ignored", given.card.where(), "info")
+        Notice(
+            "deck.ignored-param",
+            f"PARAM {name} = {given.value} is ignored{_WHY_IGNORED.get(name, '')}",
+            given.card.where(),
+            "info",
+        )
         for name, given in deck.params.items()
         if name not in UNDERSTOOD_PARAMS
     ]

@@ -1,4 +1,4 @@
-"""Isotropic material MAT1: E, G and ν, any two of them, with the third derived; density; loss factor."""
+"""Materials by number: MAT1, MAT2, MAT8. The isotropic one, MAT1, has any two of E, G and ν; the third is derived."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def poisson_ratio(young: Jet, shear: Jet) -> Jet:
 
 @dataclass
 class Materials:
-    """Materials by number; positions of "E", "G", "rho" and "GE" in the value table."""
+    """Materials by number; positions of "E", "G", "rho" and "GE" of MAT1 in the value table.
+
+    All material cards share their numbers. `plane_laws` has what shells make of them.
+    """
 
     building: Building
     records: Mapping[int, Record]
@@ -40,17 +43,30 @@ class Materials:
     def __post_init__(self) -> None:
         self._library = Library(self._make)
 
+    def find(self, mid: int, user: Record, at: str = "MID") -> Record:
+        """The card of a material, asked for by field `at` of a card (error ``deck.unknown-material``)."""
+        if mid not in self.records:
+            known = did_you_mean(str(mid), [str(k) for k in list(self.records)[:20]])
+            raise user.error("deck.unknown-material", f"material {mid} does not exist", at=at,
+                             hint=known or "add a MAT1 card of that number")  # fmt: skip
+        return self.records[mid]
+
     def get(self, mid: int, user: Record) -> Roles:
-        """Roles of a material, asked for by a card.
+        """Roles of an isotropic material, asked for by a card.
 
         Raises
         ------
-        FemtuneError : ``deck.unknown-material``, ``deck.material``
+        FemtuneError : ``deck.unknown-material``, ``deck.material-type``, ``deck.material``
         """
-        if mid not in self.records:
-            known = did_you_mean(str(mid), [str(k) for k in list(self.records)[:20]])
-            raise user.error("deck.unknown-material", f"material {mid} does not exist", at="MID",
-                             hint=known or "add a MAT1 card of that number")  # fmt: skip
+        name = self.find(mid, user).name
+        if name != "MAT1":
+            raise user.error("deck.material-type", f"material {mid} is a {name}; {user.name} needs a MAT1", at="MID",
+                             hint="refer to a MAT1 card")  # fmt: skip
+        found = self.isotropic(mid, user)
+        return {role: found[role] for role in ("E", "G", "rho", "GE")}
+
+    def isotropic(self, mid: int, user: Record) -> Roles:
+        """Roles of a MAT1 with "NU" (not there where E alone is given with G = 0)."""
         return self._library.get(mid, user)
 
     def _make(self, mid: int, user: Record) -> Roles:
@@ -59,7 +75,7 @@ class Materials:
         return {**self._elastic(record, mid), "rho": b.value(record, mid, "RHO"), "GE": b.value(record, mid, "GE")}
 
     def _elastic(self, record: Record, mid: int) -> Roles:
-        """E and G; a third that is blank follows from the two that are given."""
+        """E, G and ν; a third that is blank follows from the two that are given."""
         b = self.building
         blanks = [name for name in ("E", "G", "NU") if record.blank(name)]
         # Nastran takes 0 for both where two are blank
@@ -70,13 +86,13 @@ class Materials:
         elif blank == "E":
             given["E"] = b.values.derive(FieldRef("MAT1", mid, "E"), young_modulus, given["G"], given["NU"])
         elif blank == "NU" and record.real("G") != 0.0:
-            b.values.derive(FieldRef("MAT1", mid, "NU"), poisson_ratio, given["E"], given["G"])
-        return {"E": given["E"], "G": given["G"]}
+            given["NU"] = b.values.derive(FieldRef("MAT1", mid, "NU"), poisson_ratio, given["E"], given["G"])
+        return given
 
 
 def read_materials(building: Building) -> Materials:
     """The materials of the deck; each is checked when an element uses it."""
-    return Materials(building, building.by_number(building.records("MAT1"), "material"))
+    return Materials(building, building.by_number(building.records("MAT1", "MAT2", "MAT8"), "material"))
 
 
 def _check(record: Record) -> None:

@@ -21,6 +21,8 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CBUSH1D": ("PBUSH1D",),
     "CBUSH": ("PBUSH",),
     "CMASS1": ("PMASS",),
+    "CQUAD4": ("PSHELL",),
+    "CTRIA3": ("PSHELL",),
     "CMASS3": ("PMASS",),
 }
 """Property cards that an element may refer to."""

@@ -1,0 +1,218 @@
+"""Stress laws of shells: plane stress and transverse shear of MAT1, MAT2 and MAT8, as entries of the value table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.materials import Materials, Roles
+from femtune.files.nastran.record import Record
+from femtune.parameters.jet import Jet
+
+Entries = tuple[int, ...]
+
+RIGID_SHEAR = 1e3
+"""Transverse shear modulus of a shell that is rigid in it, by its in-plane shear modulus.
+
+What is left of the shear flexibility is a thousandth: less than 5e-5 of a frequency for plates as thick as a tenth of
+their span. More would cost digits, since stiffness that is larger by a factor loses that factor in the small ones.
+"""
+
+_SAME_SHEAR = 0.01
+_DEFINITE = 1e-9
+
+
+@dataclass(frozen=True)
+class PlaneLaw:
+    """Positions of a material's law 11 12 13 22 23 33, of its density and of its loss factor."""
+
+    law: Entries
+    rho: int
+    loss: int
+    isotropic: bool
+
+
+def isotropic_stiffness(young: Jet, poisson: Jet) -> Jet:
+    """D11 = E / (1 − ν²), plane stress."""
+    return young / (1.0 - poisson * poisson)
+
+
+def isotropic_coupling(young: Jet, poisson: Jet) -> Jet:
+    """D12 = ν E / (1 − ν²)."""
+    return poisson * young / (1.0 - poisson * poisson)
+
+
+def orthotropic_stiffness(along: Jet, across: Jet, poisson: Jet) -> Jet:
+    """D11 = E1 / (1 − ν12 ν21) with ν21 = ν12 E2 / E1; D22 is E2 / E1 times it."""
+    return along / (1.0 - poisson * poisson * across / along)
+
+
+def transverse_stiffness(along: Jet, across: Jet, poisson: Jet) -> Jet:
+    """D22 = E2 / (1 − ν12 ν21)."""
+    return across / (1.0 - poisson * poisson * across / along)
+
+
+def orthotropic_coupling(along: Jet, across: Jet, poisson: Jet) -> Jet:
+    """D12 = ν12 E2 / (1 − ν12 ν21)."""
+    return poisson * across / (1.0 - poisson * poisson * across / along)
+
+
+def rigid_modulus(shear: Jet) -> Jet:
+    """Transverse shear modulus of a shell that is rigid in transverse shear."""
+    return RIGID_SHEAR * shear
+
+
+@dataclass
+class PlaneLaws:
+    """Laws by number of the material."""
+
+    building: Building
+    materials: Materials
+    _plane: Library[PlaneLaw] = field(init=False)
+    _shear: Library[Entries] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._plane = Library(self._make_plane)
+        self._shear = Library(self._make_shear)
+
+    def plane(self, mid: int, user: Record, at: str) -> PlaneLaw:
+        """Law of membrane or bending, asked for by field `at` of a card.
+
+        Raises
+        ------
+        FemtuneError : ``deck.unknown-material``, ``deck.material``
+        """
+        self.materials.find(mid, user, at)
+        return self._plane.get(mid, user)
+
+    def shear(self, mid: int, user: Record, at: str) -> Entries:
+        """Positions of the transverse shear law 11 12 22, asked for by field `at` of a card."""
+        self.materials.find(mid, user, at)
+        return self._shear.get(mid, user)
+
+    def rigid(self, mid: int, user: Record, at: str) -> Entries:
+        """Transverse shear law 11 12 22 of a shell that bends by a material and is rigid in transverse shear."""
+        law = self.plane(mid, user, at).law
+        record = self.materials.find(mid, user, at)
+        stiff = self.stiffened(record, mid, law[5])
+        return stiff, self.none(record, mid), stiff
+
+    def loss(self, mid: int) -> int:
+        """Position of a material's loss factor."""
+        return self.building.value(self.materials.records[mid], mid, "GE")
+
+    def stiffened(self, record: Record, mid: int, shear: int) -> int:
+        """Entry of a transverse shear modulus that is rigid, from the in-plane one."""
+        return self.building.values.derive(FieldRef(record.name, mid, "rigid shear"), rigid_modulus, shear)
+
+    def none(self, record: Record, mid: int) -> int:
+        """The entry of a material's law that is zero."""
+        return self.building.values.add(FieldRef(record.name, mid, "none"), 0.0)
+
+    def _make_plane(self, mid: int, user: Record) -> PlaneLaw:
+        record = self.materials.find(mid, user)
+        law, isotropic = _LAWS[record.name](self, record, mid, user)
+        return PlaneLaw(law, self.building.value(record, mid, "RHO"), self.loss(mid), isotropic)
+
+    def _make_shear(self, mid: int, user: Record) -> Entries:
+        record = self.materials.find(mid, user)
+        return _SHEAR_LAWS[record.name](self, record, mid, user)
+
+    def derive(self, record: Record, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
+        """An entry of a law that follows from fields of the material's card."""
+        return self.building.values.derive(FieldRef(record.name, mid, name), rule, *sources)
+
+
+def _isotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+    at = _elastic(laws, record, mid, user)
+    stiff = laws.derive(record, mid, "D11", isotropic_stiffness, at["E"], at["NU"])
+    coupling = laws.derive(record, mid, "D12", isotropic_coupling, at["E"], at["NU"])
+    none = laws.none(record, mid)
+    young, shear, poisson = (laws.building.values.values[at[name]] for name in ("E", "G", "NU"))
+    # a card may give E, G and NU that do not belong together
+    isotropic = abs(2.0 * (1.0 + poisson) * shear / young - 1.0) < _SAME_SHEAR
+    return (stiff, coupling, none, stiff, none, at["G"]), isotropic
+
+
+def _elastic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Roles:
+    """Positions of E, G and NU of a MAT1 that makes a shell stiff."""
+    at = laws.materials.isotropic(mid, user)
+    values = laws.building.values.values
+    if values[at["G"]] == 0.0:
+        raise record.error("deck.material", "a shell needs a material with a shear modulus", at="G",
+                           hint="give NU, or G")  # fmt: skip
+    if not -1.0 < values[at["NU"]] < 1.0:
+        raise record.error("deck.material", f"E and G give a Poisson's ratio of {values[at['NU']]:g}", at="G",
+                           hint="correct E or G; a shell needs a ratio between -1 and 1")  # fmt: skip
+    return at
+
+
+def _isotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+    shear = _elastic(laws, record, mid, user)["G"]
+    return shear, laws.none(record, mid), shear
+
+
+_PLANE_FIELDS = ("G11", "G12", "G13", "G22", "G23", "G33")
+
+
+def _anisotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+    law = tuple(laws.building.value(record, mid, name) for name in _PLANE_FIELDS)
+    _check_definite(laws, record, law, [[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+    return law, False
+
+
+def _anisotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+    law = tuple(laws.building.value(record, mid, name) for name in ("G11", "G12", "G22"))
+    _check_definite(laws, record, law, [[0, 1], [1, 2]])
+    return law
+
+
+def _check_definite(laws: PlaneLaws, record: Record, law: Entries, places: list[list[int]]) -> None:
+    values = np.array([laws.building.values.values[i] for i in law])[np.array(places)]
+    size = np.abs(values).max()
+    if size == 0.0 or np.linalg.eigvalsh(values / size)[0] <= _DEFINITE:
+        raise record.error("deck.material", f"{record.name} does not resist every strain", at="G11",
+                           hint="correct the moduli: their matrix should be positive definite")  # fmt: skip
+
+
+def _orthotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+    _check_orthotropic(record)
+    at = [laws.building.value(record, mid, name) for name in ("E1", "E2", "NU12")]
+    shear = laws.building.value(record, mid, "G12")
+    stiff = laws.derive(record, mid, "D11", orthotropic_stiffness, *at)
+    coupling = laws.derive(record, mid, "D12", orthotropic_coupling, *at)
+    across = laws.derive(record, mid, "D22", transverse_stiffness, *at)
+    none = laws.none(record, mid)
+    return (stiff, coupling, none, across, none, shear), False
+
+
+def _check_orthotropic(record: Record) -> None:
+    for name in ("E1", "E2", "G12"):
+        if record.real(name, 0.0 if name == "G12" else ...) <= 0.0:
+            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
+                               hint="correct the modulus")  # fmt: skip
+    if record.real("NU12") ** 2 * record.real("E2") >= record.real("E1"):
+        raise record.error("deck.material", "NU12 is too large for E1 and E2", at="NU12",
+                           hint="NU12 squared should be less than E1 / E2")  # fmt: skip
+
+
+def _orthotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+    """G1Z and G2Z; where one is blank or 0 the shell is rigid in that direction."""
+    _check_orthotropic(record)
+    shear = laws.building.value(record, mid, "G12")
+    both = []
+    for name in ("G1Z", "G2Z"):
+        if record.real(name, 0.0) < 0.0:
+            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
+                               hint="correct the modulus, or leave it blank: rigid")  # fmt: skip
+        rigid = record.real(name, 0.0) == 0.0
+        both.append(laws.stiffened(record, mid, shear) if rigid else laws.building.value(record, mid, name))
+    return both[0], laws.none(record, mid), both[1]
+
+
+_LAWS = {"MAT1": _isotropic, "MAT2": _anisotropic, "MAT8": _orthotropic}
+_SHEAR_LAWS = {"MAT1": _isotropic_shear, "MAT2": _anisotropic_shear, "MAT8": _orthotropic_shear}

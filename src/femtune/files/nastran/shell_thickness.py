@@ -1,0 +1,107 @@
+"""Thickness of a shell element: its property's, or the mean of what stands at its corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from femtune.errors import Notice, Where
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.record import Record
+from femtune.files.nastran.shell_properties import ShellSection
+from femtune.parameters.jet import Jet
+
+_MOST_DIFFERENCE = 0.2
+
+
+@dataclass
+class Thicknesses:
+    """Positions of the thicknesses of one card's elements, and those whose corners differ much."""
+
+    building: Building
+    corners: tuple[str, ...]
+    uneven: list[Where] = field(default_factory=list)
+
+    def get(self, record: Record, eid: int, section: ShellSection) -> int:
+        """Position of an element's thickness.
+
+        Raises
+        ------
+        FemtuneError : ``deck.shell-section`` where there is none, ``deck.field-value`` for TFLAG
+        """
+        if len(record.card.fields) <= record.at("TFLAG"):
+            return self._of_property(record, section)
+        given = [name for name in self.corners if not record.blank(name)]
+        relative = self._relative(record)
+        if not given:
+            return self._of_property(record, section)
+        # factors are of the property's thickness, and blank corners have it
+        own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
+        corners = [self.building.value(record, eid, name) for name in given]
+        rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
+        mean = self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *own, *corners)
+        self._check(record, [self.building.values.values[i] for i in corners], own, relative)
+        return mean
+
+    def _of_property(self, record: Record, section: ShellSection) -> int:
+        if section.thickness is None:
+            what = f"the element has no thickness: T of PSHELL {section.number} is blank, and so are {self._names}"
+            raise record.error("deck.shell-section", what, hint="fill T of the PSHELL")
+        return section.thickness
+
+    @property
+    def _names(self) -> str:
+        return f"{self.corners[0]} to {self.corners[-1]}"
+
+    def _relative(self, record: Record) -> bool:
+        """TFLAG: 0 or blank for thicknesses, 1 for factors of the property's."""
+        flag: int = record.integer("TFLAG", 0)
+        if flag not in (0, 1):
+            raise record.error("deck.field-value", f"TFLAG of {record.name} should be 0, 1 or blank", at="TFLAG",
+                               hint="1 makes T1 and the others factors of the property's thickness")  # fmt: skip
+        return flag == 1
+
+    def _check(self, record: Record, corners: list[float], own: list[int], relative: bool) -> None:
+        if min(corners) < 0.0 or max(corners) == 0.0:
+            raise record.error("deck.shell-section", f"{self._names} of a shell should be positive", at="T1",
+                               hint="correct the thickness")  # fmt: skip
+        blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
+        every = [*corners, *[blank] * (len(self.corners) - len(corners))]
+        if max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
+            self.uneven.append(record.where)
+
+    def notices(self, card: str) -> list[Notice]:
+        """What the user should know of elements that are not of one thickness."""
+        if not self.uneven:
+            return []
+        n = len(self.uneven)
+        what = (
+            f"{n} {card} element{'s have' if n > 1 else ' has'} thicknesses {self._names} that differ by more than "
+            "20 %; the element is made with their mean"
+        )
+        return [Notice("deck.uneven-thickness", what, self.uneven[0])]
+
+
+def corner_mean(n: int) -> Callable[..., Jet]:
+    """Mean over n corners of thicknesses; the first one given stands for those that are blank too."""
+
+    def mean(first: Jet, *others: Jet) -> Jet:
+        total = first * float(n - len(others))
+        for one in others:
+            total = total + one
+        return total / float(n)
+
+    return mean
+
+
+def scaled_mean(n: int) -> Callable[..., Jet]:
+    """A thickness times the mean over n corners of factors, 1 where blank."""
+
+    def mean(thickness: Jet, *factors: Jet) -> Jet:
+        total = factors[0] + float(n - len(factors))
+        for one in factors[1:]:
+            total = total + one
+        return thickness * total / float(n)
+
+    return mean

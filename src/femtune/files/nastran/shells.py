@@ -1,0 +1,147 @@
+"""Shells: CQUAD4 and CTRIA3 with PSHELL."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.fem.structure import ElementBatch
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.coordinates import cross, length
+from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.materials import Materials
+from femtune.files.nastran.plane_laws import PlaneLaws
+from femtune.files.nastran.properties import read_properties
+from femtune.files.nastran.record import Record
+from femtune.files.nastran.shell_properties import ShellProperties, ShellSection
+from femtune.files.nastran.shell_thickness import Thicknesses
+
+Reals = NDArray[np.float64]
+
+_CORNERS = {"CQUAD4": ("G1", "G2", "G3", "G4"), "CTRIA3": ("G1", "G2", "G3")}
+_KINDS = {"CQUAD4": "shell-quad", "CTRIA3": "shell-tri"}
+_ALONG = 1e-6
+_NO_DIRECTION = np.zeros(3)
+
+
+def read_shells(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+    """Batches of CQUAD4 and of CTRIA3."""
+    laws = PlaneLaws(building, materials)
+    return [batch for card in _CORNERS for batch in _read(card, building, grids, laws)]
+
+
+def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[ElementBatch]:
+    records = building.records(card)
+    if not records:
+        return []
+    reading = _Reading(building, grids, ShellProperties(building, read_properties(building, card), laws), card)
+    for record in records:
+        with building.errors.catch():
+            reading.add(record)
+    building.notices += reading.thicknesses.notices(card)
+    return reading.batches()
+
+
+class _Row(NamedTuple):
+    """One element: its number, rows of its nodes, positions of thickness and offset, material direction."""
+
+    id: int
+    nodes: list[int]
+    section: ShellSection
+    thickness: int
+    offset: int
+    offset_given: bool
+    theta: float
+    direction: Reals
+
+
+@dataclass
+class _Reading:
+    """Elements of one card, row by row."""
+
+    building: Building
+    grids: Grids
+    properties: ShellProperties
+    card: str
+    rows: list[_Row] = field(default_factory=list)
+    thicknesses: Thicknesses = field(init=False)
+    none: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.thicknesses = Thicknesses(self.building, tuple(f"T{name[1]}" for name in _CORNERS[self.card]))
+        self.none = self.building.values.add(FieldRef(self.card, 0, "none"), 0.0)
+
+    def add(self, record: Record) -> None:
+        eid = record.integer("EID")
+        section = self.properties.get(record.integer("PID", eid), record)
+        nodes = _nodes(record, self.grids)
+        thickness = self.thicknesses.get(record, eid, section)
+        given = not record.blank("ZOFFS")
+        offset = self.building.value(record, eid, "ZOFFS") if given else self.none
+        theta, direction = _material_axis(record, self.grids, nodes)
+        self.rows.append(_Row(eid, nodes, section, thickness, offset, given, theta, direction))
+
+    def batches(self) -> list[ElementBatch]:
+        """The batch, or nothing where no element was added."""
+        if not self.rows:
+            return []
+        ids, nodes, sections, thickness, offset, offset_given, theta, direction = zip(*self.rows)
+        at = np.array(nodes, dtype=np.int64)
+        dofs = (6 * at[:, :, None] + np.arange(6)).reshape(len(at), -1)
+        roles, facts = _section_columns(sections)
+        roles |= {"t": np.array(thickness, np.int64), "z0": np.array(offset, np.int64)}
+        facts |= {"offset_given": np.array(offset_given), "theta": np.array(theta), "direction": np.array(direction)}
+        return [ElementBatch(_KINDS[self.card], self.card, np.array(ids, np.int64), at, dofs, roles, facts)]
+
+
+def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Roles and facts of the sections, element by element."""
+    known = {section.number: section for section in sections}
+    row = {number: i for i, number in enumerate(known)}
+    at = np.array([row[section.number] for section in sections])
+    each = list(known.values())
+
+    def column(of: Sequence[Mapping[str, int]], name: str, kind: type) -> NDArray:
+        return np.array([one[name] for one in of], dtype=kind)[at]
+
+    roles, facts = [s.roles for s in each], [s.facts for s in each]
+    return (
+        {name: column(roles, name, np.int64) for name in each[0].roles},
+        {name: column(facts, name, np.bool_) for name in each[0].facts},
+    )
+
+
+def _nodes(record: Record, grids: Grids) -> list[int]:
+    """Rows of the corners in the node table."""
+    corners = _CORNERS[record.name]
+    if len(corners) == 4 and record.blank("G4"):
+        raise record.error("deck.shell-corners", "a CQUAD4 has four corners; G4 is blank", at="G4",
+                           hint="make the element a CTRIA3, or fill G4")  # fmt: skip
+    numbers = [record.integer(name) for name in corners]
+    for i, number in enumerate(numbers):
+        if number in numbers[:i]:
+            quad = len(corners) == 4 and len(set(numbers)) == 3
+            raise record.error("deck.shell-corners", f"two corners of the element are grid point {number}",
+                               at=corners[i], hint="make it a CTRIA3 of its three grid points" if quad else
+                               "correct the grid points, or remove the element")  # fmt: skip
+    return [grids.row(number, record) for number in numbers]
+
+
+def _material_axis(record: Record, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
+    """Angle in rad from side G1-G2 to the material's x axis, or a basic vector that is projected to it."""
+    if record.blank("THETA"):
+        return 0.0, _NO_DIRECTION
+    if not record.has_integer("THETA"):
+        return float(np.radians(record.real("THETA"))), _NO_DIRECTION
+    corners = grids.table.xyz[nodes]
+    axis = grids.systems.get(record.integer("THETA"), record).frame(corners.mean(axis=0))[:, 0]
+    normal = cross(corners[2] - corners[0], corners[-1] - corners[1])
+    if length(cross(normal, axis)) <= _ALONG * length(normal):
+        raise record.error("deck.orientation", "the x axis of the material's coordinate system is normal to the shell",
+                           at="THETA", hint="choose a system whose x axis lies in the shell, or an angle")  # fmt: skip
+    return 0.0, axis

@@ -1,0 +1,271 @@
+"""CQUAD4, CTRIA3 and PSHELL with MAT1, MAT2 and MAT8, as batches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.fem.structure import ElementBatch
+from femtune.fem.values import FieldRef
+from femtune.files.nastran import Deck
+from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.parameters import jet
+
+DeckOf = Callable[..., Deck]
+CYLINDER = "CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
+POINTS = CYLINDER + "GRID,1,,1.,1.,0.\nGRID,2,,3.,1.,0.\nGRID,3,,3.,3.,0.\nGRID,4,,1.,3.,0.\nGRID,7,,1.,1.,5.\n"
+STEEL = "MAT1,1,2.,,.25,3.,,,.01\n"
+PLATE = "PSHELL,9,1,.1,1,,1\n"
+QUAD = "CQUAD4,20,9,1,2,3,4"
+
+
+def built(deck_of: DeckOf, text: str) -> BuiltModel:
+    return build_structure(deck_of(POINTS + text))
+
+
+def batch(deck_of: DeckOf, text: str) -> tuple[BuiltModel, ElementBatch]:
+    model = built(deck_of, text)
+    (one,) = model.structure.batches
+    return model, one
+
+
+def values(model: BuiltModel, one: ElementBatch, i: int = 0) -> dict[str, float]:
+    return {role: float(model.structure.values.values[at[i]]) for role, at in one.roles.items()}
+
+
+def law(found: dict[str, float], letter: str) -> list[list[float]]:
+    a, b, c, d, e, f = (found[letter + name] for name in ("11", "12", "13", "22", "23", "33"))
+    return [[a, b, c], [b, d, e], [c, e, f]]
+
+
+def test_a_plate_of_one_material(deck_of: DeckOf) -> None:
+    text = STEEL + "PSHELL,9,1,.1,1,1.2,1,.8,.7\n" + QUAD + "\nCQUAD4,21,9,2,3,4,1\nCTRIA3,22,9,1,2,7\n"
+    model = built(deck_of, text)
+    quads, tri = model.structure.batches
+    assert [(b.kind, b.card, b.ids.tolist()) for b in (quads, tri)] == [
+        ("shell-quad", "CQUAD4", [20, 21]), ("shell-tri", "CTRIA3", [22]),
+    ]  # fmt: skip
+    assert quads.nodes.tolist() == [[0, 1, 2, 3], [1, 2, 3, 0]]
+    assert quads.dofs[1].tolist() == [*range(6, 24), *range(6)]
+    assert tri.dofs[0].tolist() == [*range(12), *range(24, 30)]
+    for one in (quads, tri):
+        found = values(model, one)
+        # E / (1 − ν²) and the rest, written out
+        stiff = 2.0 / 0.9375
+        expected = [[stiff, 0.25 * stiff, 0.0], [0.25 * stiff, stiff, 0.0], [0.0, 0.0, 0.8]]
+        np.testing.assert_allclose(law(found, "M"), expected, rtol=1e-15)
+        np.testing.assert_allclose(law(found, "B"), expected, rtol=1e-15)
+        assert [found[n] for n in ("S11", "S12", "S22")] == [0.8, 0.0, 0.8]
+        assert [found[n] for n in ("t", "RI", "TS", "NSM", "rho", "z0")] == [0.1, 1.2, 0.8, 0.7, 3.0, 0.0]
+        assert [found[n] for n in ("GE", "GEB", "GES")] == [0.01] * 3
+        assert [one.facts[n][0] for n in ("isotropic", "has_membrane", "has_bending")] == [True] * 3
+        assert not one.facts["offset_given"][0]
+
+
+def test_defaults_are_those_of_nastran(deck_of: DeckOf) -> None:
+    found = values(*batch(deck_of, STEEL + PLATE + QUAD + "\n"))
+    assert [found[n] for n in ("RI", "TS", "NSM")] == [1.0, 0.833333, 0.0]
+
+
+def test_three_materials(deck_of: DeckOf) -> None:
+    text = STEEL + "MAT1,2,4.,,0.,5.,,,.02\nMAT1,3,8.,,0.,6.,,,.03\nPSHELL,9,2,.1,1,,3\n"
+    found = values(*batch(deck_of, text + QUAD + "\n"))
+    assert (found["M11"], found["B33"], found["S11"], found["rho"]) == (4.0, 0.8, 4.0, 5.0)
+    assert [found[n] for n in ("GE", "GEB", "GES")] == [0.02, 0.01, 0.03]
+
+
+def test_membrane_alone_and_bending_alone(deck_of: DeckOf) -> None:
+    model, one = batch(deck_of, STEEL + "PSHELL,9,1,.1\n" + QUAD + "\n")
+    found = values(model, one)
+    assert not np.any(law(found, "B")) and found["S11"] == 0.0 and found["M11"] > 2.0
+    assert (one.facts["has_membrane"][0], one.facts["has_bending"][0]) == (True, False)
+    model, one = batch(deck_of, STEEL + "PSHELL,9,,.1,1\n" + QUAD + "\n")
+    found = values(model, one)
+    assert not np.any(law(found, "M")) and found["B11"] > 2.0 and found["rho"] == 3.0
+    assert (one.facts["has_membrane"][0], one.facts["has_bending"][0]) == (False, True)
+
+
+def test_without_mid3_the_plate_is_nearly_rigid_in_transverse_shear(deck_of: DeckOf) -> None:
+    model, one = batch(deck_of, STEEL + "PSHELL,9,1,.1,1,,,.5\n" + QUAD + "\n")
+    found = values(model, one)
+    assert found["S11"] == found["S22"] == pytest.approx(1000 * 0.8)
+    # the share of the section that resists shear has no meaning here
+    assert found["TS"] == 1.0
+    assert model.structure.values.index(FieldRef("PSHELL", 9, "TS")) is None
+
+
+def test_orthotropic_law_is_the_inverse_of_its_compliance(deck_of: DeckOf) -> None:
+    e1, e2, nu, g, g1, g2 = 140.0, 10.0, 0.3, 5.0, 4.0, 3.0
+    text = f"MAT8,1,{e1},{e2},{nu},{g},{g1},{g2},3.\n" + ",\n,.07\n" + PLATE
+    model, one = batch(deck_of, text + QUAD + "\n")
+    found = values(model, one)
+    compliance = [[1 / e1, -nu / e1, 0.0], [-nu / e1, 1 / e2, 0.0], [0.0, 0.0, 1 / g]]
+    np.testing.assert_allclose(law(found, "M"), np.linalg.inv(compliance), rtol=1e-14)
+    assert [found[n] for n in ("S11", "S12", "S22", "rho", "GE")] == [g1, 0.0, g2, 3.0, 0.07]
+    assert not one.facts["isotropic"][0]
+
+
+def test_orthotropic_material_that_is_rigid_in_one_transverse_shear(deck_of: DeckOf) -> None:
+    found = values(*batch(deck_of, "MAT8,1,140.,10.,.3,5.,,3.\n" + PLATE + QUAD + "\n"))
+    assert (found["S11"], found["S22"]) == (5000.0, 3.0)
+
+
+def test_anisotropic_law_stands_on_the_card(deck_of: DeckOf) -> None:
+    text = "MAT2,1,9.,2.,1.,8.,.5,4.,3.\n,,,,,.07\n" + "MAT2,2,5.,1.,,6.\n" + "PSHELL,9,1,.1,1,,2\n"
+    found = values(*batch(deck_of, text + QUAD + "\n"))
+    for letter in "MB":
+        assert law(found, letter) == [[9.0, 2.0, 1.0], [2.0, 8.0, 0.5], [1.0, 0.5, 4.0]]
+    assert [found[n] for n in ("S11", "S12", "S22", "rho", "GE")] == [5.0, 1.0, 6.0, 3.0, 0.07]
+
+
+@pytest.mark.parametrize(
+    ("material", "isotropic"),
+    [
+        ("MAT1,1,2.,.8\n", True),
+        ("MAT1,1,,.8,.25\n", True),
+        ("MAT1,1,2.,.8,.25\n", True),
+        ("MAT1,1,2.,.5,.25\n", False),
+    ],
+)
+def test_isotropic_where_the_shear_modulus_belongs_to_the_others(
+    deck_of: DeckOf, material: str, isotropic: bool
+) -> None:  # fmt: skip
+    model, one = batch(deck_of, material + PLATE + QUAD + "\n")
+    found = values(model, one)
+    assert one.facts["isotropic"][0] == isotropic
+    assert found["M11"] == pytest.approx(2.0 / 0.9375)
+    assert found["M33"] == (0.8 if isotropic else 0.5)
+
+
+@pytest.mark.parametrize(
+    ("material", "name"),
+    [
+        ("MAT1,1,2.,,.25\n", "NU"),
+        ("MAT1,1,2.,.8\n", "G"),
+        ("MAT8,1,140.,10.,.3,5.\n", "E2"),
+        ("MAT8,1,140.,10.,.3,5.\n", "NU12"),
+    ],
+)
+def test_derived_entries_follow_a_change_of_the_card(deck_of: DeckOf, material: str, name: str) -> None:
+    model, one = batch(deck_of, material + PLATE + QUAD + "\n")
+    card = material[:4]
+    index = model.structure.values.index(FieldRef(card, 1, name))
+    assert index is not None
+    fields = material.strip().split(",")
+    at = {"G": 3, "NU": 4, "E2": 3, "NU12": 4}[name]
+    new = float(fields[at]) * 1.1
+    moved = model.structure.values.evaluate({index: jet.constant(new, 0)}, 0).value
+    fields[at] = f"{new:#.8g}"
+    again, other = batch(deck_of, ",".join(fields) + "\n" + PLATE + QUAD + "\n")
+    for role in one.roles:
+        now = again.structure.values.values[other.roles[role][0]]
+        np.testing.assert_allclose(moved[one.roles[role][0]], now, rtol=1e-7, err_msg=role)
+
+
+def test_material_axes(deck_of: DeckOf) -> None:
+    text = STEEL + PLATE + QUAD + ",30.\nCQUAD4,21,9,1,2,3,4,5\nCQUAD4,22,9,1,2,3,4,0\nCTRIA3,23,9,1,2,3,-90.\n"
+    quads, tri = built(deck_of, text).structure.batches
+    np.testing.assert_allclose(quads.facts["theta"], [np.pi / 6, 0.0, 0.0])
+    # the centre of the element, (2, 2, 0), lies at 45 degrees of the cylinder system
+    np.testing.assert_allclose(quads.facts["direction"], [[0, 0, 0], [0.5**0.5, 0.5**0.5, 0], [1, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(tri.facts["theta"], [-np.pi / 2])
+
+
+def test_offsets(deck_of: DeckOf) -> None:
+    text = STEEL + PLATE + QUAD + ",,.02\nCQUAD4,21,9,1,2,3,4\nCTRIA3,22,9,1,2,3,,-.03\nCTRIA3,23,9,1,2,3,,0.\n"
+    model = built(deck_of, text)
+    quads, tri = model.structure.batches
+    assert [values(model, quads, i)["z0"] for i in (0, 1)] == [0.02, 0.0]
+    assert [values(model, tri, i)["z0"] for i in (0, 1)] == [-0.03, 0.0]
+    assert quads.facts["offset_given"].tolist() == [True, False]
+    assert tri.facts["offset_given"].tolist() == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("corners", "thickness", "uneven"),
+    [
+        (",,,.1,.11,.12,.13", 0.115, True),
+        (",,,.1,.11,,.12", 0.1075, False),
+        (",,1,1.1,1.2,.9,1.", 0.105, True),
+        (",,1,1.1,1.1", 0.105, False),
+        (",,1", 0.1, False),
+        ("", 0.1, False),
+    ],
+)
+def test_thickness_at_the_corners(deck_of: DeckOf, corners: str, thickness: float, uneven: bool) -> None:
+    model, one = batch(deck_of, STEEL + PLATE + QUAD + f"\n{corners}\n")
+    assert values(model, one)["t"] == pytest.approx(thickness)
+    assert ("deck.uneven-thickness" in {n.code for n in model.notices}) == uneven
+
+
+def test_thickness_only_at_the_corners(deck_of: DeckOf) -> None:
+    model, one = batch(deck_of, STEEL + "PSHELL,9,1,,1,,1\nCTRIA3,20,9,1,2,3\n,,,.1,.2,.3\n")
+    assert values(model, one)["t"] == pytest.approx(0.2)
+    (notice,) = [n for n in model.notices if n.code == "deck.uneven-thickness"]
+    assert "1 CTRIA3 element has thicknesses T1 to T3" in notice.what
+
+
+def test_derivative_of_a_mean_thickness(deck_of: DeckOf) -> None:
+    model, one = batch(deck_of, STEEL + PLATE + QUAD + "\n,,1,1.1,1.2\n")
+    table = model.structure.values
+    at = [table.index(FieldRef(*ref)) for ref in (("CQUAD4", 20, "T2"), ("PSHELL", 9, "T"))]
+    variables = jet.variables(np.array([1.2, 0.1]))
+    t = table.evaluate({i: variables[k] for k, i in enumerate(at) if i is not None}, 2)[one.roles["t"][0]]
+    np.testing.assert_allclose(t.grad, [0.1 / 4, (1.1 + 1.2 + 2.0) / 4])
+
+
+def test_drilling_factor(deck_of: DeckOf) -> None:
+    assert built(deck_of, "").structure.drilling == 100.0
+    model = built(deck_of, "PARAM,K6ROT,1.+4\nPARAM,SNORM,20.\n")
+    assert model.structure.drilling == 1e4
+    (notice,) = [n for n in model.notices if n.code == "deck.ignored-param"]
+    assert "SNORM = 20. is ignored: a shell's normal" in notice.what
+
+
+_SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "message"),
+    [
+        (_SHELL.format("1,.1,-1"), "deck.shell-section", "plane strain (MID2 = -1)"),
+        (_SHELL.format(",.1"), "deck.shell-section", "names no material"),
+        (_SHELL.format("1,.1,,,1"), "deck.shell-section", "MID3"),
+        (_SHELL.format("1,.1,1,,1,,\n,,,1"), "deck.shell-section", "MID4"),
+        (_SHELL.format("1,-.1"), "deck.shell-section", "thickness T"),
+        (_SHELL.format("1,.1,1,-1."), "deck.shell-section", "12I/T**3"),
+        (_SHELL.format("1,.1,1,,1,0."), "deck.shell-section", "TS/T"),
+        (_SHELL.format("1"), "deck.shell-section", "T of PSHELL 9 is blank, and so are T1 to T4"),
+        (_SHELL.format("1,.1") + ",,,0.,0.,0.,0.\n", "deck.shell-section", "T1 to T4"),
+        (_SHELL.format("1,.1") + ",,2,1.,1.,1.,1.\n", "deck.field-value", "TFLAG"),
+        (_SHELL.format("77,.1"), "deck.unknown-material", "material 77"),
+        (PLATE + "CQUAD4,20,9,1,2,3,3\n", "deck.shell-corners", "make it a CTRIA3"),
+        (PLATE + "CQUAD4,20,9,1,1,3,3\n", "deck.shell-corners", "remove the element"),
+        (PLATE + "CQUAD4,20,9,1,2,3\n", "deck.shell-corners", "G4 is blank"),
+        (PLATE + "CTRIA3,20,9,1,2,1\n", "deck.shell-corners", "two corners of the element are grid point 1"),
+        (PLATE + "CTRIA3,20,9,1,2,99\n", "deck.unknown-grid", "grid point 99"),
+        (PLATE + "CTRIA3,20,8,1,2,3\n", "deck.unknown-property", "known: 9"),
+        ("PCOMP,9\n,1,.1\n" + QUAD + "\n", "deck.property-type", "property 9 is a PCOMP; CQUAD4 needs a PSHELL"),
+        (PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.unknown-coordinate-system", "coordinate system 6"),
+        ("CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n" + PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.orientation", "normal"),
+        ("MAT8,1,2.,2.,.3,1.\n" + PLATE, "deck.duplicate-id", "material 1 is defined twice"),
+        ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "is a MAT8; PROD needs a MAT1"),
+        ("MAT8,2,2.,2.,.3\n" + _SHELL.format("2,.1"), "deck.material", "G12"),
+        ("MAT8,2,2.,9.,.5,1.\n" + _SHELL.format("2,.1"), "deck.material", "NU12"),
+        ("MAT8,2,2.,9.,.1,1.,-1.\n" + _SHELL.format("2,.1,2,,2"), "deck.material", "G1Z"),
+        ("MAT2,2,2.,9.,,2.,,1.\n" + _SHELL.format("2,.1"), "deck.material", "positive definite"),
+        ("MAT2,2,2.,,,2.\n" + _SHELL.format("2,.1"), "deck.material", "positive definite"),
+        ("MAT1,2,2.\n" + _SHELL.format("2,.1"), "deck.material", "give NU, or G"),
+        ("MAT1,2,9.,1.\n" + _SHELL.format("2,.1"), "deck.material", "Poisson's ratio of 3.5"),
+        ("PARAM,K6ROT,-1.\n", "deck.param", "zero or more"),
+    ],
+)
+def test_errors(deck_of: DeckOf, text: str, code: str, message: str) -> None:
+    with pytest.raises(FemtuneError) as error:
+        built(deck_of, STEEL + text)
+    assert error.value.code == code
+    assert message in str(error.value)
+    assert error.value.where is not None and error.value.where.line
