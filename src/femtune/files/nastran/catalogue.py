@@ -79,6 +79,12 @@ CONM1     element   EID G CID M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M5
 CONM2     element   EID G CID M X1 X2 X3 - I11 I21 I22 I31 I32 I33
 RBE2      element   EID GN CM
 RBAR      element   EID GA GB CNA CNB CMA CMB ALPHA
+RBAR1     element   EID GA GB CB ALPHA
+RBE1      element   EID
+RBE3      element   EID - REFGRID REFC
+RROD      element   EID GA GB CMA CMB ALPHA
+RTRPLT    element   EID GA GB GC CNA CNB CNC - CMA CMB CMC ALPHA
+RTRPLT1   element   EID GA GB GC CMB CMC ALPHA
 MPC       other     SID
 MPCADD    other     SID
 SPC       other     SID G1 C1 D1 G2 C2 D2

@@ -32,7 +32,7 @@ _NOT_NEEDED_NAMES = """
 _NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
 
 # Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
-_ELEMENT_NAMES = "RBAR1 RBE1 RBE3 RJOINT RROD RSPLINE RSSCON RTRPLT RTRPLT1 RBE2A GENEL DMIAX"
+_ELEMENT_NAMES = "RJOINT RSPLINE RSSCON RBE2A RBE2GS RBE3D GENEL DMIAX"
 _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
 _TEMPERATURE = "materials do not depend on temperature here; the values on the material card count"
 _REDUCTION = "the model is not reduced; all its degrees of freedom are kept"

@@ -1,34 +1,57 @@
-"""Rigid elements: RBE2 and RBAR as equations."""
+"""Rigid elements as equations: RBE2, RBAR, RBAR1, RTRPLT, RTRPLT1, RROD; RBE1 and RBE3 are in `rigid_lists`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
-from femtune.errors import FemtuneError
-from femtune.fem.constraints import ALL_COMPONENTS, rigid_bar_rows, rigid_element_rows
+from femtune.errors import FemtuneError, Notice
+from femtune.fem.constraints import (
+    ALL_COMPONENTS,
+    rigid_bar_rows,
+    rigid_element_rows,
+    rigid_plate_rows,
+    rigid_rod_rows,
+)
 from femtune.fem.structure import ConstraintRows, join_constraints
 from femtune.files.nastran.building import Building, listed_numbers
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.record import Record
+from femtune.files.nastran.rigid_lists import averaging_rows, body_rows
 
 
 def read_rigid(building: Building, grids: Grids) -> ConstraintRows:
-    """Equations of all RBE2 and RBAR elements."""
+    """Equations of all rigid elements."""
     parts = []
-    for record in building.records("RBE2", "RBAR"):
+    for record in building.records(*_READERS):
         with building.errors.catch():
             parts.append(_placed(record, grids))
+    _note_expansion(building)
     return join_constraints(parts)
 
 
 def _placed(record: Record, grids: Grids) -> ConstraintRows:
     """Rows of an element; errors of the kernel get the card's place in the file."""
     try:
-        return _spider(record, grids) if record.name == "RBE2" else _bar(record, grids)
+        return _READERS[record.name](record, grids)
     except FemtuneError as error:
         if error.where is None or error.where.file:
             raise
         raise FemtuneError(error.code, error.what, where=record.where, values=error.values, hint=error.hint) from error
+
+
+def _note_expansion(building: Building) -> None:
+    """A coefficient of thermal expansion is the only real number on a rigid element, weights of RBE3 apart."""
+    found = [record for record in building.records(*_READERS) if _expands(record)]
+    if found:
+        count = f"{len(found)} rigid element{'s give' if len(found) > 1 else ' gives'}"
+        what = f"{count} a coefficient of thermal expansion; vibration knows no temperature, so it is not used"
+        building.notices.append(Notice("deck.rigid-expansion", what, found[0].where, "info"))
+
+
+def _expands(record: Record) -> bool:
+    if record.name == "RBE3":
+        return "ALPHA" in map(str.upper, record.card.fields)
+    return any(record.card.is_real(at) for at in range(len(record.card.fields)))
 
 
 def _spider(record: Record, grids: Grids) -> ConstraintRows:
@@ -55,14 +78,43 @@ def _dependents(record: Record) -> list[int]:
 
 
 def _bar(record: Record, grids: Grids) -> ConstraintRows:
-    ends = (record.integer("GA"), record.integer("GB"))
-    for number in ends:
-        grids.row(number, record)
+    a, b = _points(record, grids, "GA", "GB")
     free = (_of(record, "CNA"), _of(record, "CNB"))
     if not any(free):
         free = (list(ALL_COMPONENTS), [])
     follow = (_of(record, "CMA"), _of(record, "CMB"))
-    return rigid_bar_rows(grids.table, ends, free, follow, record.integer("EID"))
+    return rigid_bar_rows(grids.table, (a, b), free, follow, record.integer("EID"))
+
+
+def _first_rules(record: Record, grids: Grids) -> ConstraintRows:
+    """RBAR1 and RTRPLT1: end A moves the others, all their components where none are named."""
+    names = {"GB": "CB"} if record.name == "RBAR1" else {"GB": "CMB", "GC": "CMC"}
+    points = _points(record, grids, "GA", *names)
+    dependent = [(n, _of(record, c) or list(ALL_COMPONENTS)) for n, c in zip(points[1:], names.values())]
+    free = [(points[0], ALL_COMPONENTS)]
+    return rigid_plate_rows(grids.table, points, free, dependent, record.integer("EID"), record.name)
+
+
+def _plate(record: Record, grids: Grids) -> ConstraintRows:
+    points = _points(record, grids, "GA", "GB", "GC")
+    free, follow = ([(n, _of(record, kind + end)) for n, end in zip(points, "ABC")] for kind in ("CN", "CM"))
+    return rigid_plate_rows(grids.table, points, free, follow, record.integer("EID"), record.name)
+
+
+def _rod(record: Record, grids: Grids) -> ConstraintRows:
+    a, b = _points(record, grids, "GA", "GB")
+    chosen = [(end, c) for end, name in enumerate(("CMA", "CMB")) for c in _of(record, name)]
+    if len(chosen) != 1 or chosen[0][1] > 3:
+        raise record.error("deck.field-value", "an RROD has one dependent translation, at one of its ends", at="CMA",
+                           hint="write 1, 2 or 3 into CMA or into CMB")  # fmt: skip
+    return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
+
+
+def _points(record: Record, grids: Grids, *names: str) -> list[int]:
+    numbers = [record.integer(name) for name in names]
+    for number in numbers:
+        grids.row(number, record)
+    return numbers
 
 
 def _of(record: Record, name: str) -> list[int]:
@@ -71,3 +123,15 @@ def _of(record: Record, name: str) -> list[int]:
 
 def _numbers(digits: Iterable[str]) -> list[int]:
     return [int(d) for d in digits]
+
+
+_READERS: dict[str, Callable[[Record, Grids], ConstraintRows]] = {
+    "RBE2": _spider,
+    "RBAR": _bar,
+    "RBAR1": _first_rules,
+    "RBE1": body_rows,
+    "RBE3": averaging_rows,
+    "RROD": _rod,
+    "RTRPLT": _plate,
+    "RTRPLT1": _first_rules,
+}

@@ -1,0 +1,49 @@
+"""Messages of rigid elements, degree-of-freedom sets and non-structural mass: each is the example of its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import BuiltModel, build_structure
+
+_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
+_POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.\n"
+
+DECKS = {
+    "constraint.weight": _POINTS + "RBE3,9,,4,123,0.,123,1,2\n",
+    "constraint.undetermined-motion": _POINTS + "RBE3,9,,4,123456,1.,123,1\n",
+    "constraint.dependent-choice": _POINTS + "RBE3,9,,4,125,1.,123,1,2\n,3,UM,4,1,1,2\n",
+    "constraint.rod-component": _POINTS + "RROD,9,1,2,3\n",
+}
+NOTICES = {
+    "deck.rigid-expansion": _POINTS + "RBAR,9,1,2,123456,,,,1.2-5\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _built(text: str) -> BuiltModel:
+    Path("deck.bdf").write_text(text)
+    return build_structure(read_deck("deck.bdf"))
+
+
+@pytest.mark.parametrize("code", DECKS)
+def test_page_shows_the_error(code: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        _built(DECKS[code])
+    assert caught.value.code == code
+    assert str(caught.value) in (_PAGES / f"{code}.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("code", NOTICES)
+def test_page_shows_the_notice(code: str) -> None:
+    notice = _built(NOTICES[code]).notices[0]
+    assert notice.code == code
+    assert str(notice) in (_PAGES / f"{code}.md").read_text(encoding="utf-8")
