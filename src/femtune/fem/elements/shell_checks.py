@@ -57,10 +57,10 @@ def _check_shapes(batch: ElementBatch, xyz: Reals, collector: ErrorCollector) ->
     sound = ~(collapsed | flat)
     sines = corner_sines(xyz[sound])
     reflex[sound] = (sines <= STRAIGHT).any(axis=1)
-    collapsed_hint = "a quadrilateral with two corners at one place is a CTRIA3; else move a grid point or delete it"
+    twice, order = (_MOVE, _MOVE) if xyz.shape[1] == 3 else (_TWICE, _ORDER)
     faults = (
-        (collapsed, "two neighbouring corners of the shell are at the same place", collapsed_hint),
-        (flat & ~collapsed, "the corners of the shell lie on a line or cross over, so that it has no area", _ORDER),
+        (collapsed, "two neighbouring corners of the shell are at the same place", twice),
+        (flat & ~collapsed, "the corners of the shell lie on a line or cross over, so that it has no area", order),
         (reflex, "the shell has a corner with an angle of 180 degrees or more", _ORDER),
     )
     for mask, what, hint in faults:
@@ -70,6 +70,8 @@ def _check_shapes(batch: ElementBatch, xyz: Reals, collector: ErrorCollector) ->
     return np.asarray(collapsed | flat | reflex)
 
 
+_MOVE = "move a grid point, or delete the element"
+_TWICE = "a quadrilateral with two corners at one place is a CTRIA3; else move a grid point or delete it"
 _ORDER = "list the grid points in order around the element, and move the one that makes the corner"
 
 
