@@ -68,8 +68,12 @@ def mass_properties(nodes: NodeTable, mass: sp.csr_array, about: Reals | None = 
     """Mass, centre of gravity and inertia from the g-set mass matrix (n_g, n_g) and six rigid motions."""
     point = np.zeros(3) if about is None else np.asarray(about, float)
     motions = rigid_body_modes(nodes, point)
-    matrix = motions.T @ (mass @ motions)
-    matrix = 0.5 * (matrix + matrix.T)
+    return mass_properties_of(motions.T @ (mass @ motions), point)
+
+
+def mass_properties_of(matrix: Reals, about: Reals) -> MassProperties:
+    """Mass properties from the (6, 6) mass matrix of the rigid motions about a point."""
+    point, matrix = about, 0.5 * (matrix + matrix.T)
     directional = np.diag(matrix)[:3].copy()
     shift = _centre(matrix)
     move = arm_transform(np.eye(3)[None], -shift[None], np.eye(3)[None])[0]

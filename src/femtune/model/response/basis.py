@@ -1,0 +1,95 @@
+"""Bases that FRFs are superposed from: real modes, and residual vectors as pseudo-modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.model.configured import ModelPoint
+from femtune.model.derivatives import complement
+from femtune.model.eigen import EigenSolution
+from femtune.model.response.rigid import is_rigid
+
+Reals = NDArray[np.float64]
+
+_DEPENDENT = 1e-10
+_MOST_DAMPED = 24
+"""Forces of dashpots get residual vectors of their own up to this rank."""
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Vectors Q that are orthogonal in K and M.
+
+    Parameters
+    ----------
+    vectors : Q (n_free, r)
+    stiffness, mass : (r,) diagonals of QᵀKQ and QᵀMQ; real modes come first with mass 1, rigid-body ones with
+        stiffness 0; residual vectors have stiffness 1, and mass 0 where they move no mass
+    n_modes : number of real modes among them
+    """
+
+    vectors: Reals
+    stiffness: Reals
+    mass: Reals
+    n_modes: int
+
+
+def modal_basis(modes: EigenSolution, forces: Reals | None) -> Basis:
+    """The wanted modes (and every rigid-body mode), and the static response to `forces` (n_free, k) that they miss."""
+    rigid = is_rigid(modes)
+    keep = max(modes.wanted, int(rigid.sum()))
+    phi, stiffness = modes.shapes[:, :keep], np.where(rigid, 0.0, modes.eigenvalues)[:keep]
+    if forces is None or not forces.shape[1]:
+        return Basis(phi, stiffness, np.ones(keep), keep)
+    extra, k, m = ritz_vectors(modes.point, static_complement(modes, keep, forces))
+    return Basis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
+
+
+def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
+    """(n_free, k) what the first `keep` modes miss of the static response to forces.
+
+    These modes hold all rigid-body ones, so that the rest is elastic and its stiffness regular: inertia relief.
+    """
+    rest, values = modes.shapes[:, keep:], modes.eigenvalues[keep:]
+    known = rest @ ((rest.T @ forces) / values[:, None])
+    return np.asarray(known + complement(modes, 0.0, forces))
+
+
+def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals]:
+    """Independent combinations of elastic vectors that are orthogonal in K and M, with QᵀKQ = 1 and QᵀMQ = θ.
+
+    Returns Q, the ones and θ. A vector that is not independent of the others is dropped.
+    """
+    k = vectors.T @ (point.stiffness @ vectors)
+    own = np.sqrt(np.maximum(np.diag(k), 0.0))
+    scale = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
+    energy, turn = la.eigh(scale[:, None] * (0.5 * (k + k.T)) * scale)
+    kept = energy > _DEPENDENT * energy.max(initial=1.0)
+    unit = vectors @ (scale[:, None] * turn[:, kept] / np.sqrt(energy[kept]))
+    m = unit.T @ (point.mass @ unit)
+    theta, turn = la.eigh(0.5 * (m + m.T))
+    return unit @ turn, np.ones(len(theta)), np.maximum(theta, 0.0)
+
+
+def damping_forces(point: ModelPoint) -> Reals:
+    """(n_free, k) independent forces of dashpots and of loss factors that act on few DOFs; none where they are many."""
+    found = [_range(matrix) for matrix in (point.viscous, point.hysteretic)]
+    return np.hstack([one for one in found if one.shape[1] <= _MOST_DAMPED] or [np.zeros((point.configured.n_free, 0))])
+
+
+def _range(matrix: sp.csr_array) -> Reals:
+    """Basis of the range of a symmetric matrix with few rows; without columns if these are many."""
+    rows = np.flatnonzero(np.abs(matrix).sum(axis=1) > 0.0)
+    out = np.zeros((matrix.shape[0], 0))
+    if not 0 < len(rows) <= 12 * _MOST_DAMPED:
+        return out
+    values, vectors = la.eigh(matrix[rows][:, rows].toarray())
+    some = np.abs(values) > _DEPENDENT * np.abs(values).max()
+    out = np.zeros((matrix.shape[0], int(some.sum())))
+    out[rows] = vectors[:, some]
+    return out

@@ -1,0 +1,140 @@
+"""Exact derivatives of complex modes.
+
+λ′ = −ψᵀZ′(λ)ψ for modal A = 1. The shape follows from Z(λ)ψ′ = −(Z′ + λ′ dZ/dλ)ψ, which is singular along ψ: one DOF
+where ψ is large is held (Nelson's way), and the part along ψ follows from A = 1.
+Source: R. B. Nelson, AIAA Journal 14 (1976); for damped systems M. I. Friswell, S. Adhikari, AIAA Journal 38 (2000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.model.factorise import SingularMatrixError, factorise
+from femtune.model.response.complex_modes import ComplexModes, gradient_by_pole
+from femtune.model.response.dynamic_stiffness import DynamicStiffness, Solve, low_rank_solver
+
+_CLOSE = 1e-6
+_CORRECTIONS, _ENOUGH = 2, 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class ComplexModeDerivative:
+    """First derivatives of one complex mode by p parameters.
+
+    Parameters
+    ----------
+    pole : (p,) λ′
+    shape : (rows, p) C ψ′
+    residuals : (p,) largest entry of Zψ′ + (Z′ + λ′ dZ/dλ)ψ over that of the parts that cancel
+    """
+
+    pole: NDArray[np.complex128]
+    shape: NDArray[np.complex128]
+    residuals: NDArray[np.float64]
+
+
+def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array | None = None) -> ComplexModeDerivative:
+    """Derivatives of the pole and of the shape (modal A = 1) of a simple mode.
+
+    Parameters
+    ----------
+    mode : its position
+    rows : C (rows, n_free), the combinations of DOFs that are wanted; None for all free DOFs
+
+    Raises
+    ------
+    FemtuneError : ``derivative.close-poles`` where another pole is as near as rounding, so that the single modes have
+        no derivatives in several parameters; ``derivative.pole-inaccurate``
+    """
+    _check_simple(modes, mode)
+    stiffness, pole, psi = modes.stiffness, complex(modes.poles[mode]), modes.shapes[:, mode]
+    forces = _forces(stiffness, pole, psi)
+    by_pole = gradient_by_pole(stiffness, pole, psi)
+    slope = -(psi @ forces)
+    b = -(forces + by_pole[:, None] * slope)
+    bent = _held_solver(stiffness, pole, psi)(b)
+    along = -0.5 * _normalisation(stiffness, pole, psi, slope) - by_pole @ bent
+    shape = bent + psi[:, None] * along
+    residuals = _residuals(stiffness, pole, shape, b)
+    if (residuals > _ENOUGH).any():
+        raise _inaccurate(pole, float(residuals.max()))
+    return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
+
+
+def _check_simple(modes: ComplexModes, mode: int) -> None:
+    pole = modes.poles[mode]
+    gaps = np.abs(modes.poles - pole)
+    gaps[mode] = np.inf if pole.imag == 0.0 else abs(2.0 * pole.imag)
+    size = max(abs(pole), 1e-6 * float(np.abs(modes.poles).max(initial=0.0)))
+    untouched = modes.kinds[mode] == "rigid" and not np.any(modes.stiffness.viscous_times(modes.shapes[:, mode]))
+    if gaps.min(initial=np.inf) <= _CLOSE * size or untouched:
+        raise FemtuneError(
+            "derivative.close-poles",
+            f"the complex mode {mode + 1} has no derivative of its own: another pole coincides with it",
+            values={"pole (rad/s)": f"{pole:.6g}", "nearest other": f"{gaps.min(initial=np.inf):.3g} rad/s away"},
+            hint="compare functions of all these modes together, such as FRFs, whose derivatives exist",
+        )
+
+
+def _forces(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> NDArray:
+    """Z′(λ)ψ (n_free, p)."""
+    parts = [stiffness.derivative_times(i, pole, psi) for i in range(stiffness.point.n_parameters)]
+    return np.stack(parts, axis=1) if parts else np.zeros((len(psi), 0), complex)
+
+
+def _normalisation(stiffness: DynamicStiffness, pole: complex, psi: NDArray, slope: NDArray) -> NDArray:
+    """ψᵀ(2λ′M + 2λM′ + C′)ψ (p,)."""
+    point, out = stiffness.point, []
+    for i in range(point.n_parameters):
+        mass = 2.0 * pole * (point.mass_derivatives[i] @ psi)
+        out.append(psi @ (mass + stiffness.viscous_derivative_times(i, psi)))
+    return np.asarray(np.array(out, complex) + 2.0 * slope * (psi @ (point.mass @ psi)))
+
+
+def _held_solver(stiffness: DynamicStiffness, pole: complex, psi: NDArray) -> Solve:
+    """b -> v with Z(λ)v = b and v = 0 at the DOF that is held, for b that Z can carry."""
+    held = int(np.argmax(np.abs(psi) ** 2 * np.abs(stiffness.point.stiffness.diagonal())))
+    keep = np.delete(np.arange(len(psi)), held)
+    rough = _rough(stiffness, pole, keep)
+
+    def solve(b: NDArray) -> NDArray:
+        v = np.zeros(b.shape, complex)
+        v[keep] = rough(b[keep])
+        for _ in range(_CORRECTIONS):
+            v[keep] += rough((b - stiffness.times(pole, v))[keep])
+        return v
+
+    return solve
+
+
+def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
+    if not keep.size:
+        return lambda b: b
+    try:
+        factor = factorise(sp.csr_array(stiffness.sparse(pole)[keep][:, keep]))
+    except SingularMatrixError as error:
+        raise _inaccurate(pole, np.inf) from error
+    damper = stiffness.damper
+    return factor.solve if damper is None else low_rank_solver(factor, damper.momentum[keep], pole * damper.rates)
+
+
+def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray) -> NDArray[np.float64]:
+    if not b.shape[1]:
+        return np.zeros(0)
+    parts = np.abs(stiffness.sparse(pole)) @ np.abs(shape) + np.abs(b)
+    left = np.abs(stiffness.times(pole, shape) - b).max(axis=0)
+    return np.asarray(left / np.maximum(parts.max(axis=0), np.finfo(float).tiny))
+
+
+def _inaccurate(pole: complex, error: float) -> FemtuneError:
+    return FemtuneError(
+        "derivative.pole-inaccurate",
+        "the derivative of a complex mode is lost to rounding",
+        values={"pole (rad/s)": f"{pole:.6g}", "relative residual": f"{error:.1e}"},
+        hint="look for poles that nearly coincide with this one",
+    )

@@ -1,0 +1,106 @@
+"""Derivatives of FRFs by the parameters: H′ = −C Z⁻¹ Z′ Z⁻¹ B from the response to inputs and to unit outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femtune.modal import FrfSet
+from femtune.model.configured import ModelPoint
+from femtune.model.eigen import EigenSolution
+from femtune.model.response.dynamic_stiffness import DynamicStiffness
+from femtune.model.response.frf import Progress, System, as_frf_set, direct_fields, reduced_system
+from femtune.model.response.modal_damping import DampingRatios
+from femtune.model.response.ports import Ports
+from femtune.model.response.request import Kind, Method, Request, checked_request
+
+
+@dataclass(frozen=True, eq=False)
+class FrfGradient:
+    """FRFs and their derivatives.
+
+    Parameters
+    ----------
+    frfs : the functions themselves
+    gradient : (outputs, inputs, k, p) derivatives by the normalised free parameters
+    parameters : p names
+    """
+
+    frfs: FrfSet
+    gradient: NDArray[np.complex128]
+    parameters: tuple[str, ...]
+
+
+def frf_gradient(
+    model: ModelPoint | EigenSolution,
+    ports: Ports,
+    freq_hz: ArrayLike,
+    kind: Kind = "accelerance",
+    method: Method = "real-modes",
+    *,
+    damping: DampingRatios | None = None,
+    residual_vectors: bool = True,
+    progress: Progress | None = None,
+) -> FrfGradient:
+    """FRFs and their derivatives; arguments and errors as of `frf`.
+
+    "direct" is exact: one factorisation a line serves value and derivatives. The modal ways take the response to
+    inputs and to unit forces at the outputs from the modes, and residual vectors for both; the derivative converges
+    with the modes, as the functions do. Derivatives of modal damping are exact in the direct way (ζ goes with its
+    mode; where it is a function of frequency, with the frequency).
+    """
+    request = checked_request(model, ports, freq_hz, kind, method, damping)
+    if method == "direct":
+        receptance, gradient = _direct(request, progress)
+    else:
+        outputs = request.ports.outputs.T.toarray()
+        system = reduced_system(request, residual_vectors, outputs)
+        receptance, gradient = _superposed(request, system)
+    names = request.stiffness.point.configured.model.parameters.free
+    scaled = np.moveaxis(gradient * request.factor[:, None, None, None], 0, 2)
+    return FrfGradient(as_frf_set(request, receptance), scaled, tuple(p.name for p in names))
+
+
+def _direct(request: Request, progress: Progress | None) -> tuple[NDArray, NDArray]:
+    B, C = request.ports.inputs.toarray(), request.ports.outputs
+    a, b = C.shape[0], B.shape[1]
+    forces = np.hstack([B, C.T.toarray()])
+    k, p = len(request.s), request.stiffness.point.n_parameters
+    values, gradient = np.empty((k, a, b), complex), np.empty((k, a, b, p), complex)
+    for i, s in enumerate(map(complex, request.s)):
+        both = direct_fields(request, s, forces)
+        values[i] = C @ both[:, :b]
+        for j in range(p):
+            gradient[i, :, :, j] = -request.stiffness.derivative_between(j, s, both[:, b:], both[:, :b])
+        if progress is not None:
+            progress(i + 1, k)
+    return values, gradient
+
+
+def _superposed(request: Request, system: System) -> tuple[NDArray, NDArray]:
+    reduced, b = system.reduced, system.reduced.inputs.shape[1]
+    q = system.respond(request.s, np.hstack([reduced.inputs, reduced.outputs.T]))
+    x, y = q[:, :, :b], np.swapaxes(q[:, :, b:], 1, 2)
+    derivatives = [
+        -_between(projected_derivatives(request.stiffness, reduced.basis.vectors, j), request.s, y, x)
+        for j in range(request.stiffness.point.n_parameters)
+    ]
+    shape = (len(request.s), len(reduced.outputs), b, 0)
+    return np.asarray(reduced.outputs @ x), np.stack(derivatives, axis=-1) if derivatives else np.zeros(shape)
+
+
+def projected_derivatives(stiffness: DynamicStiffness, Q: NDArray, j: int) -> tuple[NDArray, NDArray, NDArray]:
+    """QᵀM′Q, QᵀC′Q (with modal damping) and Qᵀ(K′ + iH′)Q by parameter j."""
+    point = stiffness.point
+    viscous = Q.T @ stiffness.viscous_derivative_times(j, Q)
+    still = Q.T @ (point.stiffness_derivatives[j] @ Q) + 1j * (Q.T @ (point.hysteretic_derivatives[j] @ Q))
+    return Q.T @ (point.mass_derivatives[j] @ Q), viscous, still
+
+
+def _between(parts: tuple[NDArray, NDArray, NDArray], s: NDArray, y: NDArray, x: NDArray) -> NDArray:
+    """(k, a, b) y (s²M′ + sC′ + K̃′) x for y (k, a, r) and x (k, r, b)."""
+    mass, viscous, still = parts
+    at = s[:, None, None]
+    return np.asarray(y @ (at**2 * (mass @ x) + at * (viscous @ x) + still @ x))

@@ -1,0 +1,82 @@
+"""Mass properties as responses: total mass, centre of gravity and inertia, with derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femtune.fem.checks import MassProperties, mass_properties_of, rigid_body_modes
+from femtune.model.configuration import mass_terms
+from femtune.model.configured import ModelPoint
+from femtune.model.terms import Term
+from femtune.parameters.jet import Jet
+
+
+@dataclass(frozen=True, eq=False)
+class MassResponse:
+    """Mass properties in the basic frame and their derivatives by p normalised free parameters.
+
+    Parameters
+    ----------
+    properties : values, with the point `about` that the inertia refers to
+    mass : (p,) derivative of the mean of the masses felt in the three directions
+    centre : (3, p) derivative of the centre of gravity
+    inertia : (3, 3, p) derivative of the inertia tensor about the point
+    matrix : (6, 6, p) derivative of the rigid-body mass matrix about the point
+    """
+
+    properties: MassProperties
+    mass: NDArray
+    centre: NDArray
+    inertia: NDArray
+    matrix: NDArray
+    parameters: tuple[str, ...]
+
+
+def mass_response(point: ModelPoint, about: ArrayLike = (0.0, 0.0, 0.0)) -> MassResponse:
+    """Mass properties of all that is active in the configuration, masses at supports included."""
+    reference = np.asarray(about, dtype=float)
+    value, gradient = _rigid_mass(point, reference)
+    names = tuple(p.name for p in point.configured.model.parameters.free)
+    return MassResponse(
+        mass_properties_of(value, reference), np.trace(gradient[:3, :3]) / 3.0, _centre_gradient(value, gradient),
+        gradient[3:, 3:], gradient, names,
+    )  # fmt: skip
+
+
+def _rigid_mass(point: ModelPoint, about: NDArray) -> tuple[NDArray, NDArray]:
+    """(6, 6) mass matrix of the six rigid motions about a point, and its derivatives (6, 6, p)."""
+    configured = point.configured
+    structure, off = configured.model.structure, list(configured.configuration.elements_off)
+    motions = np.vstack([rigid_body_modes(structure.nodes, about), np.zeros((1, 6))])
+    table = configured.model.table(point.x)
+    value, gradient = np.zeros((6, 6)), np.zeros((6, 6, point.n_parameters))
+    for term in (*configured.model.terms, *mass_terms(structure.nodes, configured.configuration.masses)):
+        if term.matrix == "mass":
+            more, slopes = _of_term(term, motions, ~np.isin(term.elements, off), table)
+            value, gradient = value + more, gradient + slopes
+    return value, gradient
+
+
+def _of_term(term: Term, motions: NDArray, active: NDArray, table: Jet) -> tuple[NDArray, NDArray]:
+    moved = motions[term.dofs[active]]
+    parts = np.einsum("eia,eij,ejb->eab", moved, term.matrices[active], moved, optimize=True)
+    if term.coefficient is None:
+        return parts.sum(axis=0), np.zeros((6, 6, 1))
+    c = term.coefficient(table)
+    columns = term.columns[active]
+    return np.einsum("eab,e->ab", parts, c.value[columns]), np.einsum("eab,ep->abp", parts, c.grad[columns])
+
+
+def _centre_gradient(matrix: NDArray, gradient: NDArray) -> NDArray:
+    """(3, p): each coordinate is a static moment over the two masses across its axis."""
+    out = np.zeros((3, gradient.shape[-1]), dtype=gradient.dtype)
+    for axis in range(3):
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        moment, mass = matrix[j, 3 + k] - matrix[k, 3 + j], matrix[j, j] + matrix[k, k]
+        slope = gradient[j, 3 + k] - gradient[k, 3 + j]
+        if mass:
+            out[axis] = slope / mass - moment / mass**2 * (gradient[j, j] + gradient[k, k])
+    return out

@@ -1,0 +1,114 @@
+"""Modal damping as a matrix of low rank, MΦ diag(2ζω) ΦᵀM, and its derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.model.derivatives import SubspaceDerivative, subspace_derivative
+from femtune.model.eigen import EigenSolution
+from femtune.model.response.rigid import is_rigid
+
+Reals = NDArray[np.float64]
+
+_STEP, _SAME = 1e-6, 1e-9
+
+
+class DampingRatios(Protocol):
+    """Damping of modes by their frequencies."""
+
+    def ratios(self, freq_hz: Reals) -> Reals:
+        """(m,) fractions of critical of modes with the natural frequencies (m,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalDamper:
+    """iω MΦ diag(rates) ΦᵀM, to be added to a dynamic stiffness.
+
+    Parameters
+    ----------
+    modes : the modes that are damped are its wanted ones; rigid-body modes have the rate 0
+    rates : (m,) 2ζω in rad/s
+    slopes : (m,) derivative of the rates by λ
+    momentum : MΦ (n_free, m)
+    """
+
+    modes: EigenSolution
+    rates: Reals
+    slopes: Reals
+    momentum: Reals
+
+    def times(self, x: NDArray) -> NDArray:
+        """MΦ diag(2ζω) ΦᵀM x."""
+        return np.asarray(self.momentum @ ((self.momentum.T @ x).T * self.rates).T)
+
+    @cached_property
+    def _subspace(self) -> SubspaceDerivative:
+        return subspace_derivative(self.modes, range(len(self.rates)))
+
+    def derivative_times(self, i: int, x: NDArray) -> NDArray:
+        """D′x by parameter i, D = MPM with P = Φ diag(2ζω)Φᵀ.
+
+        Inside the damped modes P′ follows from divided differences, so that close and repeated modes do no harm
+        (Daleckii and Krein's formula); outside them it follows from Φ′.
+        """
+        point, phi = self.modes.point, self.modes.shapes[:, : len(self.rates)]
+        outside = self._subspace.outside[:, :, i]
+        driven = (self.momentum.T @ x).T * self.rates
+        pushed = point.mass_derivatives[i] @ (phi @ driven.T) + point.mass @ (outside @ driven.T)
+        felt = phi.T @ (point.mass_derivatives[i] @ x) + outside.T @ (point.mass @ x)
+        inner = (felt.T * self.rates).T + self._inside(i) @ (self.momentum.T @ x)
+        return np.asarray(pushed + self.momentum @ inner)
+
+    def _inside(self, i: int) -> Reals:
+        eigenvalues = self.modes.eigenvalues[: len(self.rates)]
+        d, slope = self.rates, self.slopes
+        by_stiffness = _divided(eigenvalues, d, slope) * self._subspace.stiffness[i]
+        return np.asarray(
+            by_stiffness - _divided(eigenvalues, d * eigenvalues, d + slope * eigenvalues) * self._subspace.mass[i]
+        )
+
+
+def _divided(at: Reals, values: Reals, slopes: Reals) -> Reals:
+    """(v_i − v_j)/(a_i − a_j), the mean slope where a_i = a_j."""
+    gap = at[:, None] - at[None, :]
+    same = np.abs(gap) <= _SAME * np.abs(at).max(initial=0.0)
+    mean = 0.5 * (slopes[:, None] + slopes[None, :])
+    return np.where(same, mean, (values[:, None] - values[None, :]) / np.where(same, 1.0, gap))
+
+
+def modal_damper(modes: EigenSolution, damping: DampingRatios) -> ModalDamper:
+    """The damper of the wanted modes of a solution.
+
+    Raises
+    ------
+    FemtuneError : ``response.damping-ratio`` for ratios that are not finite or negative
+    """
+    m = modes.wanted
+    rigid = is_rigid(modes)[:m]
+    eigenvalues = np.where(rigid, 0.0, modes.eigenvalues[:m])
+    omega = np.sqrt(eigenvalues)
+    zeta = _ratios(damping, omega)
+    rise = (_ratios(damping, omega * (1.0 + _STEP)) - _ratios(damping, omega * (1.0 - _STEP))) / (2.0 * _STEP)
+    # d(2ζω)/dλ with ω = √λ; `rise` is ω dζ/dω
+    slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
+    return ModalDamper(modes, 2.0 * zeta * omega, slopes, np.asarray(modes.point.mass @ modes.shapes[:, :m]))
+
+
+def _ratios(damping: DampingRatios, omega: Reals) -> Reals:
+    freq_hz = omega / (2.0 * np.pi)
+    ratios = np.asarray(damping.ratios(freq_hz), dtype=float)
+    bad = np.ones(len(omega), bool) if ratios.shape != omega.shape else ~(np.isfinite(ratios) & (ratios >= 0.0))
+    if bad.any():
+        raise FemtuneError(
+            "response.damping-ratio",
+            "modal damping gives a ratio that is negative, not finite, or not one for each mode",
+            values={"frequency (Hz)": f"{freq_hz[bad][0]:.6g}", "ratios": np.array2string(ratios.ravel()[:6])},
+            hint="give a fraction of critical damping, 0 or more, for every mode",
+        )
+    return ratios

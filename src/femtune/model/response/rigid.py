@@ -1,0 +1,60 @@
+"""Which modes are rigid-body motions, and what they are called."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from femtune.dofs import DIRECTIONS
+from femtune.fem.checks import rigid_body_modes
+from femtune.model.configured import ModelPoint
+from femtune.model.eigen import EigenSolution, solve_modes
+
+Reals = NDArray[np.float64]
+
+# λ below these fractions of the shift, which is of the size of the lowest elastic eigenvalues; the larger one holds
+# only where λ is within the rounding of its own strain energy
+_ZERO, _ZERO_BY_ROUNDING = 1e-7, 1e-3
+_ROUNDING = 64 * np.finfo(float).eps
+_IN_SPAN = 1e-5
+
+
+def is_rigid(modes: EigenSolution) -> NDArray[np.bool_]:
+    """(m,) True for the known modes whose eigenvalue is zero but for rounding."""
+    phi = np.abs(modes.shapes)
+    parts = np.einsum("ij,ij->j", phi, np.abs(modes.point.stiffness) @ phi)
+    shift = abs(modes.shift)
+    return np.asarray(
+        np.abs(modes.eigenvalues) <= np.maximum(_ZERO * shift, np.minimum(_ROUNDING * parts, _ZERO_BY_ROUNDING * shift))
+    )
+
+
+def with_elastic_mode(point: ModelPoint) -> EigenSolution:
+    """Modes up to at least one that is elastic, or all that there are."""
+    count = 7
+    while True:
+        modes = solve_modes(point, count)
+        if not is_rigid(modes).all() or len(modes.eigenvalues) < count:
+            return modes
+        count *= 2
+
+
+def rigid_names(modes: EigenSolution) -> list[str]:
+    """Names of the rigid-body motions (translations and rotations about the origin) that are free, as far as such.
+
+    What is free but not one of the six (a hinge, a skew motion) is named by the DOF that moves most.
+    """
+    configured = modes.point.configured
+    motion = configured.transformation @ modes.shapes[:, is_rigid(modes)]
+    free = la.orth(motion)
+    geometric = rigid_body_modes(configured.model.structure.nodes)
+    scaled = geometric / np.maximum(np.linalg.norm(geometric, axis=0), 1e-300)
+    left = np.linalg.norm(scaled - free @ (free.T @ scaled), axis=0)
+    names = [DIRECTIONS[1 + i] for i in np.flatnonzero(left < _IN_SPAN) if geometric[:, i].any()]
+    if len(names) >= free.shape[1]:
+        return names
+    known = la.orth(scaled[:, left < _IN_SPAN]) if names else np.zeros((len(free), 0))
+    rest = la.orth(free - known @ (known.T @ free), rcond=1e-6)
+    largest = np.argmax(np.abs(rest), axis=0)
+    return names + [str(configured.model.structure.nodes.describe(int(i)))[:-1] for i in largest]
