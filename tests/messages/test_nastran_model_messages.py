@@ -47,6 +47,7 @@ NOTICES = {
     "deck.ignored-cards": _BASE + "FORCE,1,1,,10.,0.,0.,1.\nFORCE,1,2,,10.,0.,0.,1.\n",
     "deck.ignored-param": _BASE + "PARAM,POST,-1\n",
     "deck.repeated-grid": _BASE + "GRID,2,,1.,0.,0.\n",
+    "deck.missing-set": "SOL 103\nCEND\nMPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n",
     "deck.uneven-thickness": _BASE + "CTRIA3,32,12,1,2,3\n,,,.1,.2,.3\nPSHELL,12,1,,1\nGRID,3,,0.,1.,0.\n",
     "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",
 }

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sp
+import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from femtune.fem.assemble import assemble
-from femtune.fem.elimination import eliminate
+from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.singularities import singular_dofs
 from femtune.fem.structure import Structure, join_constraints
 
@@ -16,7 +18,21 @@ Reals = NDArray[np.float64]
 
 def reduced(structure: Structure) -> tuple[Reals, Reals, Reals]:
     """K and M on the free DOFs of the selected supports and equations, and T from them to the g-set."""
-    s = structure
+    one, stiffness, mass = _free(structure)
+    return (one.T.T @ stiffness @ one.T).toarray(), (one.T.T @ mass @ one.T).toarray(), one.T.toarray()
+
+
+def lowest(structure: Structure, n: int) -> Reals:
+    """The n lowest natural frequencies in Hz of a larger model, rigid motions as zero."""
+    one, stiffness, mass = _free(structure)
+    K, M = (one.T.T @ matrix @ one.T for matrix in (stiffness, mass))
+    shift = -1e-8 * K.diagonal().max() / M.diagonal().max()
+    eigenvalues = np.sort(scipy.sparse.linalg.eigsh(K.tocsc(), n, M.tocsc(), sigma=shift, return_eigenvectors=False))
+    return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi))
+
+
+def _free(s: Structure) -> tuple[Elimination, sp.csr_array, sp.csr_array]:
+    """The free DOFs of the selected supports and equations, with K and M on the g-set."""
     stiffness, mass = assemble(s, "stiffness"), assemble(s, "mass")
     held = set(s.permanent.tolist())
     held |= set(s.support_sets[s.default_support_set].tolist()) if s.default_support_set is not None else set()
@@ -26,7 +42,7 @@ def reduced(structure: Structure) -> tuple[Reals, Reals, Reals]:
     if s.hold_singular:
         more = singular_dofs((one.T.T @ stiffness @ one.T).tocsr(), one.free, s.nodes)
         one = eliminate(s.nodes.n_dofs, rows, held | set(more.tolist()), s.nodes.describe)
-    return (one.T.T @ stiffness @ one.T).toarray(), (one.T.T @ mass @ one.T).toarray(), one.T.toarray()
+    return one, stiffness, mass
 
 
 def frequencies(structure: Structure) -> Reals:

@@ -97,8 +97,15 @@ def test_errors(deck_of: DeckOf, line: str, code: str) -> None:
 @pytest.mark.parametrize("selection", ["SPC=3", "MPC=3", "METHOD=3"])
 def test_selected_sets_must_exist(deck_of: DeckOf, selection: str) -> None:
     with pytest.raises(FemtuneError) as error:
-        built(deck_of(f"SOL 103\nCEND\n{selection}\nBEGIN BULK\n{POINTS}ENDDATA\n"))
+        built(deck_of(f"SOL 103\nCEND\n{selection}\nBEGIN BULK\n{POINTS}MPC,1,1,1,1.,2,1,1.\nENDDATA\n"))
     assert error.value.code == "deck.missing-set"
+
+
+def test_a_deck_without_equations_may_select_some(deck_of: DeckOf) -> None:
+    """Commercial Nastran solved such a deck (random_test_bar_plus_tri)."""
+    model = built(deck_of(f"SOL 103\nCEND\nMPC=3\nBEGIN BULK\n{POINTS}ENDDATA\n"))
+    assert model.structure.default_multipoint_set is None
+    assert [n.code for n in model.notices] == ["deck.missing-set"]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from femtune.fem.checks import rigid_body_modes
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 
-from .solving import frequencies, reduced
+from .solving import frequencies, lowest, reduced
 
 LISTED = {
     "beam_modes.dat": [456.660, 456.660, 2674.588, 2674.588, 3554.923, 4507.487, 6626.104, 6626.104, 11111.59,
@@ -53,6 +53,30 @@ def test_missing_includes_are_an_error(nastran_decks: Path) -> None:
     with pytest.raises(FemtuneError, match=r"structure_bah\.inc") as error:
         read_deck(nastran_decks / "bah_plane.bdf")
     assert error.value.code == "deck.missing-include"
+
+
+SHELLS = {
+    # the listed plate is a fine mesh; the other deck has one element of each kind, whose formulations differ
+    "plate_py.dat": (6, 0.01, [6333.01, 7495.47, 16238.5, 17161.5]),
+    "random_test_bar_plus_tri.bdf": (3, 0.05, [46.014, 47.388, 147.61, 309.85, 441.41, 1334.9, 1793.5]),
+}
+
+
+@pytest.mark.parametrize("name", SHELLS)
+def test_listed_frequencies_of_shells(nastran_decks: Path, name: str) -> None:
+    rigid, tolerance, listed = SHELLS[name]
+    found = lowest(built(nastran_decks, name).structure, rigid + len(listed))[rigid:]
+    np.testing.assert_allclose(found, listed, rtol=tolerance)
+
+
+def test_shells_are_read_with_their_notices(nastran_decks: Path) -> None:
+    model = built(nastran_decks, "random_test_bar_plus_tri.bdf")
+    assert [(b.card, len(b)) for b in model.structure.batches if b.kind.startswith("shell")] == [
+        ("CQUAD4", 1), ("CTRIA3", 1),
+    ]  # fmt: skip
+    assert model.structure.drilling == 100.0
+    assert "deck.missing-set" in {n.code for n in model.notices}
+    assert len(read_deck(nastran_decks / "trunc_cyl_shell.nas").by_name("CTETRA")) == 2679
 
 
 def test_solids_are_refused(nastran_decks: Path) -> None:

@@ -22,6 +22,7 @@ from femtune.files.nastran.control import (
     ignored_params,
     mass_factor,
     real_param,
+    selected_equations,
 )
 from femtune.files.nastran.dampers import read_dampers
 from femtune.files.nastran.deck import Deck
@@ -114,7 +115,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
     multipoint = read_multipoint_sets(building, grids)
     case = deck.case_control
     check_selected(building, "SPC", case.spc, supports)
-    check_selected(building, "MPC", case.mpc, multipoint)
+    equations = selected_equations(building, case.mpc, multipoint)
     return Structure(
         nodes=grids.table,
         values=building.values.table(),
@@ -124,7 +125,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         support_sets=supports,
         permanent=permanent_constraints(building, grids),
         default_support_set=case.spc,
-        default_multipoint_set=case.mpc,
+        default_multipoint_set=equations,
         mass_factor=mass_factor(building),
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),

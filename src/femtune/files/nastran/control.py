@@ -47,6 +47,16 @@ def check_selected(building: Building, kind: str, number: int | None, known: Col
             raise _missing(building.deck, kind, number, known)
 
 
+def selected_equations(building: Building, number: int | None, known: Collection[int]) -> int | None:
+    """MPC set that case control selects; a deck without any equations may select one, as Nastran has it."""
+    if number is None or known:
+        check_selected(building, "MPC", number, known)
+        return number
+    what = f"case control selects MPC = {number}, but the deck has no MPC cards: no equations act"
+    building.notices.append(Notice("deck.missing-set", what, Where(str(building.deck.path), record="MPC")))
+    return None
+
+
 def _missing(deck: Deck, kind: str, number: int, known: Collection[int]) -> FemtuneError:
     cards = {"SPC": "SPC, SPC1 or SPCADD", "MPC": "MPC or MPCADD", "METHOD": "EIGR or EIGRL"}[kind]
     shown = ", ".join(map(str, sorted(known)[:10]))

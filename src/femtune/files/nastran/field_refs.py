@@ -12,6 +12,16 @@ from femtune.files.nastran.sections import SECTION_ROLES
 
 UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 
+# what the Nastran manuals call them, and what a study may write too
+_OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
+_SHELLS = ("CQUAD4", "CTRIA3")
+_OF_DIMENSIONS = "it follows from the dimensions; update DIM1 …"
+_OF_CORNERS = "a shell's thickness is that of its PSHELL or the mean of its corners; update T of the PSHELL, or T1 …"
+_FOLLOWING = {
+    **{(card, name): _OF_DIMENSIONS for card in ("PBARL", "PBEAML") for name in SECTION_ROLES},
+    **{(card, "T"): _OF_CORNERS for card in _SHELLS},
+}
+
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
     """Read ``PBAR 3 I1``: card, number, name of the field.
@@ -24,11 +34,11 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
     number = parse_integer(words[1]) if len(words) == 3 else None
     if number is None:
         raise _unknown(f"'{text}' is not a field", "write card, number and field, as in PBAR 3 I1", where)
-    card, name = words[0], words[2]
+    card, name = words[0], _OTHER_NAMES.get((words[0], words[2]), words[2])
     if card not in UPDATABLE:
         raise _unknown(f"'{card}' has no field that can be updated", did_you_mean(card, UPDATABLE), where)
-    if card in ("PBARL", "PBEAML") and name in SECTION_ROLES:
-        raise _derived(FieldRef(card, number, name), "it follows from the dimensions; update DIM1 …", where)
+    if (card, name) in _FOLLOWING:
+        raise _derived(FieldRef(card, number, name), _FOLLOWING[card, name], where)
     if name not in CATALOGUE[card].values:
         hint = did_you_mean(name, CATALOGUE[card].values)
         raise _unknown(f"{card} has no field '{name}' that can be updated", hint, where)
@@ -69,6 +79,8 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
         return _unknown(f"the deck has no {ref.card} {ref.id}", hint, where)
     if ref.name.startswith("DIM"):
         return _unknown(f"the section of {ref.card} {ref.id} has no {ref.name}", "name one of its dimensions", where)
+    if ref.card in _SHELLS:
+        return _blank(ref, where)
     return _untouched(ref, where)
 
 
@@ -79,6 +91,17 @@ def _unknown(what: str, hint: str, where: Where | None) -> FemtuneError:
 def _derived(ref: FieldRef, why: str, where: Where | None) -> FemtuneError:
     reason, _, hint = why.rpartition("; ")
     return FemtuneError("parameter.derived-field", f"{ref} cannot be updated: {reason}", where=where, hint=hint)
+
+
+def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
+    """Fields of shells are values where they are filled; a mesh of blank ones is one value for all."""
+    start = "0." if ref.name == "ZOFFS" else "the thickness of the PSHELL"
+    return FemtuneError(
+        "parameter.touches-nothing",
+        f"the field of {ref} is blank in the deck",
+        where=where,
+        hint=f"write {start} there to have it as a value of its own",
+    )
 
 
 def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:

@@ -110,7 +110,7 @@ class _Planning:
                 changed.setdefault((ref.card, ref.id), {})[ref] = value
         copying = _Copying(self, regions, changed)
         for number, owners in sorted(_owners(self.built, set().union(*regions.values())).items()):
-            copying.repoint(number, owners)
+            copying.repoint(number, *owners)
         copying.finish()
 
     def free_number(self, prefix: str) -> int:
@@ -130,11 +130,11 @@ class _Planning:
 
 @dataclass(frozen=True)
 class _Copy:
-    """A card to be copied: what changes in it, and the new material that it refers to (0: the one it has)."""
+    """A card to be copied: what changes in it, and the materials that it refers to anew, as (old, new) numbers."""
 
     owner: Owner
     changes: frozenset[FieldRef]
-    material: int = 0
+    materials: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass
@@ -147,16 +147,16 @@ class _Copying:
     new: dict[_Copy, int] = field(default_factory=dict)
     users: dict[_Copy, list[int]] = field(default_factory=dict)
 
-    def repoint(self, number: int, owners: Mapping[str, Owner]) -> None:
-        """Make an element refer to copies of what changes."""
+    def repoint(self, number: int, own: Owner | None, materials: Iterable[Owner]) -> None:
+        """Make an element, of one property and its materials, refer to copies of what changes."""
         built = self.planning.built
         card = built.element_cards[number]
         names = CATALOGUE[built.deck.cards[card].name].fields
-        material, own = owners.get(MATERIAL), owners.get(PROPERTY)
-        new_material = self._copy(_Copy(material, self._changes(material, number)), number) if material else 0
-        if new_material and own is None:
-            self.planning.edits[card, names.index("MID")] = new_material
-        new_own = self._copy(_Copy(own, self._changes(own, number), new_material), number) if own else 0
+        copies = {m[1]: self._copy(_Copy(m, self._changes(m, number)), number) for m in materials}
+        new = tuple((old, copy) for old, copy in sorted(copies.items()) if copy)
+        if new and own is None:
+            self.planning.edits[card, names.index("MID")] = new[0][1]
+        new_own = self._copy(_Copy(own, self._changes(own, number), new), number) if own else 0
         if new_own:
             self.planning.edits[card, names.index("PID")] = new_own
 
@@ -165,7 +165,7 @@ class _Copying:
 
     def _copy(self, copy: _Copy, element: int) -> int:
         """Number of a copy; 0 where there is nothing to change."""
-        if not copy.changes and not copy.material:
+        if not copy.changes and not copy.materials:
             return 0
         if copy not in self.new:
             self.new[copy] = self.planning.free_number(copy.owner[0][0])
@@ -188,8 +188,8 @@ class _Copying:
         for ref, value in self._in_place(record).items():
             self._put(fields, record, ref, value)
         fields[0] = number
-        if copy.material:
-            fields[record.names.index("MID")] = copy.material
+        for at in _material_fields(record):
+            fields[at] = dict(copy.materials).get(record.card.integer(record.start + at), fields[at])
         for ref in copy.changes:
             self._put(fields, record, ref, self.changed[copy.owner][ref])
         self.planning.new_cards.append(NewCard(record.card.position, record.name, tuple(fields)))
@@ -205,8 +205,9 @@ class _Copying:
         return {ref: float(planning.edits[at]) for ref, at in own.items()}
 
     def _regions_of(self, copy: _Copy) -> set[str]:
-        """Regions of the material that a property is copied for."""
-        return {ref.region for c, n in self.new.items() if n == copy.material for ref in c.changes if _is_material(c)}
+        """Regions of the materials that a property is copied for."""
+        made = {new for _, new in copy.materials}
+        return {ref.region for c, n in self.new.items() if n in made and _is_material(c) for ref in c.changes}
 
     def _put(self, fields: list[float | int | str | None], record: Record, ref: FieldRef, value: float) -> None:
         place = self.planning.built.fields.get(replace(ref, region=""))
@@ -227,16 +228,27 @@ def _is_material(copy: _Copy) -> bool:
     return CATALOGUE[copy.owner[0]].role == MATERIAL
 
 
-def _owners(built: BuiltModel, elements: set[int]) -> dict[int, dict[str, Owner]]:
-    """For each element the property card and the material card that its values stand on."""
+def _material_fields(record: Record) -> list[int]:
+    """Positions of the fields that hold the number of a material: MID, or MID1 to MID4 of a shell."""
+    named = (i for i, name in enumerate(record.names) if name.startswith("MID") and i > 0)
+    return [i for i in named if record.card.is_integer(record.start + i)]
+
+
+def _owners(built: BuiltModel, elements: set[int]) -> dict[int, tuple[Owner | None, tuple[Owner, ...]]]:
+    """For each element the property card and the material cards that its values stand on."""
     refs = built.structure.values.refs
-    found: dict[int, dict[str, Owner]] = {}
+    found: dict[int, tuple[Owner | None, tuple[Owner, ...]]] = {}
     for batch in built.structure.batches:
         for i, number in enumerate(batch.ids.tolist()):
             if number in elements:
-                at = (refs[positions[i]] for positions in batch.roles.values())
-                found[number] = {CATALOGUE[r.card].role: (r.card, r.id) for r in at}
+                at = {refs[positions[i]] for positions in batch.roles.values()}
+                by_role = {role: _of_role(at, role) for role in (PROPERTY, MATERIAL)}
+                found[number] = next(iter(by_role[PROPERTY]), None), by_role[MATERIAL]
     return found
+
+
+def _of_role(refs: Iterable[FieldRef], role: str) -> tuple[Owner, ...]:
+    return tuple(sorted({(r.card, r.id) for r in refs if CATALOGUE[r.card].role == role}))
 
 
 def _record(built: BuiltModel, owner: Owner) -> Record:
