@@ -21,6 +21,8 @@ DECKS = {
 }
 NOTICES = {
     "deck.rigid-expansion": _POINTS + "RBAR,9,1,2,123456,,,,1.2-5\n",
+    "deck.dof-set": _POINTS + "SUPORT,1,123456\n",
+    "deck.dof-set-overlap": _POINTS + "OMIT,1,12\nASET,1,1\n",
 }
 
 
@@ -44,6 +46,5 @@ def test_page_shows_the_error(code: str) -> None:
 
 @pytest.mark.parametrize("code", NOTICES)
 def test_page_shows_the_notice(code: str) -> None:
-    notice = _built(NOTICES[code]).notices[0]
-    assert notice.code == code
+    notice = next(n for n in _built(NOTICES[code]).notices if n.code == code)
     assert str(notice) in (_PAGES / f"{code}.md").read_text(encoding="utf-8")

@@ -18,6 +18,7 @@ from femtune.fem.checks import (
     rigid_motion_checks,
 )
 from femtune.files.nastran.control import UNDERSTOOD_PARAMS
+from femtune.files.nastran.dof_sets import effect_of
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
 from femtune.study.cases import StudyCase, sensor_tolerance
@@ -34,6 +35,7 @@ from femtune.study.results_model import (
     ModelConfiguration,
     ModelFacts,
     ModelModes,
+    NamedSet,
     RigidBodyCheck,
     SensorResults,
 )
@@ -54,6 +56,10 @@ def model_facts(study: Study) -> ModelFacts:
         cards_read=read,
         cards_ignored=ignored,
         deck_parameters=tuple(_deck_parameters(study)),
+        dof_sets=tuple(
+            NamedSet(name=name, dofs=len(dofs), effect=effect_of(name))
+            for name, dofs in built.structure.dof_sets.items()
+        ),
         notices=tuple(alert_of(n) for n in built.notices),
         configurations=tuple(_configuration(study, case) for case in study.cases),
     )

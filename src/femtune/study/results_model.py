@@ -121,6 +121,17 @@ class ModelConfiguration(Record):
     """What this configuration changes in the deck, in words: elements off, masses added, supports."""
 
 
+class NamedSet(Record):
+    """A set of degrees of freedom that the deck names; it holds none of them."""
+
+    name: str
+    """ASET, OMIT, BSET, CSET, QSET, SUPORT, "SUPORT1 3" or "USET U1"."""
+    dofs: int
+    """Number of its DOFs."""
+    effect: str
+    """What it means here, in words."""
+
+
 class ModelFacts(Record):
     """What was read from the deck, and the model that came of it."""
 
@@ -130,6 +141,8 @@ class ModelFacts(Record):
     """Cards that were not used."""
     deck_parameters: tuple[DeckParameter, ...]
     """PARAMs, understood and ignored."""
+    dof_sets: tuple[NamedSet, ...] = ()
+    """Sets of degrees of freedom that the deck names."""
     notices: tuple[Alert, ...]
     """Findings while reading."""
     configurations: tuple[ModelConfiguration, ...]

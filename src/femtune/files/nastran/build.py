@@ -26,6 +26,7 @@ from femtune.files.nastran.control import (
 )
 from femtune.files.nastran.dampers import read_dampers
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.dof_sets import read_dof_sets
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
     MISSING,
@@ -129,6 +130,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         mass_factor=mass_factor(building),
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),
+        dof_sets=read_dof_sets(building, grids),
         drilling=drilling_factor(building),
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
     )

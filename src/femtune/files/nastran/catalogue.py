@@ -90,6 +90,24 @@ MPCADD    other     SID
 SPC       other     SID G1 C1 D1 G2 C2 D2
 SPC1      other     SID C
 SPCADD    other     SID
+ASET      other     ID C
+OMIT      other     ID C
+BSET      other     ID C
+CSET      other     ID C
+QSET      other     ID C
+BNDFIX    other     ID C
+BNDFREE   other     ID C
+SUPORT    other     ID C
+ASET1     other     C
+OMIT1     other     C
+BSET1     other     C
+CSET1     other     C
+QSET1     other     C
+BNDFIX1   other     C
+BNDFRE1   other     C
+SUPORT1   other     SID
+USET      other     SNAME
+USET1     other     SNAME C
 EIGR      other     SID METHOD F1 F2 NE ND - - NORM G C
 EIGRL     other     SID V1 V2 ND MSGLVL MAXSET SHFSCL NORM
 PARAM     other     NAME VALUE

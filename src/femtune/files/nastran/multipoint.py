@@ -44,5 +44,5 @@ def _terms(record: Record, grids: Grids) -> list[tuple[int, float]]:
                 if len(component) != 1:
                     raise card.error("deck.field-value", "a term of an MPC has one component", index=at + 1,
                                      hint="write one digit from 1 to 6 (0 for a scalar point)")  # fmt: skip
-                terms.append((grids.dof(number, int(component), record), card.real(at + 2)))
+                terms.append((grids.dof(number, int(component), record), card.real(at + 2, 0.0)))
     return terms

@@ -131,6 +131,12 @@ def cards(model: ModelFacts) -> list[Block]:
     return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, "No card was ignored.")]
 
 
+def named_sets(model: ModelFacts) -> list[Block]:
+    """Sets of degrees of freedom that the deck names; [] where there are none."""
+    rows = [row(s.name, str(s.dofs), s.effect) for s in model.dof_sets]
+    return [Table("Sets of degrees of freedom", columns("Set", ">DOFs", "Effect"), tuple(rows))] if rows else []
+
+
 def _cards(model: ModelFacts) -> list[Block]:
     params = [
         row(p.name, p.value, "understood" if p.understood else "ignored", p.remark or NONE)
@@ -139,6 +145,7 @@ def _cards(model: ModelFacts) -> list[Block]:
     return [
         Heading("Cards"),
         *cards(model),
+        *named_sets(model),
         table_or_none("PARAM", columns("Name", "Value", "Effect", "Remark"), params, "The deck has no PARAM."),
     ]  # fmt: skip
 

@@ -23,14 +23,21 @@ from femtune.report.document import (
     without_column,
 )
 from femtune.report.numbers import NOT_TESTED, counted, listed, signed_percent, value, with_unit
-from femtune.report.sections.checks import cards, grounding_dofs, grounding_elements, held_lines, rigid_body_table
+from femtune.report.sections.checks import (
+    cards,
+    grounding_dofs,
+    grounding_elements,
+    held_lines,
+    named_sets,
+    rigid_body_table,
+)
 from femtune.report.steps.subject import Subject
 from femtune.study.results_base import Alert
 from femtune.study.results_model import DeckParameter, ModelConfiguration, ModelFacts
 
 _ORDER: tuple[Level, ...] = ("problem", "warning")
-_IN_TABLES = ("deck.ignored-cards", "deck.ignored-param")
-"""Notices that repeat the tables of cards and PARAMs."""
+_IN_TABLES = ("deck.ignored-cards", "deck.ignored-param", "deck.dof-set")
+"""Notices that repeat the tables of cards, PARAMs and named sets."""
 
 _AXES = ("x", "y", "z")
 _NOISE = 1e-9
@@ -57,7 +64,7 @@ def _verdict(facts: ModelFacts) -> str:
 
 
 def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
-    return [*cards(_beside(subject, facts)), *_parameters(facts.deck_parameters), *_notices(facts.notices)]
+    return [*cards(_beside(subject, facts)), *named_sets(facts), *_parameters(facts.deck_parameters), *_notices(facts.notices)]
 
 
 def _beside(subject: Subject, facts: ModelFacts) -> ModelFacts:
