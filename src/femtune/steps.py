@@ -16,7 +16,12 @@ REPORT_FILE = "report.html"
 
 
 def run(
-    path: Path | str, output: Path | str | None = None, wide: bool | None = None, progress: Progress = silent
+    path: Path | str,
+    output: Path | str | None = None,
+    wide: bool | None = None,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
 ) -> RunFolder:
     """All steps in their order: a run folder with results.json, arrays.npz, updated.bdf and report.html.
 
@@ -25,12 +30,13 @@ def run(
     path : the study file
     output : run folder instead of the study's
     wide : write changed cards in large field; the study decides where None
+    fresh : empty the journal of earlier runs in the folder and solve everything again
 
     Raises
     ------
     FemtuneError : whatever is wrong with the study, its files or the run folder
     """
-    folder = update(path, output, wide, progress)
+    folder = update(path, output, wide, progress, fresh=fresh)
     return replace(folder, report=report(folder.folder, progress))
 
 

@@ -57,8 +57,8 @@ def _single(module: Any, name: str) -> Callable[..., CardCount]:
 
 
 def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
-    def step(path: Path, output: Path | None, wide: bool | None, progress: Any) -> SimpleNamespace:
-        module.calls.append((name, Path(path), {"output": output, "wide": wide}))
+    def step(path: Path, output: Path | None, wide: bool | None, fresh: bool, progress: Any) -> SimpleNamespace:
+        module.calls.append((name, Path(path), {"output": output, "wide": wide} | ({"fresh": True} if fresh else {})))
         folder = output or read_study_file(path).output_folder
         check_writable(folder)
         (folder / "results.json").write_text("{}")
@@ -72,6 +72,7 @@ class Outcome(CardCount):
     """Results as far as the command line looks at them."""
 
     update: Any = None
+    journal: Any = None
 
 
 @pytest.fixture

@@ -7,20 +7,20 @@ from typing import Any
 import pytest
 
 from femtune import steps
-from femtune.residuals import case as residual_case
+from femtune.residuals import solver
 
 Bench = Any
 
 
 def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     solved: list[tuple[float, ...]] = []
-    solve = residual_case.solve_modes
+    solve = solver.solve_modes
 
     def counted(point: Any, *limits: Any) -> Any:
         solved.append(tuple(point.x))
         return solve(point, *limits)
 
-    monkeypatch.setattr(residual_case, "solve_modes", counted)
+    monkeypatch.setattr(solver, "solve_modes", counted)
     run = steps.update(beam.study())
     update = run.results.update
     assert update is not None

@@ -48,7 +48,7 @@ def test_true_values_are_found(done: RunFolder) -> None:
 
 
 def test_the_folder_holds_all_files(done: RunFolder) -> None:
-    names = {"results.json", "arrays.npz", "history.jsonl", "updated.bdf", "report.html"}
+    names = {"results.json", "arrays.npz", "history.jsonl", "updated.bdf", "report.html", "journal"}
     assert {p.name for p in done.folder.iterdir()} == names
 
 

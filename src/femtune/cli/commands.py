@@ -11,6 +11,7 @@ import click
 
 from femtune import __version__
 from femtune.cli.guard import GuardedGroup, Running
+from femtune.errors import printable
 
 _FILE = click.Path(path_type=Path)
 
@@ -18,6 +19,7 @@ _study = click.argument("study", type=_FILE)
 _quiet = click.option("--quiet", is_flag=True, help="No progress, and no tables.")
 _json = click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output.")
 _output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder instead of that of the study.")
+_fresh = click.option("--fresh", is_flag=True, help="Solve again what the journal of an earlier run holds.")
 _wide = click.option("--wide", is_flag=True, default=None, help="Write changed cards in large field.")
 
 
@@ -52,42 +54,49 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
 
 @main.command()
 @click.argument("path", type=_FILE)
+@_fresh
 @_json
 @_quiet
-def modes(path: Path, as_json: bool, quiet: bool) -> None:
+def modes(path: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Natural frequencies and modes of each configuration.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
-    _show("modes", path, as_json, quiet)
+    _show("modes", path, as_json, quiet, fresh)
 
 
 @main.command()
 @_study
+@_fresh
 @_json
 @_quiet
-def correlate(study: Path, as_json: bool, quiet: bool) -> None:
+def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: MAC, frequencies, pairs."""
-    _show("correlate", study, as_json, quiet)
+    _show("correlate", study, as_json, quiet, fresh)
 
 
 @main.command()
 @_study
+@_fresh
 @_json
 @_quiet
-def select(study: Path, as_json: bool, quiet: bool) -> None:
+def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Which parameters, and which combinations of them, the data determine."""
-    _show("select", study, as_json, quiet)
+    _show("select", study, as_json, quiet, fresh)
 
 
 @main.command()
 @_study
 @_output
 @_wide
+@_fresh
 @_quiet
-def update(study: Path, output: Path | None, wide: bool | None, quiet: bool) -> None:
-    """Find the parameters and write the updated deck."""
-    folder = _do("update", study, quiet, output=output, wide=wide)
+def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
+    """Find the parameters and write the updated deck.
+
+    A run that was interrupted goes on from what it had solved.
+    """
+    folder = _do("update", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(folder, quiet)
 
 
@@ -95,10 +104,14 @@ def update(study: Path, output: Path | None, wide: bool | None, quiet: bool) -> 
 @_study
 @_output
 @_wide
+@_fresh
 @_quiet
-def run(study: Path, output: Path | None, wide: bool | None, quiet: bool) -> None:
-    """All steps in their order: a run folder with results, updated deck and report."""
-    folder = _do("run", study, quiet, output=output, wide=wide)
+def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
+    """All steps in their order: a run folder with results, updated deck and report.
+
+    A run that was interrupted goes on from what it had solved.
+    """
+    folder = _do("run", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(folder, quiet, folder.report)
 
 
@@ -125,16 +138,25 @@ def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
         return function(path, progress=progress, **options)
 
 
-def _show(step: str, path: Path, as_json: bool, quiet: bool) -> None:
+def _show(step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False) -> None:
     """The result of one step, as JSON or as tables; tables of a comparison take its matrices too."""
     from femtune.cli import output  # noqa: PLC0415
 
     arrays: dict[str, Any] = {}
-    result = _do(step, path, quiet, **({"arrays": arrays} if step == "correlate" else {}))
+    remarks: list[str] = []
+    options = {} if step == "info" else {"fresh": fresh, "remarks": remarks}
+    result = _do(step, path, quiet, **options, **({"arrays": arrays} if step == "correlate" else {}))
+    _say(remarks, quiet)
     if as_json:
         click.echo(output.as_text(result))
     elif not quiet:
         output.show_document(output.document_of_step(step, path, result, arrays))
+
+
+def _say(remarks: list[str], quiet: bool) -> None:
+    """Sentences beside the result."""
+    for remark in () if quiet else remarks:
+        click.echo(printable(remark), err=True)
 
 
 def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
@@ -142,6 +164,7 @@ def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
     from femtune.cli import output  # noqa: PLC0415
     from femtune.cli.display import Display  # noqa: PLC0415
 
+    _say(output.remarks_of(folder.results), quiet)
     if not quiet:
         with Display() as progress:
             document = output.document_of(folder, progress)

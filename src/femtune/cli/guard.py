@@ -45,8 +45,19 @@ class Running:
     def written(self) -> list[Path]:
         """Files in the run folder that are not older than the command."""
         folder = self.folder()
+        return sorted(f for f in folder.iterdir() if f.is_file() and self._is_new(f)) if folder else []
+
+    def journaled(self) -> tuple[int, Path] | None:
+        """Number of solutions in the journal and its folder, where the command has written into the run folder."""
+        folder = self.folder()
+        journal = folder / "journal" if folder is not None else None
+        if journal is None or not os.path.isdir(journal) or not (self._is_new(journal) or self.written()):
+            return None
+        return sum(name.endswith(".npz") for name in os.listdir(journal)), journal
+
+    def _is_new(self, path: Path) -> bool:
         # file systems store times with a granularity of up to 2 s
-        return sorted(f for f in folder.iterdir() if f.stat().st_mtime >= self.started - 2.0) if folder else []
+        return path.stat().st_mtime >= self.started - 2.0
 
 
 def _folder_of(path: Path) -> Path | None:
@@ -100,6 +111,10 @@ def _interrupted(ctx: click.Context) -> NoReturn:
     running = ctx.find_object(Running)
     files = ", ".join(str(file) for file in running.written()) if running else ""
     kept = f"kept: {files}" if files else "nothing was written"
+    count, journal = (running.journaled() if running else None) or (0, None)
+    if count:
+        solutions = f"{count} solution{'s' if count > 1 else ''} in {journal}"
+        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command goes on from there"
     click.echo(printable(f"stopped by Ctrl-C; {kept}"), err=True)
     ctx.exit(INTERRUPTED)
 

@@ -13,7 +13,9 @@ from pydantic import BaseModel
 from rich.console import Console
 
 from femtune.study.history import HISTORY_FILE
+from femtune.study.journal import from_journal
 from femtune.study.progress import Progress
+from femtune.study.results import Results
 from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.study.steps import RunFolder
 
@@ -47,6 +49,12 @@ def document_of_step(step: str, path: Path, result: Any, arrays: Mapping[str, ND
     if step == "correlate":
         return steps.correlation_document(subject, result, arrays)
     return steps.selection_document(subject, result)
+
+
+def remarks_of(results: Results) -> list[str]:
+    """How much of a run came from the journal of an earlier one."""
+    journal = results.journal
+    return [from_journal(journal.recalled, journal.solved)] if journal is not None and journal.recalled else []
 
 
 def document_of(run: RunFolder, progress: Progress) -> Document:

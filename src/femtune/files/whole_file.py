@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import IO
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write beside `path`, flush to the disk, rename: readers see the old file or the new one.
+    """As `write_whole_by`, for content that is at hand."""
+    write_whole_by(path, lambda stream: stream.write(content))
+
+
+def write_whole_by(path: Path, write: Callable[[IO[bytes]], object], flush: bool = True) -> None:
+    """Let `write` write beside `path`, flush to the disk, rename: readers see the old file or the new one.
+
+    Without `flush` a loss of power may leave a file that is cut; a killed program does not.
 
     What `path` was before (a link to another file, too) is replaced and not written into.
 
@@ -19,9 +28,10 @@ def write_whole(path: Path, content: bytes) -> None:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
+            write(stream)
             stream.flush()
-            os.fsync(stream.fileno())
+            if flush:
+                os.fsync(stream.fileno())
         # mkstemp makes private files; a result is an ordinary one
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)

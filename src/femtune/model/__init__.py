@@ -3,8 +3,10 @@
 from femtune.model.configuration import AddedMass, Configuration
 from femtune.model.configured import ConfiguredModel, ModelPoint, configure, grid_matrix
 from femtune.model.derivatives import SubspaceDerivative, subspace_derivative
+from femtune.model.digest import digest
 from femtune.model.eigen import EigenSolution, solve_modes
 from femtune.model.factorise import available_solvers
+from femtune.model.fingerprint import derivatives_digest, matrices_digest
 from femtune.model.parametric import Assignment, ParametricModel, parametric_model
 
 __all__ = [
@@ -18,7 +20,10 @@ __all__ = [
     "SubspaceDerivative",
     "available_solvers",
     "configure",
+    "derivatives_digest",
+    "digest",
     "grid_matrix",
+    "matrices_digest",
     "parametric_model",
     "solve_modes",
     "subspace_derivative",

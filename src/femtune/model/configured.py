@@ -16,6 +16,7 @@ from femtune.fem.contribution import MatrixKind
 from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.singularities import singular_dofs
 from femtune.model.configuration import Configuration, check_configuration, held_dofs, mass_terms
+from femtune.model.digest import Part, digest
 from femtune.model.parametric import ParametricModel
 from femtune.model.terms import Term
 from femtune.parameters.jet import Jet
@@ -66,6 +67,14 @@ class ConfiguredModel:
         """The model at one normalised parameter vector."""
         return ModelPoint(self, np.asarray(x))
 
+    @cached_property
+    def terms_digest(self) -> str:
+        """Digest of the pattern and of every term on it; of a coefficient counts here only whether it is there."""
+        parts: list[Part] = [self.n_free, self.indptr, self.indices]
+        for p in self.projected:
+            parts += [p.term.matrix, p.term.coefficient is None, p.spread]
+        return digest(*parts)
+
 
 @dataclass(frozen=True, eq=False)
 class ModelPoint:
@@ -79,7 +88,8 @@ class ModelPoint:
         return self.configured.model.table(self.x)
 
     @cached_property
-    def _coefficients(self) -> list[Jet | None]:
+    def coefficients(self) -> list[Jet | None]:
+        """Coefficients of each projected term; None for the constant 1."""
         table = self._table
         terms = (p.term for p in self.configured.projected)
         return [t.coefficient(table) if t.coefficient else None for t in terms]
@@ -87,7 +97,7 @@ class ModelPoint:
     def _matrix(self, kind: MatrixKind, part: tuple[int, ...]) -> sp.csr_array:
         model = self.configured
         data = np.zeros(len(model.indices), dtype=self.x.dtype if np.iscomplexobj(self.x) else float)
-        for projected, c in zip(model.projected, self._coefficients):
+        for projected, c in zip(model.projected, self.coefficients):
             if projected.term.matrix == kind:
                 data += _part_of(projected, c, part)
         return sp.csr_array((data, model.indices, model.indptr), shape=(model.n_free, model.n_free))
@@ -110,7 +120,7 @@ class ModelPoint:
     @cached_property
     def hysteretic(self) -> sp.csr_array:
         """H of K + iH: stiffness times loss factors of materials, elements and the whole structure; real."""
-        eta = self._loss_factor
+        eta = self.loss_factor
         own = self._matrix("hysteretic", ())
         return own if eta is None else sp.csr_array(own + eta.value * self.stiffness)
 
@@ -123,14 +133,14 @@ class ModelPoint:
     def hysteretic_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂H/∂x_i of every free parameter."""
         own = [self._matrix("hysteretic", (i,)) for i in range(self.n_parameters)]
-        eta = self._loss_factor
+        eta = self.loss_factor
         if eta is None:
             return tuple(own)
         pairs = zip(own, self.stiffness_derivatives, eta.grad)
         return tuple(sp.csr_array(h + eta.value * k + d * self.stiffness) for h, k, d in pairs)
 
     @property
-    def _loss_factor(self) -> Jet | None:
+    def loss_factor(self) -> Jet | None:
         """Loss factor of all stiffness."""
         index = self.configured.model.structure.damping.loss_factor
         return None if index is None else self._table[index]

@@ -91,7 +91,9 @@ def solve_modes(point: ModelPoint, count: int | None = None, max_hz: float | Non
         extra *= 4
     notices = (_not_counted(),) if below is None else ()
     counted = -1 if below is None else below
-    return EigenSolution(point, values[:known], shapes[:, :known], whole, shift, cut[0], counted, notices, factor)
+    # one order in memory, so that what follows is the same to the last bit whoever computed or kept the shapes
+    shapes = np.ascontiguousarray(shapes[:, :known])
+    return EigenSolution(point, values[:known], shapes, whole, shift, cut[0], counted, notices, factor)
 
 
 def _check_matrices(point: ModelPoint, M: sp.csr_array) -> None:

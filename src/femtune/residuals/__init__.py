@@ -13,16 +13,19 @@ from femtune.residuals.case import (
     solve_case,
 )
 from femtune.residuals.problem import Evaluation, ResidualRules, UpdateProblem
+from femtune.residuals.solver import ModelSolver, direct
 
 __all__ = [
     "CaseState",
     "Evaluation",
     "ModalCase",
+    "ModelSolver",
     "PairingRules",
     "ResidualBlock",
     "ResidualRules",
     "UpdateProblem",
     "describe_change",
+    "direct",
     "groups_of",
     "modes_at_sensors",
     "pair_case",

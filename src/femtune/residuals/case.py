@@ -12,7 +12,8 @@ from scipy.optimize import linear_sum_assignment
 
 from femtune.correlate import Pairing, pair_modes
 from femtune.modal import ModeSet
-from femtune.model import ConfiguredModel, EigenSolution, solve_modes
+from femtune.model import ConfiguredModel, EigenSolution
+from femtune.residuals.solver import ModelSolver, direct
 
 Group = tuple[tuple[int, ...], tuple[int, ...]]
 """Positions of test modes and of the model modes that span their subspace."""
@@ -39,6 +40,7 @@ class ModalCase:
     left_out : reason by position of a test mode
     fixed : (test, model) positions paired by hand
     count, max_hz : which model modes are solved for; one of them
+    solver : who computes solutions of the full model
     """
 
     configured: ConfiguredModel
@@ -49,6 +51,7 @@ class ModalCase:
     count: int | None = None
     max_hz: float | None = None
     rules: PairingRules = PairingRules()
+    solver: ModelSolver = field(default=direct, repr=False)
 
     @property
     def name(self) -> str:
@@ -67,7 +70,7 @@ class CaseState:
 
 def solve_case(case: ModalCase, x: NDArray) -> EigenSolution:
     """Modes of the case at a normalised parameter vector."""
-    return solve_modes(case.configured.at(x), case.count, case.max_hz)
+    return case.solver.modes(case.configured.at(x), case.count, case.max_hz)
 
 
 def modes_at_sensors(case: ModalCase, solution: EigenSolution) -> ModeSet:

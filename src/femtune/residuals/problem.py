@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from femtune.correlate import no_pairs
 from femtune.errors import FemtuneError
-from femtune.model import subspace_derivative
 from femtune.parameters import ParameterSet
 from femtune.residuals.aligned import AlignedModes, align
 from femtune.residuals.block import ResidualBlock
@@ -135,7 +134,7 @@ class UpdateProblem:
     def _blocks(self, state: CaseState, group: Group) -> list[ResidualBlock]:
         tests, models = group
         case = state.case
-        derivative = subspace_derivative(state.solution, models, case.sensors)
+        derivative = case.solver.derivative(state.solution, models, case.sensors)
         test = case.test.shapes[:, list(tests)]
         aligned = align(derivative, test)
         out = []

@@ -21,8 +21,8 @@ _MISFIT = 2.0
 _MOST_UNPAIRED = 8
 
 
-def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
-    """Alerts of a finished run, the gravest first."""
+def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
+    """Alerts of a finished run with `others` among them, the gravest first."""
     found = [
         *_of_update(results),
         *_of_writing(results),
@@ -31,6 +31,7 @@ def alerts_of(study: Study, results: Results) -> tuple[Alert, ...]:
         *_of_held_masses(study),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
+        *others,
     ]
     order = {"problem": 0, "warning": 1, "info": 2}
     return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))

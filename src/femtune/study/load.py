@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
@@ -12,7 +12,7 @@ from femtune.files.nastran.inventory import MISSING
 from femtune.files.study_file import ModesTable, StudyFile, read_study_file
 from femtune.model import ParametricModel, parametric_model
 from femtune.parameters import ParameterSet
-from femtune.residuals import ResidualRules, UpdateProblem
+from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
 from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
 from femtune.study.progress import Progress, silent
@@ -22,13 +22,14 @@ _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything that the steps need; `notices` are those of tests and sensors."""
+    """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model."""
 
     file: StudyFile
     built: BuiltModel
     model: ParametricModel
     cases: tuple[StudyCase, ...]
     notices: tuple[Notice, ...]
+    solver: ModelSolver = field(default=direct, repr=False)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -180,6 +181,12 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+
+
+def solved_by(study: Study, solver: ModelSolver) -> Study:
+    """The same study with another solver of the full model, in all its configurations."""
+    cases = (c if c.modal is None else replace(c, modal=replace(c.modal, solver=solver)) for c in study.cases)
+    return replace(study, solver=solver, cases=tuple(cases))
 
 
 def on_deck(study: Study, built: BuiltModel) -> Study:

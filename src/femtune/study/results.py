@@ -8,9 +8,17 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from femtune.study import results_base, results_correlation, results_model, results_shapes, results_update
+from femtune.study import (
+    results_base,
+    results_correlation,
+    results_journal,
+    results_model,
+    results_shapes,
+    results_update,
+)
 from femtune.study.results_base import Alert, Citation, Provenance, Record, StudyFacts
 from femtune.study.results_correlation import CorrelationResults, ValidationResults
+from femtune.study.results_journal import JournalResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
 from femtune.study.results_shapes import ModeShapes
 from femtune.study.results_update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
@@ -47,6 +55,8 @@ class Results(Record):
     """The updated deck; None where nothing was written."""
     validation: ValidationResults | None = None
     """Data that were not used; None where not run."""
+    journal: JournalResults | None = None
+    """Solutions of the full model, solved and recalled; None where the study keeps no journal."""
     citations: tuple[Citation, ...] = ()
     """Publications behind what ran outside the update."""
     alerts: tuple[Alert, ...] = ()
@@ -66,7 +76,7 @@ def json_schema() -> dict[str, Any]:
 
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
-    modules = (results_base, results_model, results_correlation, results_shapes, results_update)
+    modules = (results_base, results_model, results_correlation, results_shapes, results_update, results_journal)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

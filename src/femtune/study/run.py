@@ -15,16 +15,18 @@ from femtune.residuals import Evaluation
 from femtune.select import identifiability
 from femtune.study.alerts import alerts_of
 from femtune.study.history import History
+from femtune.study.journal import Journal
 from femtune.study.load import Study, on_deck
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
-from femtune.study.record_model import model_facts, sensor_results
+from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import citations, parameter_facts, selection_results, update_results
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
 from femtune.study.results_update import SelectionResults
 from femtune.study.run_folder import RESULTS_FILE, write_results
 from femtune.study.stages import StageRecords, as_written, solutions_of, stage_records, start, validation
+from femtune.study.with_journal import journal_results
 from femtune.study.write_back import WriteBack, check_written, write_back
 from femtune.update import Iteration, Regularisation, SensitivityMethod, UpdateResult
 from femtune.update import update as find_parameters
@@ -60,6 +62,7 @@ class Run:
     watch: Stopwatch
     progress: Progress
     inputs: Inputs
+    journal: Journal | None = None
     arrays: Arrays = field(default_factory=dict)
 
     def go(self) -> RunFolder:
@@ -153,12 +156,14 @@ class Run:
             "update": update_results(self.study, result, values, error),
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, stages[0], stages[-1]),
+            "journal": journal_results(self.journal),
         }
         return facts.model_copy(update=parts)
 
     def _keep(self, results: Results, *alerts: Alert) -> Results:
         """Write the results with their alerts."""
-        found = (*alerts, *alerts_of(self.study, results))
+        of_journal = self.journal.notices if self.journal is not None else ()
+        found = (*alerts, *alerts_of(self.study, results, map(alert_of, of_journal)))
         results = results.model_copy(update={"alerts": found})
         write_results(self.folder, results, self.arrays)
         return results

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlate import Correlation
-from femtune.model import EigenSolution, solve_modes
+from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, groups_of, pair_case, solve_case
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study
@@ -80,7 +80,7 @@ def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
         if case.modal is not None:
             return solve_case(case.modal, x)
         table = study.file.modes
-        return solve_modes(case.configured.at(x), table.wanted, table.max_hz)
+        return study.solver.modes(case.configured.at(x), table.wanted, table.max_hz)
 
 
 def solutions_of(evaluation: Evaluation) -> Solutions:

@@ -18,7 +18,9 @@ from femtune.study.results_model import ModelFacts, ModelModes
 from femtune.study.results_update import SelectionResults
 from femtune.study.run import Run, RunFolder, check_parameters, select_at
 from femtune.study.run_folder import check_writable
+from femtune.study.run_lock import locked
 from femtune.study.stages import modes_of, nominal, solve, stage_records, start
+from femtune.study.with_journal import keeping, looking_up
 from femtune.study.write_back import check_inputs_safe
 
 __all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "select", "update"]
@@ -31,19 +33,25 @@ def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
     return model_facts(study)
 
 
-def modes(path: Path | str, progress: Progress = silent) -> tuple[ModelModes, ...]:
-    """Natural frequencies of each configuration of a study, or of a deck, at the start values of the parameters."""
-    return tuple(modes_of(load_study(path, progress), "before", progress))
+def modes(
+    path: Path | str, progress: Progress = silent, *, fresh: bool = False, remarks: list[str] | None = None
+) -> tuple[ModelModes, ...]:
+    """Natural frequencies of each configuration of a study, or of a deck, at the start values of the parameters.
+
+    Solutions in the journal of the study's run folder are used, not so if `fresh`; `remarks` is told how many.
+    """
+    with looking_up(load_study(path, progress), fresh, remarks) as study:
+        return tuple(modes_of(study, "before", progress))
 
 
-def mode_sets(path: Path | str, progress: Progress = silent) -> dict[str, ModeSet]:
+def mode_sets(path: Path | str, progress: Progress = silent, *, fresh: bool = False) -> dict[str, ModeSet]:
     """Natural modes by configuration, with shapes at all DOFs of the model in its displacement frames.
 
     For what the other steps do not do: planning sensors, simulating tests, drawing. The shapes are mass-normalised.
     """
-    study = load_study(path, progress)
-    dofs = study.model.structure.nodes.dof_set()
-    return {case.name: _mode_set(study, case, dofs) for case in study.cases}
+    with looking_up(load_study(path, progress), fresh, None) as study:
+        dofs = study.model.structure.nodes.dof_set()
+        return {case.name: _mode_set(study, case, dofs) for case in study.cases}
 
 
 def _mode_set(study: Study, case: StudyCase, dofs: DofSet) -> ModeSet:
@@ -53,41 +61,59 @@ def _mode_set(study: Study, case: StudyCase, dofs: DofSet) -> ModeSet:
 
 
 def correlate(
-    path: Path | str, progress: Progress = silent, arrays: dict[str, NDArray] | None = None
+    path: Path | str,
+    progress: Progress = silent,
+    arrays: dict[str, NDArray] | None = None,
+    *,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
 ) -> tuple[CorrelationResults, ...]:
     """Test against model, each configuration that has a test.
 
-    The matrices that the records refer to by key are put into `arrays`, where it is given.
+    The matrices that the records refer to by key are put into `arrays`, where it is given; `fresh` and `remarks` as
+    for `modes`.
     """
     study = read_study(path, progress)
     if all(case.modal is None for case in study.cases):
         raise study.no_test("can be compared")
     found = {} if arrays is None else arrays
-    return stage_records(study, "before", nominal(study), {}, found, progress).correlations
+    with looking_up(study, fresh, remarks) as study:
+        return stage_records(study, "before", nominal(study), {}, found, progress).correlations
 
 
-def select(path: Path | str, progress: Progress = silent) -> SelectionResults:
-    """Which parameters, and which combinations of them, the data determine."""
+def select(
+    path: Path | str, progress: Progress = silent, *, fresh: bool = False, remarks: list[str] | None = None
+) -> SelectionResults:
+    """Which parameters, and which combinations of them, the data determine; `fresh` and `remarks` as for `modes`."""
     study = read_study(path, progress)
     check_parameters(study)
-    return select_at(study, start(study, progress), {}, progress)
+    with looking_up(study, fresh, remarks) as study:
+        return select_at(study, start(study, progress), {}, progress)
 
 
 def update(
-    path: Path | str, output: Path | str | None = None, wide: bool | None = None, progress: Progress = silent
+    path: Path | str,
+    output: Path | str | None = None,
+    wide: bool | None = None,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
 ) -> RunFolder:
     """All steps of a study: results and updated deck in its run folder (the report is made of them).
+
+    What an earlier run in the folder has solved, interrupted or not, is taken from its journal.
 
     Parameters
     ----------
     path : the study file
     output : run folder instead of the study's
     wide : write changed cards in large field; the study decides where None
+    fresh : empty the journal and solve everything again
 
     Raises
     ------
-    FemtuneError : whatever is wrong with the study, its files or the run folder. Once the parameters are found
-        results.json is written, whatever happens to the deck afterwards
+    FemtuneError : whatever is wrong with the study, its files or the run folder; ``run.locked`` where another run is
+        at work there. Once the parameters are found results.json is written, whatever happens to the deck afterwards
     """
     watch = Stopwatch(f"femtune.update({str(path)!r})")
     with watch.step("read"):
@@ -96,7 +122,10 @@ def update(
         check_parameters(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
-    return Run(study, folder, study.file.write.wide if wide is None else wide, watch, progress, inputs).go()
+    with locked(folder):
+        study, journal = keeping(study, folder, fresh)
+        wide = study.file.write.wide if wide is None else wide
+        return Run(study, folder, wide, watch, progress, inputs, journal).go()
 
 
 def _folder(study: Study, output: Path | str | None) -> Path:

@@ -33,6 +33,8 @@ class StudyTable(Table):
     deck: Text
     units: Units
     allow_ignored: tuple[Text, ...] = ()
+    journal: bool = True
+    journal_gib: Annotated[float, Field(gt=0, le=1e6)] = 10.0
 
     @property
     def unit_system(self) -> UnitSystem:
