@@ -6,8 +6,8 @@ A code is ``area.problem`` (``deck.missing-include``); ``docs/errors/`` has a pa
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,21 +71,33 @@ class FemtuneErrors(FemtuneError):  # noqa: N818
         return "\n\n".join([f"{len(self.errors)} problems:", *map(str, self.errors)])
 
 
+class _Catching(AbstractContextManager[None]):
+    """The block of `ErrorCollector.catch`; plain methods, since a deck enters it once for each card."""
+
+    __slots__ = ("errors",)
+
+    def __init__(self, errors: list[FemtuneError]) -> None:
+        self.errors = errors
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, FemtuneError):
+            self.errors.extend(error.errors if isinstance(error, FemtuneErrors) else [error])
+            return True
+        return False
+
+
 @dataclass
 class ErrorCollector:
     """Gathers errors so that a set-up shows all of them at once."""
 
     errors: list[FemtuneError] = field(default_factory=list)
 
-    @contextmanager
-    def catch(self) -> Iterator[None]:
+    def catch(self) -> AbstractContextManager[None]:
         """Keep a FemtuneError raised inside the block and go on."""
-        try:
-            yield
-        except FemtuneErrors as several:
-            self.errors.extend(several.errors)
-        except FemtuneError as error:
-            self.errors.append(error)
+        return _Catching(self.errors)
 
     def raise_if_any(self) -> None:
         """Raise what was gathered: the error itself if it is alone, else all of them."""

@@ -36,6 +36,8 @@ class CoordinateSystem:
 
         On the axis of a cylindrical or spherical system, where the radius has no direction, θ = 0 is taken.
         """
+        if self.shape == "R":
+            return self.axes
         local = self.axes.T @ (np.asarray(at, dtype=float) - self.origin)
         return self.axes @ _local_frame(self.shape, local)
 
@@ -53,8 +55,6 @@ def _rectangular(shape: str, x: Reals) -> Reals:
 
 
 def _local_frame(shape: str, x: Reals) -> Reals:
-    if shape == "R":
-        return np.eye(3)
     r = np.hypot(x[0], x[1])
     off_axis = r > _ON_AXIS * max(1.0, length(x))
     c, s = (x[0] / r, x[1] / r) if off_axis else (1.0, 0.0)
