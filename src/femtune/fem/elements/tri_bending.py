@@ -10,7 +10,10 @@ import numpy as np
 
 from femtune.fem.elements.quad_shape import inverse
 from femtune.fem.elements.shell_strains import Reals
-from femtune.fem.elements.tri_membrane import MIDDLES, ROOT_3, tri_area, tri_gradient
+from femtune.fem.elements.tri_membrane import MIDDLES, ROOT_3, drilling_rows, mean_square_side, tri_area, tri_gradient
+
+# part of the twisting stiffness, chosen by measurement: docs/theory/shell-triangles.md
+SPIN = 0.3
 
 
 def bending_rows(corners: Reals) -> Reals:
@@ -36,6 +39,18 @@ def shear_rows(corners: Reals) -> Reals:
     r, s = MIDDLES[:, 1], MIDDLES[:, 2]
     covariant = np.stack([[g[:, 0] + c * sk, -g[:, 2] - c * rk] for rk, sk in zip(r, s)])
     return np.einsum("mij,kjmac->mkiac", turn, covariant)
+
+
+def spin_rows(corners: Reals) -> Reals:
+    """(m, 3, 3, 3, 3) a third kind of curvature from (u, v, θz): the turn against the membrane over the element's size.
+
+    Where flat triangles meet at an angle, a part of one's twisting moment is the other's moment about its normal. The
+    turn there is therefore held as stiffly as twisting is, in the place of the twisting curvature; without it a strip
+    that is twisted and not thin gets softer with every refinement.
+    """
+    out = np.zeros((len(corners), 3, 3, 3, 3))
+    out[:, :, 2] = drilling_rows(corners) * np.sqrt(SPIN / mean_square_side(corners))[:, None, None, None]
+    return out
 
 
 def side_shears(corners: Reals) -> Reals:

@@ -18,6 +18,11 @@ def tri_area(corners: Reals) -> Reals:
     return np.asarray(0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
+def mean_square_side(corners: Reals) -> Reals:
+    """(m,) means of the squared lengths of the sides; corners (m, 3, 2) or (m, 3, 3)."""
+    return np.asarray(((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2)) / 3.0)
+
+
 def tri_gradient(corners: Reals) -> Reals:
     """(m, 2, 3) derivatives of the corners' functions by x and y."""
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
