@@ -237,5 +237,7 @@ class Structure:
     def users(self, index: int) -> Integers:
         """Numbers of the elements whose matrices depend on an entry of the value table."""
         touched = list(self.values.dependents([index]))
+        if self.damping.loss_factor in touched:
+            return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.ids for b in self.batches)]))
         found = [b.ids[np.isin(at, touched)] for b in self.batches for at in b.roles.values()]
         return np.unique(np.concatenate([np.zeros(0, np.int64), *found]))

@@ -14,7 +14,10 @@ from femtune.parameters.jet import Jet
 
 @dataclass(frozen=True, order=True)
 class FieldRef:
-    """A field of a card, for example ``PBAR 3 I1``; `region` is set where a part of its users was split off."""
+    """A field of a card, for example ``PBAR 3 I1``; `region` is set where a part of its users was split off.
+
+    A PARAM has no number: ``PARAM G`` has id 0.
+    """
 
     card: str
     id: int
@@ -23,7 +26,8 @@ class FieldRef:
 
     def __str__(self) -> str:
         tail = f" [{self.region}]" if self.region else ""
-        return f"{self.card} {self.id} {self.name}{tail}"
+        number = f" {self.id}" if self.id else ""
+        return f"{self.card}{number} {self.name}{tail}"
 
 
 @dataclass(frozen=True)

@@ -121,8 +121,18 @@ class ModelPoint:
     def hysteretic(self) -> sp.csr_array:
         """H of K + iH: stiffness times loss factors of materials, elements and the whole structure; real."""
         eta = self.loss_factor
-        own = self._matrix("hysteretic", ())
+        own = self.element_hysteretic
         return own if eta is None else sp.csr_array(own + eta.value * self.stiffness)
+
+    @cached_property
+    def element_hysteretic(self) -> sp.csr_array:
+        """The part of H that loss factors of materials and elements make."""
+        return self._matrix("hysteretic", ())
+
+    @cached_property
+    def element_hysteretic_derivatives(self) -> tuple[sp.csr_array, ...]:
+        """Derivatives of that part by every free parameter."""
+        return tuple(self._matrix("hysteretic", (i,)) for i in range(self.n_parameters))
 
     @cached_property
     def viscous_derivatives(self) -> tuple[sp.csr_array, ...]:
@@ -132,10 +142,10 @@ class ModelPoint:
     @cached_property
     def hysteretic_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂H/∂x_i of every free parameter."""
-        own = [self._matrix("hysteretic", (i,)) for i in range(self.n_parameters)]
+        own = self.element_hysteretic_derivatives
         eta = self.loss_factor
         if eta is None:
-            return tuple(own)
+            return own
         pairs = zip(own, self.stiffness_derivatives, eta.grad)
         return tuple(sp.csr_array(h + eta.value * k + d * self.stiffness) for h, k, d in pairs)
 
@@ -162,6 +172,19 @@ class ModelPoint:
     def mass_second_derivative(self, i: int, j: int) -> sp.csr_array:
         """∂²M/∂x_i∂x_j."""
         return self._matrix("mass", (i, j))
+
+    def viscous_second_derivative(self, i: int, j: int) -> sp.csr_array:
+        """∂²C/∂x_i∂x_j."""
+        return self._matrix("viscous", (i, j))
+
+    def hysteretic_second_derivative(self, i: int, j: int) -> sp.csr_array:
+        """∂²H/∂x_i∂x_j."""
+        own, eta = self._matrix("hysteretic", (i, j)), self.loss_factor
+        if eta is None:
+            return own
+        k, second = self.stiffness_derivatives, self.stiffness_second_derivative(i, j)
+        overall = eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
+        return sp.csr_array(own + overall)
 
     @property
     def n_parameters(self) -> int:

@@ -62,7 +62,7 @@ def parametric_model(
     Raises
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
-        ``parameter.zero-nominal``; several are shown together
+        ``parameter.zero-nominal``, ``parameter.whole-model``; several are shown together
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()
@@ -94,6 +94,8 @@ def _place(
         raise _error(
             "parameter.zero-nominal", assignment, parameters, "is zero in the deck, so a factor of it does nothing"
         )
+    if chosen.size < users.size and position == structure.damping.loss_factor:
+        raise _error("parameter.whole-model", assignment, parameters, "damps the whole model, not a part of it")
     if chosen.size < users.size:
         structure = structure.split(position, chosen, assignment.parameter)
         position = len(structure.values.refs) - len(structure.values.dependents([position]))
@@ -123,6 +125,7 @@ def _error(code: str, assignment: Assignment, parameters: ParameterSet, why: str
         "parameter.unknown-field": "femtune info lists the cards; write card, number and field: PBAR 3 I1",
         "parameter.touches-nothing": "check the field and the elements of the region",
         "parameter.zero-nominal": "use absolute = true with bounds in the field's unit",
+        "parameter.whole-model": "leave the region out, or update the loss factors of materials (MAT1 1 GE)",
         "parameter.field-twice": "tie one parameter to the other, or give them separate regions",
     }
     text = f"parameter {assignment.parameter}: the field {assignment.ref} {why}"

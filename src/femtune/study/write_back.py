@@ -133,7 +133,7 @@ def _edit(
     card = study.built.deck.cards[change.position]
     value = float(values[ref]) if ref is not None else _number(change.after)
     return EditedField(
-        card=f"{ref.card} {ref.id}" if ref is not None else card.record,
+        card=f"{ref.card} {ref.id}" if ref is not None and ref.id else card.record,
         field=ref.name if ref is not None else f"field {change.index + 2}",
         file=relative(Path(change.where.file), study.file.path.parent),
         line=change.where.line or 1,

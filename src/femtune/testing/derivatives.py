@@ -3,7 +3,7 @@
 =====================================  =====================================================  ========
 what                                   how                                                    to
 =====================================  =====================================================  ========
-matrices K(x), M(x)                    complex step                                           1e-9
+matrices K(x), M(x), C(x), H(x)        complex step                                           1e-9
 simple eigenpairs, small models        complex step through the dense standard form M⁻¹K      1e-9
 eigenvectors of any model              residual of the derivative equation                    1e-7
 whatever is smooth (residuals)         Taylor slope 2 over five halvings                      0.1
@@ -29,6 +29,8 @@ STEP = 1e-30
 EIGEN_STEP = 1e-20
 DIFFERENCE_STEP = 1e-6
 TOLERANCE = 1e-9
+VANISHING = 1e-12
+"""Part of the first derivative below which a second one is rounding."""
 
 
 def check_model(point: ModelPoint, modes: Sequence[int] = (), count: int | None = None) -> None:
@@ -48,8 +50,8 @@ def check_model(point: ModelPoint, modes: Sequence[int] = (), count: int | None 
 
 
 def check_matrix_derivatives(point: ModelPoint) -> None:
-    """K and M are symmetric; first and second derivatives agree with complex steps."""
-    for name in ("stiffness", "mass"):
+    """K, M, C and H are symmetric; first and second derivatives agree with complex steps."""
+    for name in ("stiffness", "mass", "viscous", "hysteretic"):
         matrix = getattr(point, name)
         _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{name}: symmetry")
         for i in range(point.n_parameters):
@@ -63,15 +65,20 @@ def _check_second(point: ModelPoint, stepped: ModelPoint, name: str, i: int) -> 
     for j in range(point.n_parameters):
         exact = getattr(point, f"{name}_second_derivative")(i, j)
         found = getattr(stepped, f"{name}_derivatives")[j].imag / STEP
-        # where the second derivative vanishes, what is left is judged by the first
-        scale = exact if exact.nnz and np.abs(exact.data).max() > 0 else getattr(point, f"{name}_derivatives")[j]
+        # where the second derivative vanishes but for rounding, what is left is judged by the first
+        first = getattr(point, f"{name}_derivatives")[j]
+        scale = exact if _size(exact) > VANISHING * _size(first) else first
         _close(found, exact, scale, f"{name}: second derivative {i}, {j}")
 
 
 def _close(found: Any, exact: Any, scale: Any, what: str) -> None:
-    size = float(np.abs(scale.data).max(initial=0.0))
+    size = _size(scale)
     worst = float(np.abs((found - exact).toarray()).max(initial=0.0))
     assert worst <= TOLERANCE * size, f"{what}: off by {worst:.3g} of {size:.3g}"
+
+
+def _size(matrix: Any) -> float:
+    return float(np.abs(matrix.data).max(initial=0.0))
 
 
 def check_simple_mode(solution: EigenSolution, j: int, tolerance: float = TOLERANCE) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.fem.structure import ElementBatch, Structure
@@ -25,6 +25,8 @@ from femtune.files.nastran.control import (
     selected_equations,
 )
 from femtune.files.nastran.dampers import read_dampers
+from femtune.files.nastran.damping import damping_notices, overall_damping
+from femtune.files.nastran.damping_tables import damping_tables, modal_damping
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.dof_sets import read_dof_sets
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
@@ -45,6 +47,7 @@ from femtune.files.nastran.rods import read_rods
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.springs import read_scalars
 from femtune.files.nastran.supports import read_supports
+from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
 
@@ -63,6 +66,8 @@ class BuiltModel:
     element_cards : index in `Deck.cards` of each element's card, by element number
     eigen_method : modes that the selected EIGR or EIGRL card asks for, None where none is selected
     mass_reference : grid point of PARAM GRDPNT (0: origin of the basic frame), None without it
+    modal_damping : the table that SDAMPING selects, None without one
+    damping_tables : all tables of modal damping (TABDMP1) by number
     """
 
     deck: Deck
@@ -73,6 +78,8 @@ class BuiltModel:
     element_cards: Mapping[int, int]
     eigen_method: EigenMethod | None
     mass_reference: int | None
+    modal_damping: ModalDamping | None = None
+    damping_tables: Mapping[int, ModalDamping] = field(default_factory=dict)
 
 
 def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
@@ -94,9 +101,14 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     structure = _structure(building, element_cards)
     method = _eigen_method(building)
     reference = _mass_reference(building)
+    tables = damping_tables(building)
+    damping = modal_damping(building, tables)
+    building.notices += damping_notices(building)
     raise_distinct(building.errors)
     notices = (*deck.notices, *building.notices)
-    return BuiltModel(deck, structure, notices, cards, building.places, element_cards, method, reference)
+    return BuiltModel(
+        deck, structure, notices, cards, building.places, element_cards, method, reference, damping, tables
+    )  # fmt: skip
 
 
 def _report_cards(building: Building, cards: tuple[CardCount, ...], allow_missing: bool) -> None:
@@ -112,6 +124,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
     deck = building.deck
     grids = read_grids(building)
     batches = _batches(building, grids)
+    damping = overall_damping(building)
     supports = read_supports(building, grids)
     multipoint = read_multipoint_sets(building, grids)
     case = deck.case_control
@@ -132,6 +145,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         hold_singular=hold_singular(building),
         dof_sets=read_dof_sets(building, grids),
         drilling=drilling_factor(building),
+        damping=damping,
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
     )
 

@@ -1,4 +1,4 @@
-"""Case control: SPC, MPC, METHOD, titles and SETs of the first subcase over the global level."""
+"""Case control: SPC, MPC, METHOD, SDAMPING, titles and SETs of the first subcase over the global level."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from femtune.files.nastran.source import SourceLine
 _COMMAND = re.compile(r"([A-Z][A-Z0-9]*)\s*(\([^)]*\))?\s*[=,]?\s*(.*)", re.IGNORECASE | re.DOTALL)
 _SET = re.compile(r"(\d{1,9})\s*=\s*(.*)", re.DOTALL)
 _PLOT_OUTPUT = re.compile(r"\(\s*(PLOT|XYPLOT|XYOUT)\b", re.IGNORECASE)
-_SELECTIONS = ("SPC", "MPC", "METHOD")
+_SELECTIONS = ("SPC", "MPC", "METHOD", "SDAMPING")
 _TITLES = ("TITLE", "SUBTITLE", "LABEL")
 
 
@@ -45,6 +45,7 @@ class CaseControl:
     spc: int | None = None
     mpc: int | None = None
     method: int | None = None
+    damping: int | None = None
     title: str = ""
     subtitle: str = ""
     label: str = ""
@@ -107,7 +108,7 @@ def _command(body: str, line: SourceLine) -> CaseCommand:
 def _full_name(word: str) -> str:
     """Four letters are enough for the commands that we know (``SUBT``, ``METH``)."""
     word = word.upper()
-    known = ("METHOD", "SUBCASE", *_TITLES)
+    known = ("METHOD", "SDAMPING", "SUBCASE", *_TITLES)
     full = (name for name in known if len(word) >= 4 and name.startswith(word))
     return next(full, word)
 
@@ -161,6 +162,7 @@ class _Reading:
             spc=selected["SPC"],
             mpc=selected["MPC"],
             method=selected["METHOD"],
+            damping=selected["SDAMPING"],
             **texts,
             sets=self.sets,
             subcases=tuple(self.subcases),

@@ -11,9 +11,13 @@ from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.reals import parse_integer, parse_real
 from femtune.files.nastran.record import Record
 
-UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT")
+UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP")
 
-_WHY_IGNORED = {"SNORM": ": a shell's normal is that of its own element, and turning about it is held by K6ROT"}
+_PROPORTIONAL = ": damping in proportion to mass and stiffness is not modelled"
+_WHY_IGNORED = {
+    "SNORM": ": a shell's normal is that of its own element, and turning about it is held by K6ROT",
+    **dict.fromkeys(("ALPHA1", "ALPHA2"), _PROPORTIONAL),
+}
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,9 @@ def selected_equations(building: Building, number: int | None, known: Collection
 
 
 def _missing(deck: Deck, kind: str, number: int, known: Collection[int]) -> FemtuneError:
-    cards = {"SPC": "SPC, SPC1 or SPCADD", "MPC": "MPC or MPCADD", "METHOD": "EIGR or EIGRL"}[kind]
+    cards = {"SPC": "SPC, SPC1 or SPCADD", "MPC": "MPC or MPCADD", "METHOD": "EIGR or EIGRL", "SDAMPING": "TABDMP1"}[
+        kind
+    ]
     shown = ", ".join(map(str, sorted(known)[:10]))
     return FemtuneError(
         "deck.missing-set",

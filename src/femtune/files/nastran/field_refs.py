@@ -24,13 +24,15 @@ _FOLLOWING = {
 
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
-    """Read ``PBAR 3 I1``: card, number, name of the field.
+    """Read ``PBAR 3 I1``: card, number, name of the field; or ``PARAM G``, the loss factor of the whole model.
 
     Raises
     ------
     FemtuneError : ``study.unknown-field``, ``parameter.derived-field``
     """
     words = text.upper().split()
+    if words[:1] == ["PARAM"]:
+        return _param(text, words, where)
     number = parse_integer(words[1]) if len(words) == 3 else None
     if number is None:
         raise _unknown(f"'{text}' is not a field", "write card, number and field, as in PBAR 3 I1", where)
@@ -45,6 +47,12 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
     return FieldRef(card, number, name)
 
 
+def _param(text: str, words: list[str], where: Where | None) -> FieldRef:
+    if words != ["PARAM", "G"]:
+        raise _unknown(f"'{text}' cannot be updated", "of the parameters of a deck PARAM G can be", where)
+    return FieldRef("PARAM", 0, "G")
+
+
 def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int:
     """Position of a field in the value table of a built model.
 
@@ -55,6 +63,8 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
     """
     table = built.structure.values
     index = table.index(ref)
+    if ref.card == "PARAM" and ref not in built.fields:
+        raise _unknown(f"the bulk data have no {ref}", "add PARAM,G,0.0 behind BEGIN BULK", where)
     if index is None:
         raise _not_in_table(built, ref, where)
     if table.is_derived(index):

@@ -1,0 +1,174 @@
+"""Damping that is no matrix of elements: ratios of modes, and what stands in for loss factors in the time domain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from femtune.errors import FemtuneError
+from femtune.model.configured import ModelPoint
+
+Reals = NDArray[np.float64]
+DampingUnit = Literal["CRIT", "G", "Q"]
+
+
+@dataclass(frozen=True, eq=False)
+class ModalDamping:
+    """Damping ratio ζ of each mode: one for all, a list by mode, or a table over the natural frequency.
+
+    Parameters
+    ----------
+    values : (n,) damping in `unit`
+    freq_hz : (n,) ascending frequencies of a table; a frequency that stands twice is a jump, at which the mean counts
+    by_mode : True where the values are those of the modes, one after the other
+    unit : "CRIT" ζ, "G" loss factor 2ζ, "Q" quality 1/(2ζ); a table is interpolated in its own unit
+    flat : True keeps the first and the last value outside the table; False goes on along its first and last line
+    hysteretic : True where a mode's damping is an imaginary stiffness 2ζλ (PARAM KDAMP −1) instead of a viscous 2ζω
+
+    Source of the rules of the table: bulk data entry TABDMP1 of Nastran.
+    """
+
+    values: Reals
+    freq_hz: Reals | None = None
+    by_mode: bool = False
+    unit: DampingUnit = "CRIT"
+    flat: bool = False
+    hysteretic: bool = False
+
+    def ratio(self, freq_hz: ArrayLike) -> Reals:
+        """(m,) damping ratios of modes of the given natural frequencies, in their order from the first mode on.
+
+        A line that goes on beyond a table may become negative; that is returned as Nastran takes it.
+
+        Raises
+        ------
+        FemtuneError : ``damping.too-few-modes`` where a list by mode is too short, ``damping.quality``
+        """
+        values, _ = self._values(np.asarray(freq_hz, float))
+        if self.unit == "Q":
+            return np.asarray(0.5 / _checked_quality(values))
+        return np.asarray(values if self.unit == "CRIT" else 0.5 * values)
+
+    def slope(self, freq_hz: ArrayLike) -> Reals:
+        """(m,) derivatives of the ratios by the natural frequencies, 1/Hz; errors as `ratio`."""
+        values, slopes = self._values(np.asarray(freq_hz, float))
+        if self.unit == "Q":
+            return np.asarray(-0.5 * slopes / _checked_quality(values) ** 2)
+        return np.asarray(slopes if self.unit == "CRIT" else 0.5 * slopes)
+
+    def _values(self, freq_hz: Reals) -> tuple[Reals, Reals]:
+        """Values in the table's unit, and their slopes."""
+        if self.freq_hz is not None and len(self.values) > 1:
+            # the two sides of a jump; equal everywhere else
+            left, right = self._side(freq_hz, "left"), self._side(freq_hz, "right")
+            return 0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1])
+        if self.by_mode and len(self.values) < len(freq_hz):
+            raise _too_few(len(self.values), len(freq_hz))
+        values = self.values[: len(freq_hz)] if self.by_mode else self.values
+        return np.broadcast_to(values, freq_hz.shape), np.zeros(freq_hz.shape)
+
+    def _side(self, freq_hz: Reals, side: Literal["left", "right"]) -> tuple[Reals, Reals]:
+        x, y = np.asarray(self.freq_hz), self.values
+        i = np.clip(np.searchsorted(x, freq_hz, side), 1, len(x) - 1)
+        slope = (y[i] - y[i - 1]) / (x[i] - x[i - 1])
+        at = np.clip(freq_hz, x[0], x[-1]) if self.flat else freq_hz
+        inside = (at == freq_hz) if self.flat else True
+        return y[i - 1] + slope * (at - x[i - 1]), slope * inside
+
+
+def constant_damping(ratio: float) -> ModalDamping:
+    """The same damping ratio for all modes."""
+    return ModalDamping(np.array([float(ratio)]))
+
+
+def damping_by_mode(ratios: Sequence[float]) -> ModalDamping:
+    """Damping ratios of the modes in their order, rigid-body modes included (error ``damping.too-few-modes``)."""
+    if not len(ratios):
+        raise _too_few(0, 1)
+    return ModalDamping(np.asarray(ratios, float), by_mode=True)
+
+
+def damping_table(
+    freq_hz: ArrayLike, values: ArrayLike, unit: DampingUnit = "CRIT", flat: bool = False
+) -> ModalDamping:
+    """Damping over frequency; frequencies rise, or fall throughout, and may stand twice but for the ends.
+
+    Raises
+    ------
+    FemtuneError : ``damping.table``
+    """
+    x, y = np.asarray(freq_hz, float), np.asarray(values, float)
+    if len(x) > 1 and x[0] > x[-1]:
+        x, y = x[::-1], y[::-1]
+    problem = _table_problem(x, y, unit)
+    if problem:
+        raise FemtuneError("damping.table", f"a table of modal damping {problem}",
+                           hint="give rising frequencies, each with its damping")  # fmt: skip
+    return ModalDamping(y, x, unit=unit, flat=flat)
+
+
+def _table_problem(x: Reals, y: Reals, unit: DampingUnit) -> str:
+    if not len(x) or x.shape != y.shape or not np.isfinite([*x, *y]).all():
+        return "has no pairs of numbers"
+    steps = np.diff(x)
+    if (steps < 0.0).any() or (len(steps) > 1 and ((steps[1:] == 0.0) & (steps[:-1] == 0.0)).any()):
+        return "has frequencies that neither rise nor fall throughout"
+    if len(steps) and 0.0 in (steps[0], steps[-1]):
+        return "has a jump at its first or last frequency"
+    if unit == "Q" and (y <= 0.0).any():
+        return "of qualities Q has one that is not above zero"
+    return ""
+
+
+def as_hysteretic(damping: ModalDamping) -> ModalDamping:
+    """The same ratios, as imaginary stiffness of the modes."""
+    return replace(damping, hysteretic=True)
+
+
+def _checked_quality(values: Reals) -> Reals:
+    if (values <= 0.0).any():
+        raise FemtuneError("damping.quality", "a table of qualities Q runs to zero or below at a mode's frequency",
+                           hint="let the table span the frequencies of the modes, or make it flat outside")  # fmt: skip
+    return values
+
+
+def _too_few(given: int, modes: int) -> FemtuneError:
+    return FemtuneError("damping.too-few-modes", f"damping ratios are given for {given} modes, but there are {modes}",
+                        hint="give one ratio for all modes, or one for each")  # fmt: skip
+
+
+def viscous_equivalent(point: ModelPoint) -> sp.csr_array:
+    """C + G/W3·K + H/W4: what stands for all damping in responses that are not harmonic.
+
+    G is the overall loss factor, H the elements' own hysteretic stiffness; W3 and W4 are the frequencies in rad/s at
+    which dashpot and loss factor dissipate the same. A loss factor without its frequency is left out, as in Nastran.
+    """
+    overall, own = _weights(point)
+    out = point.viscous + own * point.element_hysteretic
+    eta = point.loss_factor
+    return sp.csr_array(out if eta is None else out + (overall * eta.value) * point.stiffness)
+
+
+def viscous_equivalent_derivatives(point: ModelPoint) -> tuple[sp.csr_array, ...]:
+    """Derivatives of `viscous_equivalent` by every free parameter."""
+    overall, own = _weights(point)
+    pairs = zip(point.viscous_derivatives, point.element_hysteretic_derivatives)
+    out = [c + own * h for c, h in pairs]
+    eta = point.loss_factor
+    if eta is not None:
+        pairs = zip(point.stiffness_derivatives, eta.grad)
+        out = [c + overall * (eta.value * k + d * point.stiffness) for c, (k, d) in zip(out, pairs)]
+    return tuple(sp.csr_array(c) for c in out)
+
+
+def _weights(point: ModelPoint) -> tuple[float, float]:
+    """1/W3 and 1/W4, zero without them."""
+    damping = point.configured.model.structure.damping
+    omegas = (damping.overall_omega, damping.element_omega)
+    overall, own = (1.0 / omega if omega else 0.0 for omega in omegas)
+    return overall, own
