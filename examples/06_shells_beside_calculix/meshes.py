@@ -61,12 +61,12 @@ def stiffened_panel(n: int) -> tuple[Mesh, list[int]]:
 
 
 def box_beam(n: int) -> tuple[Mesh, list[int]]:
-    """A beam 800 mm long, section 100 × 60 mm, walls 3 and 2 mm, a diaphragm at the free end, clamped at the other."""
-    mesh, length, w, h = Mesh(), 0.8, 0.1, 0.06
+    """A beam 400 mm long, section 100 × 60 mm, walls 3 and 2 mm, a diaphragm at the free end, clamped at the other."""
+    mesh, length, w, h = Mesh(), 0.4, 0.1, 0.06
     for z in (0.0, h):
-        mesh.patch("flange", 0.003, 20 * n, 4 * n, lambda u, v, z=z: (length * u, w * v, z))  # type: ignore[misc]
+        mesh.patch("flange", 0.003, 10 * n, 4 * n, lambda u, v, z=z: (length * u, w * v, z))  # type: ignore[misc]
     for y in (0.0, w):
-        mesh.patch("web", 0.002, 20 * n, 3 * n, lambda u, v, y=y: (length * u, y, h * v))  # type: ignore[misc]
+        mesh.patch("web", 0.002, 10 * n, 3 * n, lambda u, v, y=y: (length * u, y, h * v))  # type: ignore[misc]
     mesh.patch("diaphragm", 0.002, 4 * n, 3 * n, lambda u, v: (length, w * u, h * v))
     return mesh, mesh.where(lambda p: p[0] < MERGE)
 

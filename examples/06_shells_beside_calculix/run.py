@@ -1,7 +1,8 @@
 """Shells beside CalculiX with quadratic elements on the same meshes: python run.py [--quick] [--evidence DIR].
 
 CalculiX (`ccx`) is looked for on the path, or taken from $FEMTUNE_CALCULIX; without it the example says so and ends.
-Asserts .5 % on the first ten modes of each structure on its finest mesh.
+Asserts .5 % on the first ten modes of each structure on its finest mesh; the quick form ends at a coarser mesh of the
+box beam and the bracket, with 2 % there.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import calculix
@@ -21,11 +23,24 @@ from numpy.typing import NDArray
 
 from femtune import steps
 
-MODES, TOLERANCE_PERCENT = 10, 0.5
-STRUCTURES: tuple[tuple[str, Callable[[int], tuple[Mesh, list[int]]]], ...] = (
-    ("stiffened panel", stiffened_panel),
-    ("box beam", box_beam),
-    ("bracket", bracket),
+MODES = 10
+FINEST_PERCENT, COARSE_PERCENT = 0.5, 2.0
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A structure, the fineness of its meshes, and how many of them the quick form solves."""
+
+    name: str
+    make: Callable[[int], tuple[Mesh, list[int]]]
+    fineness: tuple[int, ...]
+    quick: int
+
+
+STRUCTURES = (
+    Structure("stiffened panel", stiffened_panel, (1, 2, 4), 3),
+    Structure("box beam", box_beam, (2, 3, 4, 6), 2),
+    Structure("bracket", bracket, (2, 3, 4, 6), 2),
 )
 
 
@@ -37,32 +52,35 @@ def both(program: str, mesh: Mesh, clamped: list[int], folder: Path) -> tuple[ND
     return np.array(ours.freq_hz[:MODES]), calculix.solve(program, mesh, clamped, MODES, folder, "structure")
 
 
-def rows(program: str, name: str, make: Callable[[int], tuple[Mesh, list[int]]], fineness: list[int]) -> list[str]:
-    """Largest differences by mesh, and the modes of the finest; asserts the tolerance there."""
+def rows(program: str, structure: Structure, quick: bool) -> list[str]:
+    """Largest differences by mesh; asserts the tolerance on the last."""
     out = []
-    for n in fineness:
-        mesh, clamped = make(n)
+    meshes = structure.fineness[: structure.quick] if quick else structure.fineness
+    for n in meshes:
+        mesh, clamped = structure.make(n)
         with tempfile.TemporaryDirectory() as folder:
             ours, theirs = both(program, mesh, clamped, Path(folder))
         errors = 100.0 * (ours / theirs - 1.0)
         worst = int(np.argmax(np.abs(errors)))
         size = f"{len(mesh.quads)} | {ours[0]:.3f} | {theirs[0]:.3f}"
-        out.append(f"| {name} | {size} | {errors[worst]:+.3f} (mode {worst + 1}) | {np.abs(errors).mean():.3f} |")
-    assert np.abs(errors).max() <= TOLERANCE_PERCENT, (name, errors)
+        out.append(
+            f"| {structure.name} | {size} | {errors[worst]:+.3f} (mode {worst + 1}) | {np.abs(errors).mean():.3f} |"
+        )
+    allowed = FINEST_PERCENT if meshes == structure.fineness else COARSE_PERCENT
+    assert np.abs(errors).max() <= allowed, (structure.name, errors)
     return out
 
 
 def main() -> None:
     """Every structure on its meshes, and the table where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the finest meshes are left out")
+    parser.add_argument("--quick", action="store_true", help="without the finest meshes of two structures")
     parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
     arguments = parser.parse_args()
     program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
     if program is None:
         print("skipped: CalculiX (ccx) is not here")
         return
-    fineness = [1, 2, 3] if arguments.quick else [1, 2, 3, 4, 6]
     text = "\n".join(
         [
             "# Shells beside another program\n",
@@ -70,7 +88,7 @@ def main() -> None:
             "(which it expands into solids) on the same structured quadrilaterals.\n",
             "| structure | elements | first mode, Hz | CalculiX, Hz | largest difference % | mean % |",
             "|---|---|---|---|---|---|",
-            *(line for name, make in STRUCTURES for line in rows(program, name, make, fineness)),
+            *(line for structure in STRUCTURES for line in rows(program, structure, arguments.quick)),
         ]
     )
     print(text)
