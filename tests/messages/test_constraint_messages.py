@@ -17,10 +17,16 @@ DECKS = {
     "constraint.weight": _POINTS + "RBE3,9,,4,123,0.,123,1,2\n",
     "constraint.undetermined-motion": _POINTS + "RBE3,9,,4,123456,1.,123,1\n",
     "constraint.dependent-choice": _POINTS + "RBE3,9,,4,125,1.,123,1,2\n,3,UM,4,1,1,2\n",
+    "deck.nonstructural-mass": ("SOL 103\nCEND\nNSM = 3\nBEGIN BULK\n" + _POINTS + "NSM1,3,PCOMP,.067,ALL\nENDDATA\n"),
     "constraint.rod-component": _POINTS + "RROD,9,1,2,3\n",
 }
 NOTICES = {
     "deck.rigid-expansion": _POINTS + "RBAR,9,1,2,123456,,,,1.2-5\n",
+    "deck.nonstructural-unused": (
+        "SOL 103\nCEND\nNSM = 3\nBEGIN BULK\nCBAR,7,1,1,2,0.,1.,0.\nPBAR,1,1,1.,1.,1.,1.\nMAT1,1,2.+11,,.3\n"
+        + _POINTS
+        + "NSM1,3,PBAR,.067,12\nENDDATA\n"
+    ),
     "deck.dof-set": _POINTS + "SUPORT,1,123456\n",
     "deck.dof-set-overlap": _POINTS + "OMIT,1,12\nASET,1,1\n",
 }

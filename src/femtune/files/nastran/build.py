@@ -42,6 +42,7 @@ from femtune.files.nastran.inventory import (
 from femtune.files.nastran.masses import read_masses
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.multipoint import read_multipoint_sets
+from femtune.files.nastran.nonstructural import add_nonstructural_mass
 from femtune.files.nastran.rigid import read_rigid
 from femtune.files.nastran.rods import read_rods
 from femtune.files.nastran.shells import read_shells
@@ -123,7 +124,7 @@ def _report_cards(building: Building, cards: tuple[CardCount, ...], allow_missin
 def _structure(building: Building, element_cards: Mapping[int, int]) -> Structure:
     deck = building.deck
     grids = read_grids(building)
-    batches = _batches(building, grids)
+    batches = add_nonstructural_mass(building, grids.table, _batches(building, grids))
     damping = overall_damping(building)
     supports = read_supports(building, grids)
     multipoint = read_multipoint_sets(building, grids)

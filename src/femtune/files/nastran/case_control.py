@@ -1,4 +1,4 @@
-"""Case control: SPC, MPC, METHOD, SDAMPING, titles and SETs of the first subcase over the global level."""
+"""Case control: SPC, MPC, METHOD, NSM, SDAMPING, titles and SETs of the first subcase over the global level."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from femtune.files.nastran.source import SourceLine
 _COMMAND = re.compile(r"([A-Z][A-Z0-9]*)\s*(\([^)]*\))?\s*[=,]?\s*(.*)", re.IGNORECASE | re.DOTALL)
 _SET = re.compile(r"(\d{1,9})\s*=\s*(.*)", re.DOTALL)
 _PLOT_OUTPUT = re.compile(r"\(\s*(PLOT|XYPLOT|XYOUT)\b", re.IGNORECASE)
-_SELECTIONS = ("SPC", "MPC", "METHOD", "SDAMPING")
+_SELECTIONS = ("SPC", "MPC", "METHOD", "NSM", "SDAMPING")
 _TITLES = ("TITLE", "SUBTITLE", "LABEL")
 
 
@@ -45,6 +45,7 @@ class CaseControl:
     spc: int | None = None
     mpc: int | None = None
     method: int | None = None
+    nsm: int | None = None
     damping: int | None = None
     title: str = ""
     subtitle: str = ""
@@ -162,6 +163,7 @@ class _Reading:
             spc=selected["SPC"],
             mpc=selected["MPC"],
             method=selected["METHOD"],
+            nsm=selected["NSM"],
             damping=selected["SDAMPING"],
             **texts,
             sets=self.sets,

@@ -108,6 +108,11 @@ BNDFRE1   other     C
 SUPORT1   other     SID
 USET      other     SNAME
 USET1     other     SNAME C
+NSM       other     SID TYPE
+NSM1      other     SID TYPE VALUE
+NSML      other     SID TYPE
+NSML1     other     SID TYPE VALUE
+NSMADD    other     SID
 EIGR      other     SID METHOD F1 F2 NE ND - - NORM G C
 EIGRL     other     SID V1 V2 ND MSGLVL MAXSET SHFSCL NORM
 PARAM     other     NAME VALUE

@@ -62,9 +62,13 @@ def selected_equations(building: Building, number: int | None, known: Collection
 
 
 def _missing(deck: Deck, kind: str, number: int, known: Collection[int]) -> FemtuneError:
-    cards = {"SPC": "SPC, SPC1 or SPCADD", "MPC": "MPC or MPCADD", "METHOD": "EIGR or EIGRL", "SDAMPING": "TABDMP1"}[
-        kind
-    ]
+    cards = {
+        "SPC": "SPC, SPC1 or SPCADD",
+        "MPC": "MPC or MPCADD",
+        "METHOD": "EIGR or EIGRL",
+        "SDAMPING": "TABDMP1",
+        "NSM": "NSM, NSM1, NSML, NSML1 or NSMADD",
+    }[kind]
     shown = ", ".join(map(str, sorted(known)[:10]))
     return FemtuneError(
         "deck.missing-set",

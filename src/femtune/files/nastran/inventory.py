@@ -43,7 +43,7 @@ _REMARKS = {
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
     "DMIG": "matrices that are read in count only where case control selects them",
 }
-_MATRIX_INPUT = ("K2GG", "M2GG", "K2PP", "M2PP", "NSM")
+_MATRIX_INPUT = ("K2GG", "M2GG", "K2PP", "M2PP")
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
 _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
 

@@ -1,0 +1,196 @@
+"""Non-structural mass by NSM, NSM1, NSML, NSML1 and NSMADD, for the set that case control selects."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import Notice
+from femtune.fem.structure import ElementBatch, NodeTable
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.control import check_selected
+from femtune.files.nastran.lists import IntegerList, read_list
+from femtune.files.nastran.record import Record
+from femtune.files.nastran.supports import read_unions
+from femtune.parameters.jet import Jet
+
+Reals = NDArray[np.float64]
+
+_CARDS = ("NSM", "NSM1", "NSML", "NSML1")
+# TYPE: property cards whose elements it means; PBARL counts as PBAR and PBEAML as PBEAM, as in Nastran
+_BARS, _BEAMS = ("PBAR", "PBARL"), ("PBEAM", "PBEAML")
+_FAMILIES = {
+    "PBAR": _BARS, "PBARL": _BARS, "PBEAM": _BEAMS, "PBEAML": _BEAMS, "PROD": ("PROD",), "CONROD": ("CONROD",),
+    "PSHELL": ("PSHELL",), "ELEMENT": (),
+}  # fmt: skip
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """Mass for the elements of a list: a length or an area, or where `total` a mass that is spread over them."""
+
+    record: Record
+    kind: str
+    value: float
+    numbers: IntegerList
+    total: bool
+
+
+@dataclass(frozen=True)
+class _Elements:
+    """Elements that carry non-structural mass: their numbers, property cards and lengths or areas."""
+
+    ids: NDArray[np.int64]
+    cards: NDArray[np.str_]
+    properties: NDArray[np.int64]
+    size: Reals
+    area: NDArray[np.bool_]
+
+
+def add_nonstructural_mass(building: Building, nodes: NodeTable, batches: Sequence[ElementBatch]) -> list[ElementBatch]:
+    """Batches whose NSM is that of their property and what the selected cards add to it.
+
+    The property's own NSM stays a value that may be updated. Errors are gathered (``deck.nonstructural-mass`` and
+    those of fields); ``deck.nonstructural-unused`` tells of cards without effect.
+    """
+    chosen = _selected(building)
+    bearing = [i for i, b in enumerate(batches) if _mass_roles(b)]
+    out = list(batches)
+    if not bearing:
+        building.notices += [_nobody(entry, "") for entry in chosen]
+    if not chosen or not bearing:
+        return out
+    tables = [_table(building, nodes, batches[i]) for i in bearing]
+    parts = ("ids", "cards", "properties", "size", "area")
+    elements = _Elements(*(np.concatenate([getattr(t, name) for t in tables]) for name in parts))
+    added = _added(building, elements, chosen)
+    for i, extra in zip(bearing, np.split(added, np.cumsum([len(t.ids) for t in tables])[:-1])):
+        out[i] = _with_added(building, batches[i], extra)
+    return out
+
+
+def _selected(building: Building) -> list[_Entry]:
+    records = building.records(*_CARDS)
+    known = {record.card.integer(0, 0) for record in records if record.card.is_integer(0)}
+    unions = read_unions(building, "NSMADD", known)
+    number = building.deck.case_control.nsm
+    check_selected(building, "NSM", number, {*known, *unions})
+    if number is None and records:
+        what = "cards of non-structural mass stand in the deck, but case control selects none"
+        building.notices.append(Notice("deck.nonstructural-unused", what, records[0].where))
+    wanted = unions.get(number, [number]) if number is not None else []
+    found: list[_Entry] = []
+    for record in records:
+        with building.errors.catch():
+            if record.card.integer(0) in wanted:
+                found += _entries(record)
+    return found
+
+
+def _entries(record: Record) -> list[_Entry]:
+    kind, total = record.text("TYPE"), record.name.startswith("NSML")
+    if kind not in _FAMILIES:
+        raise record.error("deck.nonstructural-mass", f"non-structural mass of {kind or 'no type'} is not read",
+                           at="TYPE", hint=f"known types: {', '.join(_FAMILIES)}")  # fmt: skip
+    card = record.card
+    if record.name.endswith("1"):
+        words = ["THRU" if word.upper() == "TO" else word for word in card.fields[3:]]
+        return [_Entry(record, kind, card.real(2), read_list(words, record.where), total)]
+    pairs = [at for at in range(2, len(card.fields), 2) if not (card.blank(at) and card.blank(at + 1))]
+    return [_Entry(record, kind, card.real(at + 1), IntegerList((card.integer(at),)), total) for at in pairs]
+
+
+def _mass_roles(batch: ElementBatch) -> list[str]:
+    """Roles of non-structural mass; a tapered beam has one a station."""
+    return [name for name in batch.roles if name.partition("@")[0] == "NSM"]
+
+
+def _table(building: Building, nodes: NodeTable, batch: ElementBatch) -> _Elements:
+    refs = [building.values.refs[int(at)] for at in batch.roles[_mass_roles(batch)[0]]]
+    area = batch.nodes.shape[1] > 2
+    size = _areas(nodes, batch) if area else _lengths(nodes, batch)
+    cards, properties = np.array([r.card for r in refs]), np.array([r.id for r in refs], dtype=np.int64)
+    return _Elements(batch.ids, cards, properties, size, np.full(len(batch), area))
+
+
+def _lengths(nodes: NodeTable, batch: ElementBatch) -> Reals:
+    """Between the two ends, offsets counted."""
+    ends = [nodes.xyz[batch.nodes[:, k]] + batch.facts.get(f"offset_{end}", 0.0) for k, end in enumerate("ab")]
+    return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=1))
+
+
+def _areas(nodes: NodeTable, batch: ElementBatch) -> Reals:
+    """Half of the product of the diagonals (of a warped quadrilateral: its area in the mean plane)."""
+    corners = [nodes.xyz[batch.nodes[:, k]] for k in range(batch.nodes.shape[1])]
+    last = corners[3] if len(corners) > 3 else corners[0]
+    one, other = corners[2] - corners[0], last - corners[1]
+    return 0.5 * np.asarray(np.linalg.norm(np.cross(one, other), axis=1))
+
+
+def _added(building: Building, elements: _Elements, entries: Iterable[_Entry]) -> Reals:
+    """Mass a length or area that the entries add to each element."""
+    out = np.zeros(len(elements.ids))
+    for entry in entries:
+        with building.errors.catch():
+            times = _times(entry, elements)
+            building.notices += _unused(entry, elements, times)
+            out += entry.value * (times / _spread(entry, elements, times) if entry.total else times)
+    return out
+
+
+def _times(entry: _Entry, elements: _Elements) -> Reals:
+    """How often each element is meant; a list may name one twice, and Nastran counts it twice."""
+    every = entry.kind == "ELEMENT"
+    numbers = elements.ids if every else elements.properties
+    meant = np.ones(len(numbers), bool) if every else np.isin(elements.cards, _FAMILIES[entry.kind])
+    distinct, at = np.unique(numbers, return_inverse=True)
+    named, spans = Counter(entry.numbers.singles), entry.numbers.spans
+    count = [entry.numbers.every + named[n] + sum(n in span for span in spans) for n in distinct.tolist()]
+    return np.where(meant, np.array(count, dtype=float)[at], 0.0)
+
+
+def _spread(entry: _Entry, elements: _Elements, times: Reals) -> float:
+    """Length or area over which a total is spread (1 where there is none)."""
+    kinds = elements.area[times > 0.0]
+    if kinds.any() and not kinds.all():
+        raise entry.record.error("deck.nonstructural-mass", "a mass is to be spread over lengths and areas at once",
+                                 hint="give line elements and shells a card each")  # fmt: skip
+    return float(times @ elements.size) or 1.0
+
+
+def _unused(entry: _Entry, elements: _Elements, times: Reals) -> Iterable[Notice]:
+    """What a card names and nobody has; Nastran passes over it too."""
+    known = set((elements.ids if entry.kind == "ELEMENT" else elements.properties)[times > 0.0].tolist())
+    lost = sorted(set(entry.numbers.singles) - known)
+    if lost or not known:
+        shown = ", ".join(map(str, lost[:_MOST_NAMED])) + (" …" if len(lost) > _MOST_NAMED else "")
+        yield _nobody(entry, shown)
+
+
+def _nobody(entry: _Entry, numbers: str) -> Notice:
+    what = f"no element takes the mass of {entry.record.name} for {entry.kind} {numbers or 'that it lists'}"
+    return Notice("deck.nonstructural-unused", what, entry.record.where)
+
+
+def _with_added(building: Building, batch: ElementBatch, extra: Reals) -> ElementBatch:
+    roles = dict(batch.roles)
+    for name in _mass_roles(batch):
+        at = zip(batch.roles[name].tolist(), extra.tolist())
+        roles[name] = np.array([_sum(building, i, more) if more else i for i, more in at], dtype=np.int64)
+    return replace(batch, roles=roles)
+
+
+def _sum(building: Building, own: int, more: float) -> int:
+    """Position of the property's NSM plus a constant."""
+    ref = building.values.refs[own]
+    return building.values.derive(FieldRef(ref.card, ref.id, f"{ref.name} + {more!r}"), _plus(more), own)
+
+
+def _plus(more: float) -> Callable[[Jet], Jet]:
+    return lambda own: own + more
