@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.files.nastran.solving import frequencies, reduced
+from .solving import frequencies, reduced
 
 from femtune.errors import FemtuneError
 from femtune.fem.checks import rigid_body_modes
