@@ -23,6 +23,7 @@ from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
 from femtune.study.cases import StudyCase, sensor_tolerance
 from femtune.study.load import Study
+from femtune.study.record_damping import damping_facts
 from femtune.study.results_base import Alert, Level, Stage, Vector3
 from femtune.study.results_model import (
     CardCount,
@@ -62,6 +63,7 @@ def model_facts(study: Study) -> ModelFacts:
         ),
         notices=tuple(alert_of(n) for n in built.notices),
         configurations=tuple(_configuration(study, case) for case in study.cases),
+        damping=damping_facts(built),
     )
 
 

@@ -132,6 +132,38 @@ class NamedSet(Record):
     """What it means here, in words."""
 
 
+class DampingField(Record):
+    """A field of a kind of card that damps; values of zero do not count."""
+
+    kind: str
+    """"loss factor" (hysteretic) or "viscous"."""
+    field: str
+    """Card and field: "MAT1 GE"; those of the six directions of a bush stand together."""
+    cards: int
+    """Cards that have a value there."""
+    lowest: float
+    """Smallest value, in units of the deck (loss factors have none)."""
+    highest: float
+    """Largest value."""
+    elements: int
+    """Elements that these values act in."""
+
+
+class DampingFacts(Record):
+    """Damping that the deck describes."""
+
+    overall_loss_factor: float | None
+    """Loss factor of all stiffness (PARAM G); None without one."""
+    overall_omega_rad_s: float | None
+    """Frequency at which viscous damping stands in for it (PARAM W3); None without one."""
+    element_omega_rad_s: float | None
+    """The same for loss factors of materials and elements (PARAM W4); None without one."""
+    modal_damping: str
+    """Damping of modes that case control selects (SDAMPING), in words; empty without one."""
+    fields: tuple[DampingField, ...]
+    """Loss factors and dashpots by card and field."""
+
+
 class ModelFacts(Record):
     """What was read from the deck, and the model that came of it."""
 
@@ -147,6 +179,8 @@ class ModelFacts(Record):
     """Findings while reading."""
     configurations: tuple[ModelConfiguration, ...]
     """One record a configuration."""
+    damping: DampingFacts | None = None
+    """Damping; None in results of before it was read."""
 
 
 class MatchedSensor(Record):

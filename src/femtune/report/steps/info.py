@@ -31,6 +31,7 @@ from femtune.report.sections.checks import (
     named_sets,
     rigid_body_table,
 )
+from femtune.report.steps.damping import damping_blocks
 from femtune.report.steps.subject import Subject
 from femtune.study.results_base import Alert
 from femtune.study.results_model import DeckParameter, ModelConfiguration, ModelFacts
@@ -64,7 +65,13 @@ def _verdict(facts: ModelFacts) -> str:
 
 
 def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
-    return [*cards(_beside(subject, facts)), *named_sets(facts), *_parameters(facts.deck_parameters), *_notices(facts.notices)]
+    return [
+        *cards(_beside(subject, facts)),
+        *named_sets(facts),
+        *_parameters(facts.deck_parameters),
+        *damping_blocks(facts),
+        *_notices(facts.notices),
+    ]
 
 
 def _beside(subject: Subject, facts: ModelFacts) -> ModelFacts:
