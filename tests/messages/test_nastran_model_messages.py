@@ -32,7 +32,7 @@ DECKS = {
     "deck.zero-length": _BASE + "CBAR,7,3,1,1,0.,1.,0.\n",
     "deck.orientation": _BASE + "CBAR,7,3,1,2,1.,0.,0.\n",
     "deck.material": _BASE.replace("2.1+11", "-2.1+11") + _BAR,
-    "deck.section": _BASE + "PBARL,4,1,,HAT\n,1.,2.,3.,4.\nCBAR,7,4,1,2,0.,1.,0.\n",
+    "deck.section": _BASE + "PBARL,4,1,,DBOX\n,1.,2.,3.,4.\nCBAR,7,4,1,2,0.,1.,0.\n",
     "deck.missing-set": "SOL 103\nCEND\nSPC = 3\nBEGIN BULK\nGRID,1,,0.,0.,0.\nSPC1,1,123456,1\nENDDATA\n",
     "deck.unsupported-element": _BASE + "CQUAD8,21,9,1,2,3,4\nCQUAD8,22,9,3,4,5,6\n",
     "deck.field-value": _BASE + "CELAS2,9,1.+5,1,12\n",
@@ -49,6 +49,7 @@ NOTICES = {
     "deck.repeated-grid": _BASE + "GRID,2,,1.,0.,0.\n",
     "deck.missing-set": "SOL 103\nCEND\nMPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n",
     "deck.uneven-thickness": _BASE + "CTRIA3,32,12,1,2,3\n,,,.1,.2,.3\nPSHELL,12,1,,1\nGRID,3,,0.,1.,0.\n",
+    "deck.no-warping": _BASE + "PBEAM,4,1,1.-3,2.-6,3.-6\n,,,,,,,,\n,,,,,,,1.-9\nCBEAM,7,4,1,2,0.,1.,0.\n",
     "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",
 }
 _W = Where("study.toml", 31, "parameter[2]")

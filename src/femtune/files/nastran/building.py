@@ -20,6 +20,9 @@ from femtune.files.nastran.record import Record, records_of
 
 T = TypeVar("T")
 
+# products and third powers of values stay numbers
+_LARGEST = 1e60
+
 
 @dataclass(frozen=True)
 class FieldPlace:
@@ -63,7 +66,10 @@ class Building:
         ref = FieldRef(record.name, id, name)
         if ref not in self.places:
             self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
-        return self.values.add(ref, record.real(name, default))
+        value = record.real(name, default)
+        if abs(value) > _LARGEST:
+            raise record.error("deck.field-value", "a value is beyond all sizes", at=name, hint="correct its exponent")
+        return self.values.add(ref, value)
 
     def by_number(self, records: list[Record], what: str) -> dict[int, Record]:
         """Records by their number, the first field; a number that stands twice is an error."""

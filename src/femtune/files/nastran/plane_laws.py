@@ -195,7 +195,7 @@ def _check_orthotropic(record: Record) -> None:
         if record.real(name, 0.0 if name == "G12" else ...) <= 0.0:
             raise record.error("deck.material", f"{name} of a material should be positive", at=name,
                                hint="correct the modulus")  # fmt: skip
-    if record.real("NU12") ** 2 * record.real("E2") >= record.real("E1"):
+    if record.real("NU12") * record.real("NU12") * record.real("E2") >= record.real("E1"):
         raise record.error("deck.material", "NU12 is too large for E1 and E2", at="NU12",
                            hint="NU12 squared should be less than E1 / E2")  # fmt: skip
 

@@ -1,0 +1,83 @@
+"""Shell decks with any field changed at random: a structure, or an error that names the place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from femtune.errors import FemtuneError
+from femtune.fem.assemble import assemble
+from femtune.files.nastran import build_structure, read_deck
+from femtune.files.nastran.write_plan import plan_edits
+
+CARDS = (
+    "CORD2C,5,,0.,0.,0.,0.,0.,1.",
+    ",1.,0.,0.",
+    "GRID,1,,0.,0.,0.",
+    "GRID,2,,1.,0.,0.",
+    "GRID,3,,1.,1.,.1",
+    "GRID,4,,0.,1.,0.,5",
+    "MAT1,1,2.+5,,.25,3.,,,.01",
+    "MAT2,2,2.,.5,,3.,,1.,7.",
+    "MAT8,3,140.,10.,.3,5.,4.,3.,2.",
+    "PSHELL,11,1,.1,2,1.1,3,.8,.5",
+    "PSHELL,12,1,,1,,1",
+    "CQUAD4,21,11,1,2,3,4,5,.01,+",
+    "+,,1,.1,.11,,.13",
+    "CQUAD4,22,11,1,2,3,4,30.",
+    "CTRIA3,23,12,1,2,3,,-.02",
+    ",,,.1,.11,.12",
+    "PARAM,K6ROT,100.",
+)
+VALUES = ("", "0", "-1.", "1", "2", "5", "11", ".5", "1.-30", "-1.+30", "1.+200", "1.7+308", "999999999999", "'<b>'")
+PLACES = [(line, field) for line, text in enumerate(CARDS) for field in range(1, 10) if field <= text.count(",") + 1]
+Changes = list[tuple[tuple[int, int], str]]
+
+
+def changed(changes: Changes) -> str:
+    lines = [text.split(",") for text in CARDS]
+    for (line, field), value in changes:
+        lines[line] += [""] * (field + 1 - len(lines[line]))
+        lines[line][field] = value
+    return "".join(",".join(line) + "\n" for line in lines)
+
+
+def check(path: Path, text: str) -> None:
+    path.write_text(text)
+    try:
+        model = build_structure(read_deck(path))
+    except FemtuneError:
+        return
+    assert np.isfinite(model.structure.values.values).all()
+    for ref in model.fields:
+        index = model.structure.values.index(ref)
+        assert index is not None
+    plan_edits(model, dict.fromkeys(model.fields, 0.125))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "deck.bdf"
+
+
+def test_the_deck_is_sound(path: Path) -> None:
+    path.write_text(changed([]))
+    structure = build_structure(read_deck(path)).structure
+    assert [len(batch) for batch in structure.batches] == [2, 1]
+    assert np.isfinite(assemble(structure, "stiffness").toarray()).all()
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_each_value_in_each_field(path: Path, place: tuple[int, int]) -> None:
+    for value in VALUES:
+        check(path, changed([(place, value)]))
+
+
+@given(changes=st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=2, max_size=5))
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_fields_changed_at_random(path: Path, changes: Changes) -> None:
+    check(path, changed(changes))
