@@ -10,8 +10,8 @@ from femtune.fem.elements.shell_strains import ShellFormulation, ShellStrains
 
 
 def quad_strains(plane: ShellPlane) -> ShellStrains:
-    """Strain rows of flat quadrilaterals."""
-    shape = quad_shape(plane.corners)
+    """Strain rows of quadrilaterals."""
+    shape = quad_shape(plane)
     uniaxial, along = uniaxial_rows(shape)
     return ShellStrains(
         membrane_rows(shape), uniaxial, along, drilling_rows(shape), bending_rows(shape), shear_rows(shape)

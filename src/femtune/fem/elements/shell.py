@@ -16,6 +16,7 @@ from femtune.fem.elements.quad import QUAD
 from femtune.fem.elements.shell_checks import check_shells
 from femtune.fem.elements.shell_laws import ShellTerm, stiffness_terms
 from femtune.fem.elements.shell_mass import ShellMass, fill_mass, lumped
+from femtune.fem.elements.shell_normals import shared_normals
 from femtune.fem.elements.shell_placement import ShellPlane, shell_plane
 from femtune.fem.elements.shell_strains import Rows, ShellFormulation, ShellStrains, nodal_rows
 from femtune.fem.elements.tri import TRI
@@ -49,9 +50,9 @@ def shell(batch: ElementBatch, structure: Structure, formulation: ShellFormulati
     terms = stiffness_terms(batch, structure, formulation.uniaxial, residual)
     d = batch.dofs.shape[1]
     matrices = [np.empty((len(term.at), d, d)) for term in terms]
-    mass = ShellMass.empty(batch)
+    mass, normals = ShellMass.empty(batch), shared_normals(batch, structure)
     for part in _chunks(len(batch)):
-        plane = shell_plane(batch, structure, part)
+        plane = shell_plane(batch, structure, normals, part)
         _fill_stiffness(batch, structure, formulation, terms, matrices, plane, part)
         shares = formulation.shares(plane.corners) * structure.mass_factor
         fill_mass(mass, plane, shares if structure.consistent_mass else lumped(shares), part)

@@ -1,7 +1,6 @@
-"""Where a shell sits: its mean plane, the corners projected on it, the material's axes, and the rigid arms.
+"""Where a shell sits: its mean plane, the corners projected on it, their heights, and the material's axes.
 
-The element is made flat. Each grid point carries its corner of the flat element on a rigid arm along the normal, so
-that rigid motion stays strain-free on a warped element. Nothing here depends on the number of nodes.
+Nothing here depends on the number of nodes; what a warped shape makes of the heights is for its formulation to say.
 """
 
 from __future__ import annotations
@@ -26,7 +25,8 @@ class ShellPlane:
     axes : (m, 3, 3) columns x, y, z in the basic frame: x along the projected side 1-2, z the positive normal
     corners : (m, n, 2) x and y of the corners, from the mean of the grid points
     heights : (m, n) distances of the grid points above the plane, along z; zero on a flat element
-    carry : (m, n, 6, 6) from a grid point's displacements, in its own frame, to (u, v, w, θx, θy, θz) of its corner
+    normals : (m, n, 3) unit normals on the axes that the element shares with its neighbours at each corner
+    carry : (m, n, 6, 6) from a grid point's displacements, in its own frame, to (u, v, w, θx, θy, θz) on the axes
     frames : (m, n, 3, 3) displacement frames of the grid points
     material : (m, 2) cosine and sine of the angle from x to the material's x axis, about z
     """
@@ -34,6 +34,7 @@ class ShellPlane:
     axes: Reals
     corners: Reals
     heights: Reals
+    normals: Reals
     carry: Reals
     frames: Reals
     material: Reals
@@ -42,17 +43,18 @@ class ShellPlane:
         return len(self.axes)
 
 
-def shell_plane(batch: ElementBatch, structure: Structure, part: slice) -> ShellPlane:
-    """Mean planes of a part of a batch; shapes must have passed ``check_shells``."""
+def shell_plane(batch: ElementBatch, structure: Structure, normals: Reals, part: slice) -> ShellPlane:
+    """Mean planes of a part of a batch; shapes must have passed ``check_shells``.
+
+    `normals` (e, n, 3) are the shared ones of the whole batch, in the basic frame.
+    """
     at = batch.nodes[part]
     xyz, frames = structure.nodes.xyz[at], structure.nodes.frames[at]
     axes, corners, heights = mean_plane(xyz)
-    arms = -heights[:, :, None] * axes[:, None, :, 2]
-    m, n = at.shape
-    every = np.broadcast_to(axes[:, None], frames.shape).reshape(-1, 3, 3)
-    carry = arm_transform(every, arms.reshape(-1, 3), frames.reshape(-1, 3, 3)).reshape(m, n, 6, 6)
+    carry = np.zeros((*at.shape, 6, 6))
+    carry[..., :3, :3] = carry[..., 3:, 3:] = np.swapaxes(axes, 1, 2)[:, None] @ frames
     material = material_axis(axes, batch.facts["theta"][part], batch.facts["direction"][part])
-    return ShellPlane(axes, corners, heights, carry, frames, material)
+    return ShellPlane(axes, corners, heights, normals[part] @ axes, carry, frames, material)
 
 
 def mean_plane(xyz: Reals) -> tuple[Reals, Reals, Reals]:
@@ -64,10 +66,7 @@ def mean_plane(xyz: Reals) -> tuple[Reals, Reals, Reals]:
     x /= np.linalg.norm(x, axis=1)[:, None]
     axes = np.stack([x, np.cross(z, x), z], axis=2)
     local = (xyz - xyz.mean(axis=1)[:, None]) @ axes
-    heights = local[:, :, 2]
-    # rounding of a flat element's heights must not make arms
-    size = np.abs(local[:, :, :2]).max(axis=(1, 2))
-    return axes, local[:, :, :2], np.where(np.abs(heights) > 1e-13 * size[:, None], heights, 0.0)
+    return axes, local[:, :, :2], local[:, :, 2]
 
 
 def shell_normal(xyz: Reals) -> Reals:

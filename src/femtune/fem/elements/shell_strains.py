@@ -16,7 +16,7 @@ from femtune.fem.elements.shell_placement import ShellPlane
 Reals = NDArray[np.float64]
 Rows = dict[str, Reals]
 
-IN_PLANE, OUT_OF_PLANE, ABOUT_NORMAL = [0, 1], [2, 3, 4], [0, 1, 5]
+IN_PLANE, OUT_OF_PLANE, ABOUT_NORMAL = (0, 1), (2, 3, 4), (0, 1, 5)
 
 OFFSET = "+"
 """Ends the name of a row that gives the strain for a unit offset of the mid-surface."""
@@ -24,16 +24,18 @@ OFFSET = "+"
 
 @dataclass(frozen=True, eq=False)
 class ShellStrains:
-    """Strain rows of m shells with n corners on the local axes, at r places (r may differ), weights within.
+    """Strain rows of m shells with n corners, on (u, v, w, θx, θy, θz) of each along the axes of the mean plane.
+
+    Weights are within; the number of places r may differ from one to the other. ``placed`` makes six components.
 
     Parameters
     ----------
-    membrane : (m, r, 3, n, 2) strains xx, yy and engineering xy from (u, v)
-    uniaxial : (m, q, n, 2) strains along `along` that meet uniaxial stress, from (u, v): in-plane bending
+    membrane : (m, r, 3, n, 6) strains xx, yy and engineering xy
+    uniaxial : (m, q, n, 6) strains along `along` that meet uniaxial stress: in-plane bending
     along : (m, q, 2) unit directions of these
-    drilling : (m, r, n, 3) turn about the normal less the membrane's own rotation, from (u, v, θz)
-    bending : (m, r, 3, n, 3) curvatures θy,x, −θx,y and θy,y − θx,x from (w, θx, θy)
-    shear : (m, r, 2, n, 3) transverse shear w,x + θy and w,y − θx from (w, θx, θy)
+    drilling : (m, r, n, 6) turn about the normal less the membrane's own rotation
+    bending : (m, r, 3, n, 6) curvatures θy,x, −θx,y and θy,y − θx,x
+    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx
     """
 
     membrane: Reals
@@ -72,14 +74,19 @@ def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool) -> Rows:
     membrane = _named("m", _turn_strain(strains.membrane, c, s))
     uniaxial = {f"a{i + 1}": strains.uniaxial[:, i : i + 1] for i in range(strains.uniaxial.shape[1])}
     in_plane = {**membrane, **uniaxial}
-    out = {name: _lift(rows, plane, IN_PLANE) for name, rows in in_plane.items()}
-    out["drill"] = _lift(strains.drilling, plane, ABOUT_NORMAL)
+    in_plane["drill"] = strains.drilling
     bending = _named("b", _turn_strain(strains.bending * np.sqrt(1.0 / 12.0), c, s))
     sheared = dict(zip(("s1", "s2"), np.moveaxis(_turn_vector(strains.shear, c, s), 2, 0)))
-    out.update({name: _lift(rows, plane, OUT_OF_PLANE) for name, rows in (bending | sheared).items()})
+    every = in_plane | bending | sheared
     if offsets:
-        in_plane["drill"] = strains.drilling[..., :2]
-        out.update({name + OFFSET: _lift(_by_turn(rows), plane, [3, 4]) for name, rows in in_plane.items()})
+        every |= {name + OFFSET: _by_turn(rows) for name, rows in in_plane.items()}
+    return {name: _lift(rows, plane) for name, rows in every.items()}
+
+
+def placed(rows: Reals, components: tuple[int, ...]) -> Reals:
+    """Rows (…, n, 6) from rows (…, n, k) on some of the six components."""
+    out = np.zeros((*rows.shape[:-1], 6))
+    out[..., list(components)] = rows
     return out
 
 
@@ -88,8 +95,8 @@ def _named(letter: str, rows: Reals) -> Rows:
 
 
 def _by_turn(rows: Reals) -> Reals:
-    """Rows on (θx, θy) from rows on (u, v): a unit offset moves u by θy and v by −θx."""
-    return np.stack([-rows[..., 1], rows[..., 0]], axis=-1)
+    """What a unit offset adds: it moves u by θy and v by −θx."""
+    return placed(np.stack([-rows[..., 1], rows[..., 0]], axis=-1), (3, 4))
 
 
 def _turn_strain(rows: Reals, c: Reals, s: Reals) -> Reals:
@@ -108,8 +115,8 @@ def _turned(turn: Reals, rows: Reals) -> Reals:
     return np.asarray((np.moveaxis(turn, 2, 0)[:, None] @ flat).reshape(rows.shape))
 
 
-def _lift(rows: Reals, plane: ShellPlane, components: list[int]) -> Reals:
-    """(m, r, 6n) rows on the grid points from rows (m, r, n, k) on some components of the corners."""
+def _lift(rows: Reals, plane: ShellPlane) -> Reals:
+    """(m, r, 6n) rows on the grid points' displacements from rows (m, r, n, 6) on the axes of the mean plane."""
     m, r, n, _ = rows.shape
-    lifted = np.swapaxes(rows, 1, 2) @ plane.carry[:, :, components, :]
+    lifted = np.swapaxes(rows, 1, 2) @ plane.carry
     return np.asarray(np.swapaxes(lifted, 1, 2).reshape(m, r, 6 * n))

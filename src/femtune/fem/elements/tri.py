@@ -5,9 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from femtune.fem.elements.shell_placement import ShellPlane
-from femtune.fem.elements.shell_strains import Reals, ShellFormulation, ShellStrains
-from femtune.fem.elements.tri_bending import bending_rows, shear_rows
-from femtune.fem.elements.tri_membrane import drilling_rows, membrane_rows, tri_shares
+from femtune.fem.elements.shell_strains import (
+    ABOUT_NORMAL,
+    IN_PLANE,
+    OUT_OF_PLANE,
+    Reals,
+    ShellFormulation,
+    ShellStrains,
+    placed,
+)
+from femtune.fem.elements.tri_bending import bending_rows, shear_rows, spin_rows
+from femtune.fem.elements.tri_membrane import drilling_rows, mean_square_side, membrane_rows, tri_shares
 
 # h²/15D of shear flexibility stands for the bending that linear rotations cannot show; MacNeal's beam has h²/12D.
 # Chosen by measurement: docs/theory/shell-triangles.md
@@ -17,14 +25,14 @@ RESIDUAL = 12.0 / 15.0
 def tri_strains(plane: ShellPlane) -> ShellStrains:
     """Strain rows of flat triangles."""
     corners = plane.corners
-    none = np.zeros((len(corners), 0, 3, 2))
+    curvatures = placed(bending_rows(corners), OUT_OF_PLANE), placed(spin_rows(corners), ABOUT_NORMAL)
     return ShellStrains(
-        membrane_rows(corners),
-        none,
-        none[:, :, 0],
-        drilling_rows(corners),
-        bending_rows(corners),
-        shear_rows(corners),
+        placed(membrane_rows(corners), IN_PLANE),
+        np.zeros((len(corners), 0, 3, 6)),
+        np.zeros((len(corners), 0, 2)),
+        placed(drilling_rows(corners), ABOUT_NORMAL),
+        np.concatenate(curvatures, axis=1),
+        placed(shear_rows(corners), OUT_OF_PLANE),
     )
 
 
@@ -34,7 +42,7 @@ def tri_residual(xyz: Reals) -> Reals:
     The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient; their
     limits are where no h² of a regular refinement falls.
     """
-    squares = ((np.roll(xyz, -1, axis=1) - xyz) ** 2).sum(axis=(1, 2)) / 3.0
+    squares = mean_square_side(xyz)
     largest = squares.max(initial=0.0)
     steps = np.floor(2.0 * np.log2(largest / squares) + 0.37)
     return np.asarray(RESIDUAL * largest * 2.0 ** (-0.5 * steps))
