@@ -187,6 +187,16 @@ def test_a_single_point_at_the_reference_is_followed() -> None:
     np.testing.assert_allclose(full[:, :6], np.eye(6), atol=1e-14)
 
 
+def test_many_points_cost_little() -> None:
+    """Twenty thousand points on a sphere about the reference: each takes its equal share of a force."""
+    rng = np.random.default_rng(6)
+    xyz = rng.standard_normal((10_000, 3))
+    xyz = np.vstack([np.zeros(3), xyz, -xyz])
+    table = NodeTable(np.arange(len(xyz)), xyz, np.tile(np.eye(3), (len(xyz), 1, 1)))
+    rows = average_rows(table, 0, (1,), (WeightedPoints(3.0, (1, 2, 3), range(1, len(xyz))),), 5)
+    np.testing.assert_allclose(rows.coefficient[rows.dof % 6 == 0][1:], -1 / 20_000, rtol=1e-9)
+
+
 REFUSED = [
     ("constraint.weight", (WeightedPoints(0.0, (1, 2, 3), (1, 2, 3)),), ()),
     ("constraint.weight", (WeightedPoints(-1.0, (1, 2, 3), (1, 2, 3)),), ()),

@@ -94,10 +94,12 @@ def _fit(nodes: NodeTable, points: Integers, weights: Reals, own: Integers, leng
     unit = _units(length)
     motion = motion_of(nodes, points, own[:1] // 6) * unit[points % 6][:, None] / unit
     root = np.sqrt(weights / weights.max())
-    U, s, Vt = np.linalg.svd(root[:, None] * motion)
+    # rows of zeros make six at least, so that the small decomposition knows every open motion
+    padded = np.vstack([root[:, None] * motion, np.zeros((max(6 - len(root), 0), 6))])
+    U, s, Vt = np.linalg.svd(padded, full_matrices=False)
     rank = int((s > RANK * s[0]).sum())
     _check_determined(Vt[rank:], own, where)
-    fit = (Vt[:rank].T / s[:rank]) @ U[:, :rank].T * root
+    fit = (Vt[:rank].T / s[:rank]) @ U[: len(root), :rank].T * root
     fit = fit[own % 6]
     fit[np.abs(fit) <= NOISE * np.abs(fit).max(axis=1, keepdims=True)] = 0.0
     return np.asarray(fit * unit[points % 6] / unit[own % 6][:, None])
