@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.fem.tapered_parts import tapered
 
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements import KERNELS, contributions
@@ -34,6 +35,10 @@ CASES: dict[str, Part] = {
     "beam, I12": bars(PAIRS, {**SECTION, "I12": 2e-9}, card="CBEAM"),
     "beam, I12 and shear": bars(PAIRS, {**SECTION, **SHEAR, "I12": 2e-9}, card="CBEAM"),
     "beam, I12 and shear in plane 2": bars(PAIRS, {**SECTION, "K2": 0.6, "I12": 2e-9}, card="CBEAM"),
+    "tapered beam": tapered(
+        PAIRS[:1], {"E": 2.1e11, "G": 8.1e10, "rho": 7850.0}, [0.0, 1.0],
+        {"A": [2e-4, 3e-4], "I1": [1.5e-8, 4e-8], "I2": [6e-9], "J": [1e-8, 2e-8], "NSM": [0.3], "K1": [0.8]},
+    ),
     "rod": rods(PAIRS, {"E": 2.1e11, "G": 8.1e10, "A": [2e-4, 3e-4], "J": 1e-8, "rho": 7850.0, "NSM": 0.3}),
     "bush": bushes(PAIRS, {f"K{i}": 1e4 * i for i in range(1, 7)}, frame=FRAME, arm_a=(0.1, 0.2, 0.3)),
     "damped bush": bushes(PAIRS, {f"{x}{i}": 0.1 * i for x in ("K", "B", "GE") for i in range(1, 7)}, frame=FRAME),

@@ -17,7 +17,7 @@ Arrays = dict[str, NDArray]
 
 MOST_LINES, MOST_MODES = 4000, 50
 ELEMENT, RIGID = 0, 1
-_LINE_KINDS = ("bar", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
+_LINE_KINDS = ("bar", "tapered-beam", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
 
 
 def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: str, arrays: Arrays) -> ModeShapes:

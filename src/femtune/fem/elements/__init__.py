@@ -12,12 +12,14 @@ from femtune.fem.elements.discrete import scalar_mass, spring
 from femtune.fem.elements.point_mass import concentrated_mass, general_mass
 from femtune.fem.elements.rod import rod
 from femtune.fem.elements.shell import shell_quad, shell_tri
+from femtune.fem.elements.tapered_beam import tapered_beam
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
 
 KERNELS: dict[str, ElementKernel] = {
     "bar": bar,
+    "tapered-beam": tapered_beam,
     "rod": rod,
     "spring": spring,
     "bush": bush,

@@ -25,21 +25,26 @@ def read_bars(building: Building, grids: Grids, materials: Materials) -> list[El
     found = []
     for card, defaults in _DEFAULTS.items():
         properties = BarProperties(building, read_properties(building, card), materials)
-        rows = BatchRows("bar", card)
+        rows: dict[int, BatchRows] = {}
         for record in building.records(card, defaults=building.defaults(defaults)):
             with building.errors.catch():
                 _add(rows, record, grids, properties)
-        found += rows.batches()
+        found += [batch for count in sorted(rows) for batch in rows[count].batches()]
     return found
 
 
-def _add(rows: BatchRows, record: Record, grids: Grids, properties: BarProperties) -> None:
+def _add(rows: dict[int, BatchRows], record: Record, grids: Grids, properties: BarProperties) -> None:
+    """One element more, in the batch of its number of stations (0: a constant section)."""
     eid = record.integer("EID")
-    roles = properties.get(record.integer("PID", eid), record)
+    section = properties.get(record.integer("PID", eid), record)
     a, b = grids.row(record.integer("GA"), record), grids.row(record.integer("GB"), record)
     facts = _placement(record, grids, a, b)
     facts["pins"] = np.concatenate([_pins(record, "PA"), _pins(record, "PB")])
-    rows.add(eid, [a, b], grids.dofs(a) + grids.dofs(b), roles, facts)
+    if section.stations:
+        facts["stations"] = np.array(section.stations)
+    kind = "tapered-beam" if section.stations else "bar"
+    batch = rows.setdefault(len(section.stations), BatchRows(kind, record.name))
+    batch.add(eid, [a, b], grids.dofs(a) + grids.dofs(b), section.roles, facts)
 
 
 def _pins(record: Record, name: str) -> NDArray[np.bool_]:

@@ -51,6 +51,7 @@ PBAR      property  PID MID A I1 I2 J NSM - C1 C2 D1 D2 E1 E2 F1 F2 K1 K2 I12
 PBEAM     property  PID MID A I1 I2 I12 J NSM C1 C2 D1 D2 E1 E2 F1 F2
 PBARL     property  PID MID GROUP TYPE - - - -
 PBEAML    property  PID MID GROUP TYPE - - - -
+PBCOMP    property  PID MID A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2 SYMOPT
 CROD      element   EID PID G1 G2
 CONROD    element   EID G1 G2 MID A J C NSM
 PROD      property  PID MID A J C NSM
@@ -119,6 +120,8 @@ PARAM     other     NAME VALUE
 TABDMP1   other     TID TYPE FLAT
 """
 
+_DIMENSIONS = " ".join(f"DIM{i}" for i in range(1, 11))
+
 _VALUES = {
     "MAT1": "E G NU RHO GE",
     "MAT2": "G11 G12 G13 G22 G23 G33 RHO GE",
@@ -127,9 +130,10 @@ _VALUES = {
     "CTRIA3": "ZOFFS T1 T2 T3",
     "PSHELL": "T RI TS NSM",
     "PBAR": "A I1 I2 J NSM K1 K2 I12",
-    "PBEAM": "A I1 I2 I12 J NSM K1 K2",
-    "PBARL": "DIM1 DIM2 DIM3 DIM4 NSM",
-    "PBEAML": "DIM1 DIM2 DIM3 DIM4 NSM",
+    "PBEAM": "A I1 I2 I12 J NSM AB I1B I2B I12B JB NSMB K1 K2 NSIA NSIB M1A M2A M1B M2B N1A N2A N1B N2B",
+    "PBARL": f"{_DIMENSIONS} NSM",
+    "PBEAML": f"{_DIMENSIONS} NSM {_DIMENSIONS.replace(' ', 'B ')}B NSMB",
+    "PBCOMP": "A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2",
     "PROD": "A J NSM",
     "CONROD": "A J NSM",
     "PELAS": "K GE",

@@ -11,7 +11,7 @@ from femtune.files.nastran.record import Record
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CBAR": ("PBAR", "PBARL"),
-    "CBEAM": ("PBEAM", "PBEAML"),
+    "CBEAM": ("PBEAM", "PBEAML", "PBCOMP"),
     "CROD": ("PROD",),
     "CELAS1": ("PELAS",),
     "CELAS3": ("PELAS",),
@@ -21,9 +21,9 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CBUSH1D": ("PBUSH1D",),
     "CBUSH": ("PBUSH",),
     "CMASS1": ("PMASS",),
+    "CMASS3": ("PMASS",),
     "CQUAD4": ("PSHELL",),
     "CTRIA3": ("PSHELL",),
-    "CMASS3": ("PMASS",),
 }
 """Property cards that an element may refer to."""
 

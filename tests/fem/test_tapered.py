@@ -1,0 +1,168 @@
+"""Tapered beams against constant bars, closed forms, published frequencies and fine meshes of constant bars."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.fem.assemble import assemble
+from femtune.fem.elements import contributions
+from femtune.fem.structure import Structure
+from femtune.testing import check_contribution
+from femtune.testing.structures import bars, dense_matrices, dense_modes, make_structure
+
+from .tapered_parts import tapered
+
+XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
+PAIRS = [[0, 1], [1, 2]]
+MATERIAL = {"E": 2.1e11, "G": 8.1e10, "rho": 7850.0}
+SECTION = {"A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J": 1.1e-8, "NSM": 0.3, "K1": 0.8, "K2": 0.6}
+OFFSETS = ((0.1, 0.2, 0.0), (0.0, -0.1, 0.3))
+FRAMES = np.array([np.linalg.qr(np.random.default_rng(i).standard_normal((3, 3)))[0] for i in range(3)])
+LINE = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]
+
+
+def one_value(values: dict[str, float]) -> dict[str, list[float]]:
+    return {name: [x] for name, x in values.items()}
+
+
+@pytest.mark.parametrize("consistent", [False, True])
+@pytest.mark.parametrize(
+    ("I12", "pins"), [(0.0, ()), (0.0, (5,)), (0.0, (5, 10)), (0.0, (1, 4, 9)), (0.0, (0, 1, 7)), (2e-9, ())]
+)
+def test_a_constant_section_gives_the_matrices_of_a_bar(consistent: bool, I12: float, pins: tuple[int, ...]):
+    section = SECTION | {"I12": I12}
+    settings = {"consistent_mass": consistent, "mass_factor": 0.5}
+    plain = bars(PAIRS, {**MATERIAL, **section}, card="CBEAM", offsets=OFFSETS, pins=pins)
+    stations = tapered(PAIRS, MATERIAL, [0.0, 0.3, 1.0], one_value(section), offsets=OFFSETS, pins=pins)
+    expected, found = (make_structure(XYZ, [part], FRAMES, **settings) for part in (plain, stations))
+    for kind in ("stiffness", "mass"):
+        exact = assemble(expected, kind).toarray()
+        np.testing.assert_allclose(assemble(found, kind).toarray(), exact, rtol=0, atol=1e-14 * np.abs(exact).max())
+
+
+def test_tip_of_a_tapered_cantilever():
+    """I and A linear from a to b: ∫ x² dx/EI and ∫ dx/EA in closed form, with shear ∫ dx/κAG."""
+    L, values = 2.0, {"A": [3e-4, 1e-4], "I1": [8e-8, 2e-8], "I2": [1e-8], "J": [4e-8, 1e-8], "K1": [0.8], "K2": [0.0]}
+    K, _ = dense_matrices(make_structure(LINE, [tapered([[0, 1]], MATERIAL, [0.0, 1.0], values)]), range(6))
+    flexibility = np.linalg.inv(K)
+
+    def reciprocal(ends: list[float]) -> float:
+        return L * np.log(ends[0] / ends[1]) / (ends[0] - ends[1])
+
+    # tip load at ξ = 1: moment L(1 − ξ), I = 8e-8 − 6e-8 ξ = 2e-8 (1 + 3 s) with s = 1 − ξ
+    bending = L**3 / (MATERIAL["E"] * 2e-8) * ((0.5 - 1 / 3) / 3 + np.log(4.0) / 27)
+    shear = reciprocal(values["A"]) / (0.8 * MATERIAL["G"])
+    assert flexibility[0, 0] == pytest.approx(reciprocal(values["A"]) / MATERIAL["E"], rel=1e-10)
+    assert flexibility[1, 1] == pytest.approx(bending + shear, rel=1e-10)
+    assert flexibility[2, 2] == pytest.approx(L**3 / (3 * MATERIAL["E"] * 1e-8), rel=1e-10)
+    assert flexibility[3, 3] == pytest.approx(reciprocal(values["J"]) / MATERIAL["G"], rel=1e-10)
+
+
+def wedge(n: int, stations: int, consistent: bool = True) -> Structure:
+    """A cantilever of unit length whose height falls to nearly nothing; clamped at the thick end, node n."""
+    points = [[i / n, 0.0, 0.0] for i in range(n + 1)]
+    inner = np.linspace(0.0, 1.0, stations)
+    tip = 1e-4
+    at = [np.array([(i + s) / n for i in range(n)]) + tip for s in inner]
+    values = {"A": [x * 1e-3 for x in at], "I1": [x**3 * 1e-8 for x in at], "I2": [x**3 * 1e-8 for x in at],
+              "J": [1e-8]}  # fmt: skip
+    part = tapered([[i, i + 1] for i in range(n)], MATERIAL, list(inner), values)
+    return make_structure(points, [part], consistent_mass=consistent)
+
+
+def test_frequencies_of_a_wedge():
+    """Kirchhoff's sharp wedge: ω = 5.315 √(E I0/ρ A0)/L², then 15.207 (Timoshenko, Vibration Problems, section 5.12)."""
+    structure = wedge(48, 5)
+    held = {*range(6 * 48, 6 * 49), *(6 * i + k for i in range(48) for k in (0, 2, 3, 4))}
+    found = 2 * np.pi * dense_modes(structure, held)[:2] / np.sqrt(MATERIAL["E"] * 1e-8 / (MATERIAL["rho"] * 1e-3))
+    np.testing.assert_allclose(found, [5.315, 15.207], rtol=1e-3)
+
+
+def cantilever(n: int, constant: bool) -> Structure:
+    """A beam with A from 4 to 1 and I from 8 to 1, as n tapered or n constant elements of the mean section."""
+    points = [[2.0 * i / n, 0.0, 0.0] for i in range(n + 1)]
+    pairs = [[i, i + 1] for i in range(n)]
+    left = np.arange(n) / n
+    ends = [left, left + 1 / n]
+    section = {"A": [4e-4 - 3e-4 * x for x in ends], "I1": [8e-8 - 7e-8 * x for x in ends],
+               "I2": [4e-8 - 3.5e-8 * x for x in ends], "J": [8e-8 - 7e-8 * x for x in ends],
+               "NSM": [0.5 - 0.3 * x for x in ends]}  # fmt: skip
+    if constant:
+        mean = {name: (a + b) / 2 for name, (a, b) in section.items()}
+        return make_structure(points, [bars(pairs, {**MATERIAL, **mean}, card="CBEAM")], consistent_mass=True)
+    return make_structure(points, [tapered(pairs, MATERIAL, [0.0, 1.0], section)], consistent_mass=True)
+
+
+def test_tapered_and_stepped_beams_meet():
+    fine = dense_modes(cantilever(64, constant=False), range(6))[:6]
+    errors = [dense_modes(cantilever(n, constant=True), range(6))[:6] / fine - 1 for n in (8, 16, 32)]
+    assert np.abs(errors[-1]).max() < 1e-3
+    rates = (
+        np.log2(np.abs(errors[0]).max() / np.abs(errors[1]).max()),
+        np.log2(np.abs(errors[1]).max() / np.abs(errors[2]).max()),
+    )
+    assert min(rates) > 1.85
+    # four tapered elements are as good as many constant ones
+    few = dense_modes(cantilever(4, constant=False), range(6))[:3]
+    np.testing.assert_allclose(few, fine[:3], rtol=2e-3)
+
+
+def test_neutral_axis_beside_the_shear_centre_is_a_rigid_arm():
+    """Where twist is held, bending about an offset neutral axis is that of a bar on offset arms, mass and all."""
+    arm = (0.0, 0.05, -0.03)
+    section = SECTION | {"I12": 1e-9}
+    offset = bars([[0, 1]], {**MATERIAL, **section}, card="CBEAM", offsets=(arm, arm))
+    beside = tapered([[0, 1]], MATERIAL, [0.0, 1.0],
+                     one_value(section | {"N1": arm[1], "N2": arm[2], "M1": arm[1], "M2": arm[2]}))  # fmt: skip
+    for consistent in (False, True):
+        K, M = zip(*(dense_matrices(make_structure(LINE, [p], consistent_mass=consistent), (3, 9))
+                     for p in (offset, beside)))  # fmt: skip
+        np.testing.assert_allclose(K[1], K[0], rtol=0, atol=1e-12 * np.abs(K[0]).max())
+        np.testing.assert_allclose(M[1], M[0], rtol=0, atol=1e-13 * np.abs(M[0]).max())
+
+
+@pytest.mark.parametrize("consistent", [False, True])
+def test_mass_and_rigid_motion(consistent: bool):
+    """Mass, first moments and rotary inertia of linear densities on arms; no rigid motion strains the beam."""
+    values = {"A": [3e-4, 1e-4], "I1": [1e-8, 2e-8], "I2": [2e-8, 1e-8], "J": [1e-8], "NSM": [0.2, 0.6],
+              "N1": [0.03, 0.01], "N2": [-0.02, 0.04], "M1": [0.05, 0.02], "M2": [0.01], "NSI": [2e-3, 4e-3],
+              "K1": [0.8], "K2": [0.0], "I12": [0.0, 1e-9]}  # fmt: skip
+    part = tapered([[0, 1]], MATERIAL, [0.0, 1.0], values)
+    K, M = dense_matrices(make_structure(LINE, [part], consistent_mass=consistent))
+    rigid = np.zeros((12, 6))
+    rigid[:6] = rigid[6:] = np.eye(6)
+    rigid[8, 4], rigid[7, 5] = -2.0, 2.0
+    assert np.abs(K @ rigid).max() < 1e-9 * np.abs(K).max()
+    inertia = rigid.T @ M @ rigid
+    steel, added = MATERIAL["rho"] * np.array([3e-4, 1e-4]), np.array([0.2, 0.6])
+    mass = float((steel + added).sum())
+    np.testing.assert_allclose(np.diag(inertia)[:3], mass)
+    centre = 2.0 * (steel @ [1 / 6, 1 / 3] + added @ [1 / 6, 1 / 3]) * 2.0
+    assert inertia[1, 5] == pytest.approx(centre)
+    # lumps at the ends, arms there: first moment of the mass about the x axis
+    lumps = 2.0 * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
+    assert inertia[2, 3] == pytest.approx(
+        (lumps @ steel) @ [0.03, 0.01] + (lumps @ added) @ [0.05, 0.02], rel=2e-2 if consistent else 1e-12
+    )
+
+
+CASES = {
+    "planes apart": {"I12": [0.0]},
+    "planes joined": {"I12": [1e-9, 2e-9], "N1": [0.01, 0.02], "N2": [-0.02, 0.01], "M1": [0.01], "M2": [0.02]},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivatives_by_every_role(name: str):
+    values = {"A": [2e-4, 3e-4], "I1": [1e-8, 3e-8], "I2": [6e-9, 9e-9], "J": [1e-8, 2e-8], "NSM": [0.1, 0.2],
+              "K1": [0.8], "K2": [0.6], "NSI": [1e-3, 2e-3], **CASES[name]}  # fmt: skip
+    structure = make_structure(XYZ[:2], [tapered([[0, 1]], MATERIAL, [0.0, 1.0], values, pins=(5,))], FRAMES[:2])
+    batch = structure.batches[0]
+    terms = contributions(batch, structure)
+    roles = {role for term in terms for role in term.roles}
+    given = {f"{n}@{k}" for n, x in values.items() if any(x) for k in (0, 1)}
+    assert given - {"M1@1", "M2@1"} <= roles | {"M1@1", "M2@1"}
+    # one entry of each flexibility suffices, they differ in nothing but indices
+    for term in [t for t in terms if t.matrix == "mass" or t.label.endswith(("00", "01", "13"))]:
+        check_contribution(term, {r: structure.values.values[batch.roles[r][term.at]] for r in term.roles})

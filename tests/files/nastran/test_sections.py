@@ -1,0 +1,183 @@
+"""Section shapes against integration over their area and a numerical solution of torsion and shear."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femtune.files.nastran.sections import SECTION_ROLES, SHAPES, box_torsion, rectangle_torsion
+from femtune.parameters import jet
+
+from .section_solver import Box, Solved, solve_section
+
+# drawings as rectangles (y from, y to, z from, z to), read off the figures' dimensions, not off the code
+DRAWINGS: Mapping[str, Callable[..., list[Box]]] = {
+    "BAR": lambda w, h: [(0, h, 0, w)],
+    "BOX": lambda w, h, t, s: [(0, t, 0, w), (h - t, h, 0, w), (0, h, 0, s), (0, h, w - s, w)],
+    "BOX1": lambda w, h, top, low, right, left: [
+        (0, low, 0, w), (h - top, h, 0, w), (0, h, 0, left), (0, h, w - right, w)
+    ],
+    "CROSS": lambda arms, up, h, level: [
+        (-h / 2, h / 2, -up / 2, up / 2), (-level / 2, level / 2, -(arms + up) / 2, (arms + up) / 2)
+    ],
+    "H": lambda inner, sides, h, level: [
+        (-h / 2, h / 2, inner / 2, (inner + sides) / 2), (-h / 2, h / 2, -(inner + sides) / 2, -inner / 2),
+        (-level / 2, level / 2, -inner / 2, inner / 2),
+    ],
+    "I": lambda h, a, b, web, ta, tb: [
+        (0, ta, -a / 2, a / 2), (h - tb, h, -b / 2, b / 2), (0, h, -web / 2, web / 2)
+    ],
+    "I1": lambda free, web, clear, h: [
+        (-h / 2, -clear / 2, -(free + web) / 2, (free + web) / 2),
+        (clear / 2, h / 2, -(free + web) / 2, (free + web) / 2), (-h / 2, h / 2, -web / 2, web / 2),
+    ],
+    "CHAN": lambda w, h, web, flange: [(0, h, 0, web), (0, flange, 0, w), (h - flange, h, 0, w)],
+    "CHAN1": lambda free, web, clear, h: [
+        (0, h, 0, web), (0, (h - clear) / 2, 0, free + web), ((h + clear) / 2, h, 0, free + web)
+    ],
+    "CHAN2": lambda legs, floor, h, w: [(0, floor, 0, w), (0, h, 0, legs), (0, h, w - legs, w)],
+    "T": lambda w, h, flange, web: [(h - flange, h, -w / 2, w / 2), (0, h, -web / 2, web / 2)],
+    "T2": lambda w, h, flange, web: [(0, flange, -w / 2, w / 2), (0, h, -web / 2, web / 2)],
+    "T1": lambda h, stem, flange, web: [(-h / 2, h / 2, stem, stem + flange), (-web / 2, web / 2, 0, stem)],
+    "L": lambda w, h, level, up: [(0, level, 0, w), (0, h, 0, up)],
+    "Z": lambda free, web, clear, h: [
+        (-h / 2, h / 2, -web / 2, web / 2), (clear / 2, h / 2, -free - web / 2, web / 2),
+        (-h / 2, -clear / 2, -web / 2, free + web / 2),
+    ],
+    "HAT": lambda h, t, w, brim: [
+        (h - t, h, -w / 2, w / 2), (0, h, -w / 2, t - w / 2), (0, h, w / 2 - t, w / 2),
+        (0, t, w / 2 - t, w / 2 + brim), (0, t, -w / 2 - brim, t - w / 2),
+    ],
+}  # fmt: skip
+TYPICAL: Mapping[str, tuple[float, ...]] = {
+    "ROD": (0.1,), "TUBE": (0.1, 0.09), "TUBE2": (0.1, 0.01), "HEXA": (0.03, 0.2, 0.1),
+    "BAR": (0.1, 0.2), "BOX": (0.1, 0.2, 0.01, 0.008), "BOX1": (0.1, 0.2, 0.012, 0.008, 0.005, 0.01),
+    "CROSS": (0.08, 0.02, 0.1, 0.02), "H": (0.06, 0.04, 0.1, 0.02), "I": (0.2, 0.1, 0.14, 0.008, 0.012, 0.01),
+    "I1": (0.09, 0.01, 0.18, 0.2), "CHAN": (0.08, 0.2, 0.008, 0.012), "CHAN1": (0.07, 0.01, 0.18, 0.2),
+    "CHAN2": (0.01, 0.008, 0.08, 0.2), "T": (0.1, 0.12, 0.01, 0.008), "T2": (0.1, 0.12, 0.01, 0.008),
+    "T1": (0.1, 0.11, 0.01, 0.008), "L": (0.1, 0.15, 0.01, 0.008), "Z": (0.06, 0.01, 0.13, 0.15),
+    "HAT": (0.08, 0.008, 0.1, 0.04),
+}  # fmt: skip
+
+
+@functools.cache
+def solved(name: str) -> Solved:
+    return solve_section(DRAWINGS[name](*TYPICAL[name]), 0.002 if name not in ("BAR", "CROSS", "H") else 0.004)
+
+
+def test_the_reference_solves_a_rectangle_and_a_thin_channel():
+    section = solved("BAR")
+    n = np.arange(1, 40, 2)
+    exact = 0.2 * 0.1**3 / 3 * (1 - 192 * 0.5 / np.pi**5 * np.sum(np.tanh(n * np.pi) / n**5))
+    # the published torsion constant, 5/6 and its shear centre
+    assert pytest.approx(exact, rel=2e-3) == section.J
+    np.testing.assert_allclose([section.K1, section.K2], 5 / 6, rtol=2e-3)
+    assert section.shear_centre == pytest.approx((0.0, 0.0), abs=1e-12)
+    thin = solve_section(DRAWINGS["CHAN"](0.1005, 0.201, 0.001, 0.001), 0.005)
+    # walls of one thickness, middle lines b = 0.1 and h = 0.2: e = 3b²/(6b + h) behind the web
+    z = thin.shear_centre[1] + 2 * 0.1 * 0.05 / 0.4
+    assert z == pytest.approx(-3 * 0.1**2 / (6 * 0.1 + 0.2), rel=5e-3)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_area_and_moments_of_inertia(name: str):
+    found, exact = SHAPES[name].properties(*TYPICAL[name]), solved(name)
+    for role in ("A", "I1", "I2"):
+        assert found[role] == pytest.approx(getattr(exact, role), rel=1e-12)
+    assert found["I12"] == pytest.approx(exact.I12, abs=1e-12 * exact.I1)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_torsion_is_that_of_the_accuracy_table(name: str):
+    error = {"BAR": 2e-3, "CROSS": 0.1, "BOX": 0.035, "BOX1": 0.035}.get(name, 0.032)
+    assert SHAPES[name].properties(*TYPICAL[name])["J"] == pytest.approx(solved(name).J, rel=error)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_shear_centre(name: str):
+    found, exact = SHAPES[name].properties(*TYPICAL[name]), solved(name)
+    size = np.sqrt((exact.I1 + exact.I2) / exact.A)
+    offset = -exact.shear_centre[0], -exact.shear_centre[1]
+    np.testing.assert_allclose([found["N1"], found["N2"]], offset, rtol=0.0, atol=0.015 * size)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_shear_factors(name: str):
+    """Within 10 % where walls carry the shear, flanges across a shear are too stiff (the table in docs)."""
+    found, exact = SHAPES[name].properties(*TYPICAL[name]), solved(name)
+    wide = {"BOX": (0.2, 0.7), "BOX1": (0.2, 0.75), "CROSS": (0.2, 0.2), "CHAN": (0.1, 0.55), "CHAN1": (0.15, 0.45),
+            "CHAN2": (0.5, 0.15), "HAT": (0.2, 1.05)}  # fmt: skip
+    for role, error in zip(("K1", "K2"), wide.get(name, (0.1, 0.1))):
+        assert found[role] == pytest.approx(getattr(exact, role), rel=error)
+
+
+def test_hexagon():
+    """A regular hexagon of side a has I = 5√3 a⁴/16 about any axis and J = 0.1154 of (√3 a)⁴ (Roark)."""
+    a = 0.1
+    found = SHAPES["HEXA"].properties(a / 2, 2 * a, np.sqrt(3) * a)
+    assert found["A"] == pytest.approx(1.5 * np.sqrt(3) * a**2)
+    assert (found["I1"], found["I2"]) == pytest.approx((5 * np.sqrt(3) / 16 * a**4,) * 2)
+    assert found["J"] == pytest.approx(0.1154 * (np.sqrt(3) * a) ** 4, rel=0.03)
+
+
+@given(st.floats(0.01, 3.0), st.floats(0.01, 3.0))
+def test_rectangle(w: float, h: float):
+    assert rectangle_torsion(w, h) == pytest.approx(rectangle_torsion(h, w))
+    # series solution of Saint-Venant's problem
+    a, b = max(w, h), min(w, h)
+    n = np.arange(1, 40, 2)
+    exact = a * b**3 / 3 * (1 - 192 * b / (np.pi**5 * a) * np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
+    assert rectangle_torsion(w, h) == pytest.approx(exact, rel=5e-3)
+
+
+def test_tubes_and_boxes():
+    tube, rod = (SHAPES[name].formulas for name in ("TUBE", "ROD"))
+    for name in ("A", "I1", "I2", "J"):
+        assert tube[name](0.3, 0.2) == pytest.approx(rod[name](0.3) - rod[name](0.2))
+        assert SHAPES["TUBE2"].formulas[name](0.3, 0.1) == pytest.approx(tube[name](0.3, 0.2))
+    assert rod["J"](2.0) == pytest.approx(rod["I1"](2.0) + rod["I2"](2.0))
+    w, h, t, s = 0.3, 0.5, 0.02, 0.01
+    area, around = (w - s) * (h - t), 2 * ((w - s) / t + (h - t) / s)
+    assert box_torsion(w, h, t, s) == pytest.approx(4 * area**2 / around)
+    # four equal walls make BOX1 a BOX
+    box, box1 = SHAPES["BOX"].properties(w, h, t, s), SHAPES["BOX1"].properties(w, h, t, t, s, s)
+    for name in SECTION_ROLES:
+        assert box1[name] == pytest.approx(box[name], abs=1e-15)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_section_formulas_carry_derivatives(name: str):
+    dims = np.array(TYPICAL[name])
+    found = SHAPES[name].properties(*(jet.variables(dims)[i] for i in range(len(dims))))
+    for i in range(len(dims)):
+        step = dims.astype(complex)
+        step[i] += 1e-30j
+        stepped = SHAPES[name].properties(*step)
+        slope = SHAPES[name].properties(*_jets_at(step))
+        for role in SECTION_ROLES:
+            scale = np.abs(found[role].grad).max()
+            assert found[role].grad[i] == pytest.approx(
+                np.imag(stepped[role]) / 1e-30, rel=1e-10, abs=1e-11 * scale + 1e-14
+            )
+            exact = np.imag(slope[role].grad) / 1e-30
+            assert found[role].hess[i] == pytest.approx(
+                exact, rel=1e-9, abs=1e-9 * np.abs(found[role].hess).max() + 1e-11
+            )
+
+
+def _jets_at(x: np.ndarray) -> list[jet.Jet]:
+    every = jet.variables(x)
+    return [every[i] for i in range(len(x))]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_impossible_dimensions(name: str):
+    shape = SHAPES[name]
+    assert shape.valid(*TYPICAL[name])
+    assert not shape.valid(*(0.0 for _ in TYPICAL[name]))
+    assert not shape.valid(*(-x for x in TYPICAL[name]))
