@@ -14,6 +14,8 @@ from femtune.files.nastran import Deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.parameters import jet
 
+from .solving import frequencies
+
 DeckOf = Callable[..., Deck]
 CYLINDER = "CORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
 POINTS = CYLINDER + "GRID,1,,1.,1.,0.\nGRID,2,,3.,1.,0.\nGRID,3,,3.,3.,0.\nGRID,4,,1.,3.,0.\nGRID,7,,1.,1.,5.\n"
@@ -98,6 +100,28 @@ def test_without_mid3_the_plate_is_nearly_rigid_in_transverse_shear(deck_of: Dec
     # the share of the section that resists shear has no meaning here
     assert found["TS"] == 1.0
     assert model.structure.values.index(FieldRef("PSHELL", 9, "TS")) is None
+
+
+def plate(n: int, thickness: float, shear: str) -> str:
+    """A simply supported unit square of n × n quads."""
+    lines = ["MAT1,1,2.+11,,.3,7800.", f"PSHELL,1,1,{thickness},1,,{shear}"]
+    rows = n + 1
+    for k in range(rows * rows):
+        edge = not 0 < k // rows < n or not 0 < k % rows < n
+        lines.append(f"GRID,{k + 1},,{k // rows / n:.6f},{k % rows / n:.6f},0.,,{'1236' if edge else '126'}")
+    corners = [i * rows + j + 1 for i in range(n) for j in range(n)]
+    lines += [f"CQUAD4,{a},1,{a},{a + rows},{a + rows + 1},{a + 1}" for a in corners]
+    return "\n".join(lines) + "\n"
+
+
+def test_a_thick_plate_without_mid3_has_the_frequency_of_thin_plate_theory(deck_of: DeckOf) -> None:
+    t, n = 0.1, 8
+    rigidity = 2e11 * t**3 / 12 / (1 - 0.3**2)
+    thin = np.pi * np.sqrt(rigidity / 7800 / t)
+    rigid, flexible = (frequencies(build_structure(deck_of(plate(n, t, mid3))).structure)[0] for mid3 in ("", "1"))
+    # a mesh of eight elements is 0.85 % low
+    assert rigid == pytest.approx(thin, rel=0.01)
+    assert flexible < 0.96 * thin
 
 
 def test_orthotropic_law_is_the_inverse_of_its_compliance(deck_of: DeckOf) -> None:
