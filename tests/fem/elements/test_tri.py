@@ -61,6 +61,17 @@ def test_six_motions_are_strain_free_and_no_more(name: str, xyz: np.ndarray):
     assert np.sum(energies < 1e-8 * energies[-1]) == 6
 
 
+@pytest.mark.parametrize("fold", [0.0, 0.3, 1.2])
+def test_only_drilling_resists_a_turn_about_the_shared_normal(fold: float):
+    """Two triangles that meet at an angle: smooth (0.3 rad) they share a normal, folded (1.2 rad) they do not."""
+    height = 0.5 * np.tan(0.5 * fold)
+    xyz = np.array([[0.0, -0.5, 0.0], [0.5, 0.0, height], [-0.5, 0.0, height], [0.0, 0.5, 0.0]])
+    structure = triangle(PLAIN, xyz, drilling=0.0)
+    K = assemble(structure, "stiffness").toarray()
+    turn = K[6 + 5, 6 + 5] / np.abs(np.diag(K)[9:12]).max()
+    assert turn > 0.01 if fold == 1.2 else turn < 1e-12
+
+
 @pytest.mark.parametrize("consistent", [False, True])
 def test_displacement_frames_only_rename(consistent: bool):
     frames = turned(3)

@@ -5,16 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from femtune.fem.elements.shell_placement import ShellPlane
-from femtune.fem.elements.shell_strains import (
-    ABOUT_NORMAL,
-    IN_PLANE,
-    OUT_OF_PLANE,
-    Reals,
-    ShellFormulation,
-    ShellStrains,
-    placed,
-)
-from femtune.fem.elements.tri_bending import bending_rows, shear_rows, spin_rows
+from femtune.fem.elements.shell_strains import IN_PLANE, Reals, ShellFormulation, ShellStrains, placed
+from femtune.fem.elements.tri_bending import bending_rows, shear_rows
 from femtune.fem.elements.tri_membrane import drilling_rows, mean_square_side, membrane_rows, tri_shares
 
 # h²/15D of shear flexibility stands for the bending that linear rotations cannot show; MacNeal's beam has h²/12D.
@@ -24,15 +16,14 @@ RESIDUAL = 12.0 / 15.0
 
 def tri_strains(plane: ShellPlane) -> ShellStrains:
     """Strain rows of flat triangles."""
-    corners = plane.corners
-    curvatures = placed(bending_rows(corners), OUT_OF_PLANE), placed(spin_rows(corners), ABOUT_NORMAL)
+    corners, normals = plane.corners, plane.normals
     return ShellStrains(
         placed(membrane_rows(corners), IN_PLANE),
         np.zeros((len(corners), 0, 3, 6)),
         np.zeros((len(corners), 0, 2)),
-        placed(drilling_rows(corners), ABOUT_NORMAL),
-        np.concatenate(curvatures, axis=1),
-        placed(shear_rows(corners), OUT_OF_PLANE),
+        drilling_rows(corners, normals),
+        bending_rows(corners, normals),
+        shear_rows(corners, normals),
     )
 
 

@@ -43,10 +43,15 @@ def membrane_rows(corners: Reals) -> Reals:
     return np.stack([np.stack(pair, axis=-1) for pair in pairs], axis=1)[:, None]
 
 
-def drilling_rows(corners: Reals) -> Reals:
-    """(m, 3, 3, 3) turn about the normal less the membrane's rotation at the middles, from (u, v, θz)."""
-    bx, by = np.moveaxis(tri_gradient(corners), 1, 0)
-    out = np.empty((len(corners), 3, 3, 3))
-    out[..., 0], out[..., 1] = 0.5 * by[:, None], -0.5 * bx[:, None]
-    out[..., 2] = MIDDLES
+def drilling_rows(corners: Reals, normals: Reals) -> Reals:
+    """(m, 3, 3, 6) turn about the shared normal less that of the triangle, at the middles of the sides.
+
+    The triangle turns by w,y about x, by −w,x about y, and by ½(v,x − u,y) about z.
+    """
+    bx, by = np.moveaxis(tri_gradient(corners)[:, :, None], 1, 0)
+    n = MIDDLES @ normals
+    x, y, z = np.moveaxis(n[:, :, None], 3, 0)
+    out = np.empty((len(corners), 3, 3, 6))
+    out[..., 0], out[..., 1], out[..., 2] = 0.5 * z * by, -0.5 * z * bx, y * bx - x * by
+    out[..., 3:] = MIDDLES[:, :, None] * n[:, :, None]
     return np.asarray(out * (np.sqrt(tri_area(corners)) / ROOT_3)[:, None, None, None])
