@@ -153,3 +153,22 @@ def test_refusals(deck_of: DeckOf, cards: str) -> None:
     with pytest.raises(FemtuneError, match=says) as caught:
         built(deck_of, cards)
     assert caught.value.code == code
+
+
+TAPERED = """PBEAM,2,1,.1,.1,.1,,.1,1.
+,,,,,,,,
+,YES,1.,.2,.2,.2,,.2,3.
+"""
+COMPOSITE = "PBCOMP,2,1,.1,.1,.1,,.1,2.\n"
+
+
+@pytest.mark.parametrize("section", [TAPERED, COMPOSITE])
+def test_tapered_and_composite_beams_take_it_too(deck_of: DeckOf, section: str) -> None:
+    """The beam's own mass is 2 a length in the mean; cards add theirs at every station."""
+    text = MODEL.replace("PBEAML,2,1,,ROD\n,.1\n", section)
+    assert text != MODEL
+    found = []
+    for cards in ("", "NSM1,1,PBEAM,5.,2\nNSML1,1,PBEAML,3.,ALL\n"):
+        case = "NSM=1" if cards else "ECHO=NONE"
+        found.append(mass(build_structure(deck_of(f"SOL 103\nCEND\n{case}\nBEGIN BULK\n{text}{cards}ENDDATA\n"))))
+    np.testing.assert_allclose(found, [OWN + 2.0, OWN + 2.0 + 5.0 + 3.0], rtol=1e-12)

@@ -22,12 +22,14 @@ from femtune.parameters.jet import Jet
 Reals = NDArray[np.float64]
 
 _CARDS = ("NSM", "NSM1", "NSML", "NSML1")
-# TYPE: property cards whose elements it means; PBARL counts as PBAR and PBEAML as PBEAM, as in Nastran
-_BARS, _BEAMS = ("PBAR", "PBARL"), ("PBEAM", "PBEAML")
+# TYPE: property cards whose elements it means; PBARL counts as PBAR, PBEAML and PBCOMP as PBEAM, as in Nastran
+_BARS, _BEAMS = ("PBAR", "PBARL"), ("PBEAM", "PBEAML", "PBCOMP")
 _FAMILIES = {
-    "PBAR": _BARS, "PBARL": _BARS, "PBEAM": _BEAMS, "PBEAML": _BEAMS, "PROD": ("PROD",), "CONROD": ("CONROD",),
-    "PSHELL": ("PSHELL",), "ELEMENT": (),
-}  # fmt: skip
+    **dict.fromkeys(_BARS, _BARS),
+    **dict.fromkeys(_BEAMS, _BEAMS),
+    **{name: (name,) for name in ("PROD", "CONROD", "PSHELL")},
+    "ELEMENT": (),
+}
 _MOST_NAMED = 5
 
 
