@@ -148,6 +148,7 @@ def test_beam_with_and_without_stations(deck_of: DeckOf) -> None:
         "PBEAML,3,1,,DBOX\n,1.,2.,3.,4.\n",
         "PBCOMP,3,1,1.,2.,3.\n,,,,,,,6\n",
         "PBCOMP,3,1,1.\n,,,,,,,1\n,0.,1.,-.2\n",
+        "PBEAML,3,1,,HEXA\n,1.+50,1.+52,1.+50\n",
         "PBCOMP,3,1,1.\n,,,,,,,0\n,0.,1.,.2\n,0.,2.,.2\n",
         "PBEAML,3,1,,TUBE\n,1.,2.\n",
         "PBEAML,3,1,,BOX\n,1.,2.,.5,.5\n",

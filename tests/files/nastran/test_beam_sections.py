@@ -208,3 +208,13 @@ def test_every_value_is_written_back_into_its_fields(deck_of: DeckOf, tmp_path: 
         assert 1 <= len(changed) <= len(places), field
         cells = sum(x != y for a, b in changed for x, y in zip(a.split(b","), b.split(b",")))
         assert cells == len(places), field
+
+
+def test_a_region_of_a_tapered_beam_gets_a_card_of_its_own(deck_of: DeckOf, tmp_path: Path):
+    model = build_structure(deck_of(BASE + TAPER + "ENDDATA\n"))
+    ref = FieldRef("PBEAM", 3, "AB", "far")
+    plan = plan_edits(model, {ref: 7e-4}, {"far": [8]})
+    again = build_structure(read_deck(write_deck(plan.edited, tmp_path / "out").main))
+    batch, values = again.structure.batches[0], again.structure.values.values
+    assert values[batch.roles["A@2"]].tolist() == pytest.approx([5e-4, 7e-4])
+    assert values[batch.roles["N1@2"]].tolist() == [0.04, 0.04]

@@ -137,7 +137,7 @@ def beam_section(b: Building, record: Record, table: Mapping[str, Sequence[int]]
 
 def _check_station(record: Record, value: Mapping[str, float], x: float) -> None:
     positive = min(value["A"], value["I1"], value["I2"]) > 0.0 and value["J"] >= 0.0
-    if not positive or value["I1"] * value["I2"] <= value["I12"] ** 2:
+    if not positive or value["I1"] * value["I2"] <= value["I12"] * value["I12"]:
         raise record.error(
             "deck.section",
             f"at X/XB = {x:g} the section of {record.name} needs A, I1, I2 > 0, J ≥ 0 and I1 I2 > I12²",

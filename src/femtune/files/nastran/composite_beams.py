@@ -6,9 +6,12 @@ I1 = A Σ C_i (Y_i − ȳ)² E_i/E, I2 and I12 alike, J_eff = J Σ C_i G_i/G, an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.beam_stations import BeamSection, beam_section
@@ -55,7 +58,9 @@ def read_pbcomp(
     own |= {n: b.value(record, pid, n, 1.0) for n in ("K1", "K2")}
     own["NSI"] = b.values.add(FieldRef(record.name, pid, "NSI"), 0.0)
     if lumps:
-        made = _composed(b, FieldRef(record.name, pid, ""), lumps, own, material)
+        with np.errstate(all="ignore"):
+            made = _composed(b, FieldRef(record.name, pid, ""), lumps, own, material)
+        _check_finite(b, record, made)
     else:
         made = {n: b.value(record, pid, n) for n in ("I1", "I2", "I12", "N1", "N2")}
     section = beam_section(b, record, {name: [at, at] for name, at in {**own, **made}.items() if name != "rho"}, _X)
@@ -79,6 +84,12 @@ def _lumps(record: Record, material: Mapping[str, int], materials: Materials) ->
         what = f"PBCOMP has {len(lumps)} lumped areas with their images; {_MOST} is the most"
         raise record.error("deck.section", what, hint="join areas that are close to each other")
     return lumps
+
+
+def _check_finite(b: Building, record: Record, made: Mapping[str, int]) -> None:
+    if not all(math.isfinite(b.values.values[at]) for at in made.values()):
+        raise record.error("deck.section", "the values that follow from the lumped areas of PBCOMP are not numbers",
+                           hint="correct A, the fractions C, and the materials' E and G")  # fmt: skip
 
 
 def _images(record: Record) -> tuple[tuple[int, int], ...]:

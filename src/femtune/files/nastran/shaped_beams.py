@@ -11,8 +11,8 @@ from femtune.files.nastran.building import Building
 from femtune.files.nastran.record import Record
 from femtune.files.nastran.sections import SECTION_ROLES, SHAPES, Shape
 
-# fourth powers of dimensions stay numbers
-_LARGEST = 1e60
+# eighth powers of dimensions stay numbers
+_LARGEST = 1e30
 # the product of inertia and the offset of a symmetric section are rounding
 _ROUNDING = 1e-10
 
