@@ -20,6 +20,7 @@ from femtune.testing.shells import (
     Isotropic,
     Section,
     ShellPart,
+    cylinder,
     dofs_of,
     rectangle,
     shell_mesh,
@@ -59,6 +60,22 @@ def test_six_motions_are_strain_free_and_no_more(name: str, xyz: np.ndarray):
     assert energies[0] > -1e-12 * energies[-1]
     # drilling is the softest of what resists
     assert np.sum(energies < 1e-8 * energies[-1]) == 6
+
+
+@pytest.mark.parametrize("cells", ["right", "mixed"])
+def test_rigid_motion_of_a_curved_mesh_is_strain_free(cells: str):
+    """Offsets, shared normals, displacement frames, a ring of triangles alone and with quadrilaterals between."""
+    mesh = shell_mesh(cylinder(0.8, 0.5), 12, 2, "right", closed=True)
+    parts = [ShellPart(mesh.cells, LAYERED, direction=(0.1, 0.2, 1.0))]
+    if cells == "mixed":
+        quads = shell_mesh(cylinder(0.8, 0.5), 12, 2, "quad", closed=True).cells
+        parts = [ShellPart(mesh.cells[:24], FULL), ShellPart(quads[12:], FULL)]
+    structure = shell_structure(mesh.xyz, parts, frames=turned(len(mesh.xyz)))
+    K = assemble(structure, "stiffness").toarray()
+    motions = rigid_body_modes(structure.nodes, np.array([0.3, -0.2, 0.7]))
+    assert np.abs(K @ motions).max() < 1e-12 * np.abs(K).max()
+    energies = np.linalg.eigvalsh(K)
+    assert np.sum(energies < 1e-9 * energies[-1]) == 6
 
 
 @pytest.mark.parametrize("fold", [0.0, 0.3, 1.2])
