@@ -15,6 +15,7 @@ import pytest
 from click.testing import Result
 
 import femtune
+from femtune.study.results_journal import JournalResults
 
 Invoke = Callable[..., Result]
 
@@ -140,3 +141,39 @@ def test_help_is_quick() -> None:
 
     # the machine may be busy: the best of a few counts
     assert min(seconds() for _ in range(3)) < 0.3
+
+
+@pytest.mark.parametrize("name", ["modes", "correlate", "select"])
+def test_what_came_from_the_journal_is_said_beside_the_result(
+    invoke: Invoke, steps: Any, study: Path, name: str
+) -> None:
+    asked: list[bool] = []
+    given = getattr(steps, name)
+
+    def step(path: Path, fresh: bool, remarks: list[str], **options: Any) -> Any:
+        asked.append(fresh)
+        remarks.append("12 of 30 \x1b solutions")
+        return given(path, **options)
+
+    setattr(steps, name, step)
+    result = invoke(name, study, "--json")
+    assert result.stderr == "12 of 30 \\x1b solutions\n"
+    assert result.stdout.startswith("{")
+    assert invoke(name, study, "--quiet", "--fresh").stderr == ""
+    assert asked == [False, True]
+
+
+@pytest.mark.parametrize("name", ["run", "update"])
+def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study: Path, name: str) -> None:
+    given = getattr(steps, name)
+
+    def step(path: Path, **options: Any) -> Any:
+        found = given(path, **options)
+        counts = JournalResults(solved=18, recalled=0 if options["fresh"] else 12, kinds=())
+        return SimpleNamespace(**{**vars(found), "results": found.results.model_copy(update={"journal": counts})})
+
+    setattr(steps, name, step)
+    assert invoke(name, study).stderr == "12 of 30 solutions from the journal of an earlier run\n"
+    assert invoke(name, study, "--quiet").stderr == ""
+    assert invoke(name, study, "--fresh").stderr == ""
+    assert [options.get("fresh", False) for *_, options in steps.calls] == [False, False, True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,39 @@ def test_ctrl_c_says_what_has_been_kept(invoke: Invoke, steps: Any, study: Path)
     result = invoke("run", study)
     assert result.exit_code == 130
     assert result.stderr == f"stopped by Ctrl-C; kept: {study.parent / 'run' / 'results.json'}\n"
+
+
+@pytest.mark.parametrize(("count", "solutions"), [(1, "1 solution"), (12, "12 solutions")])
+def test_ctrl_c_says_how_the_run_goes_on(invoke: Invoke, steps: Any, study: Path, count: int, solutions: str) -> None:
+    journal = study.parent / "run" / "journal"
+
+    def step(path: Path, **options: Any) -> None:
+        journal.mkdir(parents=True)
+        for i in range(count):
+            (journal / f"modes-{i}.npz").touch()
+        (journal / ".modes-x.npz.half").touch()
+        if count > 1:
+            (study.parent / "run" / "history.jsonl").touch()
+        raise KeyboardInterrupt
+
+    steps.run = step
+    result = invoke("run", study)
+    assert result.exit_code == 130
+    files = f" {journal.parent / 'history.jsonl'}, and" if count > 1 else ""
+    assert result.stderr == (
+        f"stopped by Ctrl-C; kept:{files} {solutions} in {journal}; the same command goes on from there\n"
+    )
+
+
+def test_ctrl_c_of_a_step_that_writes_nothing_does_not_speak_of_the_journal(
+    invoke: Invoke, steps: Any, study: Path
+) -> None:
+    journal = study.parent / "run" / "journal"
+    journal.mkdir(parents=True)
+    (journal / "modes-0.npz").touch()
+    os.utime(journal, (0, 0))
+    steps.modes = _raise(KeyboardInterrupt())
+    assert invoke("modes", study).stderr == "stopped by Ctrl-C; nothing was written\n"
 
 
 def test_ctrl_c_before_anything_was_written(invoke: Invoke, steps: Any, study: Path) -> None:

@@ -31,4 +31,5 @@ def _pieces(part: Part) -> Iterable[bytes | memoryview]:
         for array in (np.array(rows.shape), rows.indptr, rows.indices, rows.data):
             yield from _pieces(array)
     else:
-        yield f"[{type(part).__name__} {part!r}]".encode()
+        plain = part.item() if isinstance(part, np.generic) else part
+        yield f"[{type(plain).__name__} {plain!r}]".encode()

@@ -7,6 +7,7 @@ that a run that was interrupted finds what the earlier one had solved.
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -22,6 +23,8 @@ SCHEMA = 1
 """Rises when entries of an earlier femtune must not be used any more."""
 
 T = TypeVar("T")
+# entries, and with a dot before it what was being written when a run was killed
+_OWN = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
 _FLUSHED_S = 0.1
 """What was solved quicker is not worth waiting for the disk."""
 
@@ -154,7 +157,7 @@ def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
     """Files that look like the journal's own, half-written ones too; links are named, never followed."""
     with os.scandir(folder) as found:
         for file in found:
-            if (file.name.endswith(".npz") or ".npz." in file.name) and not file.is_dir(follow_symlinks=False):
+            if _OWN.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
                 yield file
 
 
@@ -173,7 +176,7 @@ def _unwritable(folder: Path, error: OSError) -> Notice:
 
 def _full(folder: Path, most_bytes: int) -> Notice:
     text = (
-        f"the journal has reached its {most_bytes / 2**30:g} GiB; what was solved afterwards is not kept. "
+        f"the journal has reached its {most_bytes / 2**30:.3g} GiB; what was solved afterwards is not kept. "
         "--fresh empties it, journal_gib in [study] lets it grow"
     )
     return Notice("journal.full", text, where=Where(str(folder)))

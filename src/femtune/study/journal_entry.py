@@ -68,7 +68,7 @@ def _pack(stream: IO[bytes], entry: Entry) -> None:
         archive.writestr(zipfile.ZipInfo(_FACTS, _DATE), json.dumps(dict(entry.facts), allow_nan=False))
         for name in sorted(entry.arrays):
             with archive.open(zipfile.ZipInfo(f"{name}.npy", _DATE), "w", force_zip64=True) as member:
-                array = np.ascontiguousarray(entry.arrays[name])
+                array = np.asarray(entry.arrays[name], order="C")
                 np.lib.format.write_array(member, array, version=(1, 0), allow_pickle=False)
 
 
