@@ -249,7 +249,7 @@ def test_drilling_factor(deck_of: DeckOf) -> None:
     model = built(deck_of, "PARAM,K6ROT,1.+4\nPARAM,SNORM,20.\n")
     assert model.structure.drilling == 1e4
     (notice,) = [n for n in model.notices if n.code == "deck.ignored-param"]
-    assert "SNORM = 20. is ignored: a shell's normal" in notice.what
+    assert "SNORM = 20. is ignored: shells that meet" in notice.what
 
 
 _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"

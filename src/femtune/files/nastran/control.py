@@ -15,7 +15,7 @@ UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W
 
 _PROPORTIONAL = ": damping in proportion to mass and stiffness is not modelled"
 _WHY_IGNORED = {
-    "SNORM": ": a shell's normal is that of its own element, and turning about it is held by K6ROT",
+    "SNORM": ": shells that meet at a small angle share their normals, whatever angle it gives",
     **dict.fromkeys(("ALPHA1", "ALPHA2"), _PROPORTIONAL),
 }
 
