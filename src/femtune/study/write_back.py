@@ -114,11 +114,8 @@ def _record(
 def _edits(
     study: Study, plan: WritePlan, values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]
 ) -> Iterable[EditedField]:
-    by_place = {
-        (place.card, index): ref for ref, place in study.built.fields.items() if ref in values for index in place.fields
-    }
     for change in plan.edited.changes:
-        ref = by_place.get((change.position, change.index))
+        ref = plan.places.get((change.position, change.index))
         yield _edit(study, change, ref, values, plan, owners)
 
 

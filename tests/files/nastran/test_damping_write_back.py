@@ -122,3 +122,38 @@ def test_a_copy_of_a_bush_without_the_line_has_its_flag(built: BuiltModel, tmp_p
     batch = next(b for b in model.structure.batches if 53 in b.ids)
     found = {r: float(model.structure.values.values[at[batch.ids.tolist().index(53)]]) for r, at in batch.roles.items()}
     assert (found["GE1"], found["GE6"], found["K2"]) == (0.125, 0.125, 2.0)
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "PBUSH   2       K       1.      2.      3.\n", "PBUSH,2,K,1.,2.,3.\n",
+        "PBUSH,2,K,1.,2.,3.,4.,5.,6.,+X\n+X,,RCV,1.\n",
+        "PBUSH*  2               K               1.              2.\n*       3.\n",
+        "PBUSH*  2               K               1.              2.\n",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("names", [("GE1",), ("B2",), ("B2", "GE1"), ("GE1", "B6", "B2")])
+def test_new_lines_in_every_format(deck_of: DeckOf, card: str, names: tuple[str, ...], tmp_path: Path) -> None:
+    """A line of its own for each flag, right behind the card, and no blank one between."""
+    head, tail = "GRID,1,,0.,0.,0.\nCBUSH,53,2,1,,,,,0\n", "GRID,2,,0.,0.,0.\n"
+    built = build_structure(deck_of(head + card + tail))
+    plan = plan_edits(built, {FieldRef("PBUSH", 2, name): 0.125 for name in names})
+    model = again(plan, tmp_path / "new")
+    values = {str(ref): float(v) for ref, v in zip(model.structure.values.refs, model.structure.values.values)}
+    assert all(values[f"PBUSH 2 {name}"] == 0.125 for name in names)
+    assert (values["PBUSH 2 K1"], values["PBUSH 2 K2"]) == (1.0, 2.0)
+    text = (tmp_path / "new" / "updated.bdf").read_text()
+    assert text.startswith(head + card)
+    assert text.endswith(tail)
+    (found,) = read_deck(tmp_path / "new" / "updated.bdf").by_name("PBUSH")
+    flags = [found.text(at) for at in range(1, len(found.fields), 8)]
+    assert len(flags) == len(set(flags))
+    assert all(flags)
+
+
+def test_the_report_of_writing_knows_each_field(built: BuiltModel) -> None:
+    refs = {FieldRef("PBUSH", 2, "B1"): 0.5, FieldRef("PBUSH", 2, "GE1"): 0.05}
+    plan = plan_edits(built, refs)
+    named = {plan.places[c.position, c.index] for c in plan.edited.changes if (c.position, c.index) in plan.places}
+    assert named == set(refs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -34,6 +34,13 @@ class FieldPlace:
     card: int
     fields: tuple[int, ...]
     flag: tuple[int, str] | None = None
+
+    def beside(self, taken: Mapping[int, object]) -> FieldPlace:
+        """The place one line on, or more, where another new line stands: `taken` are texts of the card by index."""
+        if self.flag is None or taken.get(self.flag[0]) in (None, "", self.flag[1]):
+            return self
+        fields = tuple(index + 8 for index in self.fields)
+        return replace(self, fields=fields, flag=(self.flag[0] + 8, self.flag[1])).beside(taken)
 
 
 @dataclass

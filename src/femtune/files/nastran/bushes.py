@@ -42,9 +42,8 @@ def _values(building: Building, record: Record, pid: int) -> Roles:
     flags = _flags(record.card)
     spare = 8 * max(-(-len(record.card.fields) // 8), 1) + 1
     roles: dict[str, int] = {}
-    for flag in sorted(_LINES, reverse=True):
+    for flag in _LINES:
         roles |= _line(building, record, pid, flag, flags.get(flag, spare), flag in flags)
-        spare += 0 if flag in flags else 8
     return roles
 
 

@@ -29,11 +29,15 @@ class Split:
 
 @dataclass(frozen=True)
 class WritePlan:
-    """An edited deck, for `write_deck`; the cards that were copied; the value that each field will hold."""
+    """An edited deck, for `write_deck`; the cards that were copied; the value that each field will hold.
+
+    `places` has the field of each place (card, index) that was changed.
+    """
 
     edited: EditedDeck
     splits: tuple[Split, ...]
     values: Mapping[FieldRef, float]
+    places: Mapping[tuple[int, int], FieldRef]
 
 
 def plan_edits(
@@ -84,6 +88,7 @@ class _Planning:
     new_cards: list[NewCard] = field(default_factory=list)
     splits: list[Split] = field(default_factory=list)
     at: dict[FieldRef, tuple[int, int]] = field(default_factory=dict)
+    places: dict[tuple[int, int], FieldRef] = field(default_factory=dict)
     values: dict[FieldRef, float] = field(default_factory=dict)
     taken: dict[str, set[int]] = field(default_factory=dict)
 
@@ -93,9 +98,11 @@ class _Planning:
         if plain not in self.built.fields:
             raise _no_field(ref)
         place = self.built.fields[plain]
-        self.edits.update({(place.card, index): float(value) for index in place.fields})
         if place.flag is not None:
+            place = place.beside({index: text for (card, index), text in self.edits.items() if card == place.card})
             self.edits[place.card, place.flag[0]] = place.flag[1]
+        self.edits.update({(place.card, index): float(value) for index in place.fields})
+        self.places.update({(place.card, index): ref for index in place.fields})
         self.at[ref] = (place.card, place.fields[0])
 
     def split(self, regions: Mapping[str, set[int]], updates: Mapping[FieldRef, float]) -> None:
@@ -125,7 +132,7 @@ class _Planning:
         """The edited deck."""
         edited = edit_fields(self.built.deck, self.edits, new_cards=self.new_cards, wide=self.wide)
         values = {**self.values, **{ref: edited.values[at] for ref, at in self.at.items()}}
-        return WritePlan(edited, tuple(self.splits), values)
+        return WritePlan(edited, tuple(self.splits), values, self.places)
 
 
 @dataclass(frozen=True)
@@ -214,6 +221,7 @@ class _Copying:
         if place is None:
             raise _no_field(ref)
         width = 16 if self.planning.wide else 8
+        place = place.beside({record.start + i: text for i, text in enumerate(fields)})
         texts: dict[int, str] = {index: format_real(value, width) for index in place.fields}
         texts.update([place.flag] if place.flag else [])
         for index, text in texts.items():
