@@ -82,6 +82,17 @@ def test_frequencies_converge_with_the_square_of_the_size(t: float):
     np.testing.assert_allclose(orders(errors), 2.0, atol=0.15)
 
 
+@pytest.mark.parametrize("t", [0.1, 0.0001])
+def test_stretched_cells_do_not_lock(t: float):
+    """Cells 4 : 1; six cells to the half waves of mode 6 across them leave 5 %, thick or thin."""
+    mesh = shell_mesh(rectangle(1.0, 1.0), 6, 24, "right")
+    parts = [ShellPart(mesh.cells, Section(STEEL, t, TS=KAPPA))]
+    structure = shell_structure(mesh.xyz, parts, held=held(mesh, "simple"))
+    errors = natural_frequencies(structure, 6) / simply_supported(t) - 1.0
+    assert np.abs(errors).max() < 0.05
+    assert abs(errors[0]) < 0.005
+
+
 def test_lumped_mass_is_the_better_one():
     section, exact = Section(STEEL, 0.01, TS=KAPPA), simply_supported(0.01)
     lumped, consistent = (
