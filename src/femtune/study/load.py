@@ -175,9 +175,9 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     for i, entry in enumerate(file.configurations):
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
-            case, found = study_case(file, base, entry)
+            case, remarks = study_case(file, base, entry)
             cases.append(case)
-            notices += found
+            notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))

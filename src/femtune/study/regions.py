@@ -13,7 +13,7 @@ from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList
 from femtune.files.nastran.record import Record
-from femtune.files.study_file import NearTable, ParameterEntry, RegionTable, StudyFile, element_list
+from femtune.files.study_file import NearTable, RegionTable, StudyFile, element_list
 
 Reals = NDArray[np.float64]
 Numbers = frozenset[int]
@@ -132,9 +132,7 @@ def _near(asked: _Asked, near: NearTable) -> Numbers:
 def _place(asked: _Asked, near: NearTable) -> Reals:
     given = [key for key in ("point", "node", "element") if getattr(near, key) is not None]
     if len(given) != 1:
-        raise asked.error(
-            "'near' wants one of point, node and element", "write near = { node = 12, distance = 0.1 }"
-        )
+        raise asked.error("'near' wants one of point, node and element", "write near = { node = 12, distance = 0.1 }")
     nodes = asked.built.structure.nodes
     if near.point is not None:
         return np.array(near.point)
