@@ -16,9 +16,9 @@ from femtune.model.response.rigid import is_rigid
 
 Reals = NDArray[np.float64]
 
-_DEPENDENT = 1e-10
+_DEPENDENT, _ROUNDING = 1e-10, 1e-17
 _MOST_DAMPED = 24
-"""Forces of dashpots get residual vectors of their own up to this rank."""
+"""Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def modal_basis(modes: EigenSolution, forces: Reals | None) -> Basis:
     phi, stiffness = modes.shapes[:, :keep], np.where(rigid, 0.0, modes.eigenvalues)[:keep]
     if forces is None or not forces.shape[1]:
         return Basis(phi, stiffness, np.ones(keep), keep)
-    extra, k, m = ritz_vectors(modes.point, static_complement(modes, keep, forces))
+    extra, k, m = ritz_vectors(modes.point, residual_vectors(modes, keep, forces))
     return Basis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
 
 
@@ -58,6 +58,14 @@ def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
     rest, values = modes.shapes[:, keep:], modes.eigenvalues[keep:]
     known = rest @ ((rest.T @ forces) / values[:, None])
     return np.asarray(known + complement(modes, 0.0, forces))
+
+
+def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
+    """The columns of the static complement that are more than the rounding of the whole static response."""
+    missed = static_complement(modes, keep, forces)
+    energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
+    whole = np.einsum("ij,ij->j", forces, modes.factor.solve(forces))
+    return np.asarray(missed[:, energy > _ROUNDING * whole])
 
 
 def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals]:
@@ -78,8 +86,10 @@ def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals
 
 def damping_forces(point: ModelPoint) -> Reals:
     """(n_free, k) independent forces of dashpots and of loss factors that act on few DOFs; none where they are many."""
+    n = point.configured.n_free
     found = [_range(matrix) for matrix in (point.viscous, point.hysteretic)]
-    return np.hstack([one for one in found if one.shape[1] <= _MOST_DAMPED] or [np.zeros((point.configured.n_free, 0))])
+    some = [one for one in found if one.shape[1] <= min(_MOST_DAMPED, n // 4)]
+    return np.hstack([np.zeros((n, 0)), *some])
 
 
 def _range(matrix: sp.csr_array) -> Reals:

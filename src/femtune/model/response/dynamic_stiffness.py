@@ -84,7 +84,7 @@ class DynamicStiffness:
         NoSolutionError : Z(s) is singular to working precision, seen from a correction that does not vanish
         """
         try:
-            rough = self._rough(s)
+            rough = self.rough_solver(s)
         except (SingularMatrixError, la.LinAlgError) as error:
             raise NoSolutionError(str(error)) from error
 
@@ -93,7 +93,8 @@ class DynamicStiffness:
 
         return solve
 
-    def _rough(self, s: complex) -> Solve:
+    def rough_solver(self, s: complex) -> Solve:
+        """b -> Z(s)⁻¹ b, not refined (SingularMatrixError where a pivot is zero)."""
         if self.damper is None or not self.damper.rates.any():
             return factorise(self.sparse(s)).solve
         base, rates = self.sparse(s), _plain(s) * self.damper.rates
