@@ -2,6 +2,14 @@
 
 from femtune.model.configuration import AddedMass, Configuration
 from femtune.model.configured import ConfiguredModel, ModelPoint, configure, grid_matrix
+from femtune.model.damping import (
+    ModalDamping,
+    constant_damping,
+    damping_by_mode,
+    damping_table,
+    viscous_equivalent,
+    viscous_equivalent_derivatives,
+)
 from femtune.model.derivatives import SubspaceDerivative, subspace_derivative
 from femtune.model.digest import digest
 from femtune.model.eigen import EigenSolution, solve_modes
@@ -15,11 +23,15 @@ __all__ = [
     "Configuration",
     "ConfiguredModel",
     "EigenSolution",
+    "ModalDamping",
     "ModelPoint",
     "ParametricModel",
     "SubspaceDerivative",
     "available_solvers",
     "configure",
+    "constant_damping",
+    "damping_by_mode",
+    "damping_table",
     "derivatives_digest",
     "digest",
     "grid_matrix",
@@ -27,4 +39,6 @@ __all__ = [
     "parametric_model",
     "solve_modes",
     "subspace_derivative",
+    "viscous_equivalent",
+    "viscous_equivalent_derivatives",
 ]

@@ -27,7 +27,8 @@ def damping_tables(building: Building) -> dict[int, ModalDamping]:
 def modal_damping(building: Building, tables: Mapping[int, ModalDamping]) -> ModalDamping | None:
     """The table that SDAMPING selects, as PARAM KDAMP has it taken; None without one (error ``deck.missing-set``)."""
     selected = building.deck.case_control.damping
-    known = {record.card.integer(0, 0) for record in building.records("TABDMP1")}
+    # a table that cannot be used has its own error
+    known = {card.integer(0, 0) for card in building.deck.by_name("TABDMP1") if card.is_integer(0)}
     check_selected(building, "SDAMPING", selected, known)
     if selected is None or selected not in tables:
         return None

@@ -100,6 +100,7 @@ class _Planning:
         place = self.built.fields[plain]
         if place.flag is not None:
             place = place.beside({index: text for (card, index), text in self.edits.items() if card == place.card})
+        if place.flag is not None:
             self.edits[place.card, place.flag[0]] = place.flag[1]
         self.edits.update({(place.card, index): float(value) for index in place.fields})
         self.places.update({(place.card, index): ref for index in place.fields})
