@@ -1,6 +1,6 @@
 """Closed sections: BOX, BOX1.
 
-Torsion after Bredt; the walls that stand in the direction of a shear carry it.
+Torsion after Bredt; shear factors and shear centres by thin-wall theory.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from femtune.files.nastran.sections.shape import Properties, Rectangle, Shape, composite, symmetric, total
+from femtune.files.nastran.sections.shear import shear_areas
 from femtune.files.nastran.sections.torsion import box_torsion, closed_cell
 
 Walls = tuple[tuple[Any, Any], ...]
@@ -18,7 +19,8 @@ def _box(w: Any, h: Any, t: Any, s: Any) -> Properties:
     inner_w, inner_h = w - 2.0 * s, h - 2.0 * t
     area = w * h - inner_w * inner_h
     I1, I2 = (w * h**3 - inner_w * inner_h**3) / 12.0, (h * w**3 - inner_h * inner_w**3) / 12.0
-    return symmetric(area, I1, I2, box_torsion(w, h, t, s), 2.0 * h * s / area, 2.0 * w * t / area)
+    upright, level = _ring(w - s, h - t, t, t, s, s)
+    return symmetric(area, I1, I2, box_torsion(w, h, t, s), upright / area, level / area)
 
 
 def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Properties:
@@ -35,7 +37,16 @@ def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Prope
     torsion = closed_cell(b * c, (b, top), (b, bottom), (c, left), (c, right))
     y, z = cell_shear_centre(b, c, bottom, top, left, right)
     centre = bottom / 2.0 + y, left / 2.0 + z
-    return composite(parts, torsion, h * (left + right), w * (top + bottom), centre)
+    return composite(parts, torsion, *_ring(b, c, bottom, top, left, right), centre)
+
+
+def _ring(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:
+    """Areas that carry a shear along y and along z: middle lines b wide and c high."""
+    zero = 0.0 * b
+    points = {"a": (zero, zero), "b": (zero, b), "c": (c, b), "d": (c, zero)}
+    return shear_areas(
+        points, [("a", "b", b, low), ("b", "c", c, right), ("c", "d", b, high), ("d", "a", c, left)], True
+    )
 
 
 def cell_shear_centre(b: Any, c: Any, low: Any, high: Any, left: Any, right: Any) -> tuple[Any, Any]:

@@ -1,7 +1,6 @@
 """Open sections with two flanges: I, I1, CHAN, CHAN1, CHAN2, Z, HAT.
 
-Torsion as thin walls over their middle lines. Shear: the web between the flanges' middle lines carries the shear along
-it, 5/6 of the flanges the shear across. Shear centres by thin-wall theory.
+Torsion as thin walls over their middle lines; shear factors and shear centres by thin-wall theory.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from femtune.files.nastran.sections.shape import Properties, Rectangle, Shape, composite
-from femtune.files.nastran.sections.solid import SHEAR
+from femtune.files.nastran.sections.shear import shear_areas
 from femtune.files.nastran.sections.torsion import thin_walls
 
 
@@ -25,7 +24,13 @@ def _i(h: Any, bottom: Any, top: Any, web: Any, bottom_t: Any, top_t: Any) -> Pr
     torsion = thin_walls((bottom, bottom_t), (top, top_t), (between, web))
     stiff_bottom, stiff_top = bottom_t * bottom**3, top_t * top**3
     centre = bottom_t / 2.0 + between * stiff_top / (stiff_top + stiff_bottom), zero
-    return composite(parts, torsion, web * between, SHEAR * (bottom * bottom_t + top * top_t), centre)
+    points = {"low": (zero, zero), "high": (between, zero)}
+    walls = []
+    for name, y, width, t in (("low", zero, bottom, bottom_t), ("high", between, top, top_t)):
+        points |= {f"{name} left": (y, -width / 2.0), f"{name} right": (y, width / 2.0)}
+        walls += [(f"{name} {side}", name, width / 2.0, t) for side in ("left", "right")]
+    upright, level = shear_areas(points, [*walls, ("low", "high", between, web)])
+    return composite(parts, torsion, upright, level, centre)
 
 
 def _i1(free: Any, web: Any, clear: Any, h: Any) -> Properties:
@@ -44,7 +49,11 @@ def _chan(w: Any, h: Any, web: Any, flange: Any) -> Properties:
     ]
     torsion = thin_walls((between, web), (away, flange), (away, flange))
     behind = 3.0 * away**2 * flange / (6.0 * away * flange + between * web)
-    return composite(parts, torsion, web * between, SHEAR * 2.0 * away * flange, (zero, web / 2.0 - behind))
+    points = {"tip": (-between / 2.0, away), "low": (-between / 2.0, zero), "high": (between / 2.0, zero),
+              "end": (between / 2.0, away)}  # fmt: skip
+    walls = [("tip", "low", away, flange), ("low", "high", between, web), ("high", "end", away, flange)]
+    upright, level = shear_areas(points, walls)
+    return composite(parts, torsion, upright, level, (zero, web / 2.0 - behind))
 
 
 def _chan1(free: Any, web: Any, clear: Any, h: Any) -> Properties:
@@ -69,7 +78,10 @@ def _z(free: Any, web: Any, clear: Any, h: Any) -> Properties:
     ]
     length = free + web / 2.0
     torsion = thin_walls((clear + flange, web), (length, flange), (length, flange))
-    return composite(parts, torsion, web * (clear + flange), SHEAR * 2.0 * width * flange)
+    points = {"tip": (y, -length), "high": (y, zero), "low": (-y, zero), "end": (-y, length)}
+    walls = [("tip", "high", length, flange), ("high", "low", 2.0 * y, web), ("low", "end", length, flange)]
+    upright, level = shear_areas(points, walls)
+    return composite(parts, torsion, upright, level)
 
 
 def _hat(h: Any, t: Any, w: Any, brim: Any) -> Properties:
@@ -82,7 +94,10 @@ def _hat(h: Any, t: Any, w: Any, brim: Any) -> Properties:
         *(Rectangle(-deep, side * edge, t, brim + t) for side in (1.0, -1.0)),
     ]
     torsion = thin_walls((2.0 * (half + deep + out), t))
-    upright, level = 2.0 * t * deep, SHEAR * t * (w + 2.0 * (brim + t))
+    points = {"tip": (-deep, -half - out), "low": (-deep, -half), "left": (zero, -half), "right": (zero, half),
+              "foot": (-deep, half), "end": (-deep, half + out)}  # fmt: skip
+    lengths = (out, deep, 2.0 * half, deep, out)
+    upright, level = shear_areas(points, [(a, b, x, t) for a, b, x in zip(points, list(points)[1:], lengths)])
     return composite(parts, torsion, upright, level, (_hat_shear_centre(half, deep, out, t), zero))
 
 

@@ -1,7 +1,7 @@
 """Open sections of two walls: T, T1, T2, L.
 
-Torsion as thin walls over their middle lines; the shear centre is where the middle lines meet, since both walls' shear
-flows pass through it. Shear: 5/6 of the wall along the shear.
+Torsion as thin walls over their middle lines, shear factors by thin-wall theory; the shear centre is where the middle
+lines meet, since the shear flows of all walls pass through it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from femtune.files.nastran.sections.shape import Properties, Rectangle, Shape, composite
-from femtune.files.nastran.sections.solid import SHEAR
+from femtune.files.nastran.sections.shear import shear_areas
 from femtune.files.nastran.sections.torsion import thin_walls
 
 
@@ -19,7 +19,12 @@ def _t(w: Any, h: Any, flange: Any, web: Any, up: float = 1.0) -> Properties:
     zero, stem = 0.0 * h, h - flange
     parts = [Rectangle(zero, zero, flange, w), Rectangle(-up * h / 2.0, zero, stem, web)]
     torsion = thin_walls((w, flange), (h - flange / 2.0, web))
-    return composite(parts, torsion, SHEAR * h * web, SHEAR * w * flange, (zero, zero))
+    points = {"left": (zero, -w / 2.0), "right": (zero, w / 2.0), "joint": (zero, zero),
+              "foot": (-up * (h - flange / 2.0), zero)}  # fmt: skip
+    walls = [("left", "joint", w / 2.0, flange), ("right", "joint", w / 2.0, flange),
+             ("joint", "foot", h - flange / 2.0, web)]  # fmt: skip
+    upright, level = shear_areas(points, walls)
+    return composite(parts, torsion, upright, level, (zero, zero))
 
 
 def _t1(h: Any, stem: Any, flange: Any, web: Any) -> Properties:
@@ -37,7 +42,10 @@ def _l(w: Any, h: Any, level: Any, upright: Any) -> Properties:
         Rectangle(zero, w / 2.0, level, free),
     ]
     torsion = thin_walls((w - upright / 2.0, level), (h - level / 2.0, upright))
-    return composite(parts, torsion, SHEAR * h * upright, SHEAR * w * level, (zero, zero))
+    across, along = w - upright / 2.0, h - level / 2.0
+    points = {"right": (zero, across), "corner": (zero, zero), "top": (along, zero)}
+    areas = shear_areas(points, [("right", "corner", across, level), ("corner", "top", along, upright)])
+    return composite(parts, torsion, *areas, (zero, zero))
 
 
 _RULE = "dimensions should be positive, the height DIM2 greater than DIM3 and the width DIM1 greater than DIM4"
