@@ -1,4 +1,4 @@
-"""A deck of shaped and tapered beams: matrices and modes by the dimensions of both ends, through all that follows from them."""
+"""A deck of shaped and tapered beams: matrices and modes by dimensions of both ends, through what follows from them."""
 
 from __future__ import annotations
 

@@ -190,3 +190,13 @@ def test_impossible_dimensions(name: str):
     assert shape.valid(*TYPICAL[name])
     assert not shape.valid(*(0.0 for _ in TYPICAL[name]))
     assert not shape.valid(*(-x for x in TYPICAL[name]))
+
+
+def test_shared_evaluation_follows_the_dimensions():
+    formulas = SHAPES["BAR"].formulas
+    assert formulas["A"](2.0, 3.0) == 6.0
+    assert formulas["I1"](2.0, 3.0) == pytest.approx(2 * 27 / 12)
+    assert formulas["I1"](3.0, 2.0) == pytest.approx(3 * 8 / 12)
+    one, other = (formulas["A"](*_jets_at(np.array(x))) for x in ([2.0, 3.0], [2.0, 4.0]))
+    assert (one.value, other.value) == (6.0, 8.0)
+    np.testing.assert_array_equal(other.grad, [4.0, 2.0])

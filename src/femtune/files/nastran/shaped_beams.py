@@ -64,13 +64,13 @@ def _derived(b: Building, ref: FieldRef, shape: Shape, at: Sequence[int]) -> dic
     nominal = shape.properties(*(b.values.values[i] for i in at))
     sizes = {"I12": math.sqrt(nominal["I1"] * nominal["I2"]), "N1": math.sqrt(nominal["A"])}
     sizes["N2"] = sizes["N1"]
-    roles = {}
+    roles, formulas = {}, shape.formulas
     for role in SECTION_ROLES:
         own = FieldRef(ref.card, ref.id, f"{role}{ref.name}")
         if abs(nominal[role]) <= _ROUNDING * sizes.get(role, 0.0):
             roles[role] = b.values.add(own, 0.0)
         else:
-            roles[role] = b.values.derive(own, shape.formulas[role], *at)
+            roles[role] = b.values.derive(own, formulas[role], *at)
     return roles
 
 

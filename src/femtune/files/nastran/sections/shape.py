@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from femtune.parameters.jet import Jet
+
 # area, moments of inertia about the neutral axis, torsion, shear factors, neutral axis from the shear centre
 SECTION_ROLES = ("A", "I1", "I2", "I12", "J", "K1", "K2", "N1", "N2")
 Properties = Mapping[str, Any]
@@ -49,11 +51,36 @@ class Shape:
 
     @property
     def formulas(self) -> Mapping[str, Formula]:
-        """One function of the dimensions for each property."""
-        return {role: self._formula(role) for role in SECTION_ROLES}
+        """One function of the dimensions for each property; asked for in a row they share one evaluation."""
+        shared = _Remembering(self.properties)
+        return {role: _formula(shared, role) for role in SECTION_ROLES}
 
-    def _formula(self, role: str) -> Formula:
-        return lambda *dimensions: self.properties(*dimensions)[role]
+
+class _Remembering:
+    """The properties of the dimensions that were asked for last."""
+
+    def __init__(self, properties: Callable[..., Properties]) -> None:
+        self.properties = properties
+        self.last: tuple[Any, Properties] = (None, {})
+
+    def __call__(self, *dimensions: Any) -> Properties:
+        key = tuple(map(_content, dimensions))
+        known, found = self.last
+        if key != known:
+            found = self.properties(*dimensions)
+            self.last = (key, found)
+        return found
+
+
+def _content(x: Any) -> Any:
+    """What a number or a jet holds, to be compared."""
+    if not isinstance(x, Jet):
+        return x
+    return (x.grad.shape, *((part.dtype.char, part.tobytes()) for part in (x.value, x.grad, x.hess)))
+
+
+def _formula(shared: _Remembering, role: str) -> Formula:
+    return lambda *dimensions: shared(*dimensions)[role]
 
 
 def symmetric(area: Any, I1: Any, I2: Any, J: Any, K1: Any, K2: Any) -> Properties:
