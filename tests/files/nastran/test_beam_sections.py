@@ -218,3 +218,14 @@ def test_a_region_of_a_tapered_beam_gets_a_card_of_its_own(deck_of: DeckOf, tmp_
     batch, values = again.structure.batches[0], again.structure.values.values
     assert values[batch.roles["A@2"]].tolist() == pytest.approx([5e-4, 7e-4])
     assert values[batch.roles["N1@2"]].tolist() == [0.04, 0.04]
+
+
+@pytest.mark.parametrize("name", ["cbarao_cbeam.blk", "cbar_cbeam.blk"])
+def test_round_bars_and_beams_of_another_program(nastran_decks: Path, name: str):
+    """Nine CBAR with PBARL and one CBEAM with PBEAML, all round of radius 1: the same section, without stations."""
+    model = build_structure(read_deck(nastran_decks / name))
+    bar, beam = (next(b for b in model.structure.batches if b.card == card) for card in ("CBAR", "CBEAM"))
+    assert (len(bar), len(beam), bar.kind, beam.kind) == (9, 1, "bar", "bar")
+    for role in ("A", "I1", "I2", "J", "K1", "K2"):
+        assert value(model, bar, role) == value(model, beam, role)
+    assert value(model, bar, "A") == pytest.approx(np.pi)
