@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from femtune.model import (
     parametric_model,
     solve_modes,
 )
+from femtune.model.damping import constant_damping
 from femtune.model.response import (
     Signal,
     complex_derivatives,
@@ -39,14 +39,6 @@ from femtune.parameters import Parameter, ParameterSet
 from femtune.testing.structures import make_structure, scalars
 
 _PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
-
-
-@dataclass(frozen=True)
-class _Given:
-    ratio: float
-
-    def ratios(self, freq_hz: NDArray) -> NDArray:
-        return np.full(len(freq_hz), self.ratio)
 
 
 def _model(n: int, springs: Sequence[tuple[int, int, float]], dashpot: float = 0.0) -> ConfiguredModel:
@@ -128,7 +120,7 @@ CASES: dict[str, Callable[[], object]] = {
     "response.method": lambda: _frf(_held(), method="modal"),
     "response.modes-needed": lambda: frf(_held().at(np.zeros(1)), make_ports(_held(), ["1X+"], ["1X+"]), [1.0]),
     "response.ports-differ": _of_another,
-    "response.damping-ratio": lambda: _frf(_held(), damping=_Given(-0.01)),
+    "response.damping-ratio": lambda: _frf(_held(), damping=constant_damping(-0.01)),
     "response.free-at-zero": lambda: _frf(_free(), (0.0, 1.0)),
     "response.resonance": lambda: _frf(UNIT, (0.5, 1.0)),
     "response.defective": lambda: complex_modes(solve_modes(CRITICAL.at(np.zeros(1)), 1)),

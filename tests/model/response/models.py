@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,31 +11,16 @@ from numpy.typing import NDArray
 
 from femtune.fem import FieldRef, Structure
 from femtune.model import Assignment, Configuration, ConfiguredModel, ModelPoint, configure, parametric_model
+from femtune.model.damping import ModalDamping, damping_table
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing.structures import bars, make_structure, scalars
 
 Link = tuple[int, int, float]
 
 
-@dataclass(frozen=True)
-class Constant:
-    """Modal damping with the same ratio in all modes."""
-
-    ratio: float
-
-    def ratios(self, freq_hz: NDArray) -> NDArray:
-        return np.full(len(freq_hz), self.ratio)
-
-
-@dataclass(frozen=True)
-class Rising:
-    """Modal damping that grows with frequency."""
-
-    ratio: float
-    at_hz: float
-
-    def ratios(self, freq_hz: NDArray) -> NDArray:
-        return self.ratio * freq_hz / self.at_hz
+def rising(ratio: float, at_hz: float) -> ModalDamping:
+    """Modal damping that grows in proportion to the frequency."""
+    return damping_table([0.0, at_hz], [0.0, ratio])
 
 
 def chain(
@@ -84,11 +69,13 @@ def matrices(at: ModelPoint) -> tuple[Any, ...]:
     return tuple(m.toarray() for m in (at.stiffness, at.mass, at.viscous, at.hysteretic))
 
 
-def dense_receptance(at: ModelPoint, freq_hz: NDArray, more_viscous: NDArray | float = 0.0) -> NDArray:
-    """(n, n, k) inverse of the dynamic stiffness by dense linear algebra."""
+def dense_receptance(at: ModelPoint, freq_hz: NDArray, more_viscous: NDArray) -> NDArray:
+    """(n, n, k) inverse of the dynamic stiffness by dense linear algebra; `more_viscous` (n, n, k) is added to C."""
     K, M, C, H = matrices(at)
     w = 2 * np.pi * np.asarray(freq_hz, float)
-    return np.stack([np.linalg.inv(K + 1j * H - x * x * M + 1j * x * (C + more_viscous)) for x in w], axis=-1)
+    return np.stack(
+        [np.linalg.inv(K + 1j * H - x * x * M + 1j * x * (C + D)) for x, D in zip(w, more_viscous.T)], axis=-1
+    )
 
 
 SECTION = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J": 1.1e-8, "rho": 7850.0}

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel, solve_modes
+from femtune.model.damping import ModalDamping, as_hysteretic, constant_damping
 from femtune.model.response import ComplexModes, complex_mode_derivative, complex_modes, quadratic
 
-from .models import Constant, Rising, beam, chain, configured, matrices, point
+from .models import beam, chain, configured, matrices, point, rising
 
 SPRINGS = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (0, 2, 150.0)]
 MASSES = [1.0, 2.0, 1.5, 1.0]
@@ -96,9 +97,9 @@ def test_proportional_damping_keeps_the_real_shapes() -> None:
 
 def test_poles_of_modal_damping() -> None:
     real = solve_modes(point(chain(SPRINGS, MASSES)), 4)
-    damping = Rising(0.02, 3.0)
+    damping = rising(0.02, 3.0)
     modes = complex_modes(real, damping=damping)
-    np.testing.assert_allclose(modes.damping_ratio, damping.ratios(real.freq_hz), rtol=1e-9)
+    np.testing.assert_allclose(modes.damping_ratio, damping.ratio(real.freq_hz), rtol=1e-9)
     np.testing.assert_allclose(modes.freq_hz, real.freq_hz, rtol=1e-10)
 
 
@@ -190,9 +191,10 @@ def test_derivatives_by_complex_difference(mode: int) -> None:
         np.testing.assert_allclose(found.shape[:, i], shape, rtol=1e-6, atol=1e-7 * np.abs(shape).max() + 1e-9)
 
 
-def test_derivatives_with_modal_damping() -> None:
+@pytest.mark.parametrize("damping", [rising(0.03, 4.0), as_hysteretic(rising(0.03, 4.0))])
+def test_derivatives_with_modal_damping(damping: ModalDamping) -> None:
     """By differences of fourth order: the damper follows the real modes, which are not complex-differentiable here."""
-    model, h, damping = _model(), 1e-4, Rising(0.03, 4.0)
+    model, h = _model(), 1e-4
     modes = complex_modes(solve_modes(model.at(np.zeros(4)), 4), damping=damping)
     found = complex_mode_derivative(modes, 1)
     for i in range(4):
@@ -213,7 +215,9 @@ def test_derivative_at_some_rows() -> None:
 @pytest.mark.parametrize("what", ["coinciding", "rigid"])
 def test_modes_without_derivatives_of_their_own_are_refused(what: str) -> None:
     springs = [(-1, i, 100.0) for i in range(2)] if what == "coinciding" else [(0, 1, 100.0)]
-    modes = complex_modes(solve_modes(point(chain(springs, [1.0] * 2), {"k": ("K", 1)}), 2), damping=Constant(0.01))
+    modes = complex_modes(
+        solve_modes(point(chain(springs, [1.0] * 2), {"k": ("K", 1)}), 2), damping=constant_damping(0.01)
+    )
     with pytest.raises(FemtuneError) as caught:
         complex_mode_derivative(modes, 0)
     assert caught.value.code == "derivative.close-poles"

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from femtune.model import ModelPoint, solve_modes
+from femtune.model.damping import constant_damping
 from femtune.model.response import METHODS, DampingRatios, Kind, Method, frf, make_ports
 
-from .models import LENGTH, SECTION, Constant, beam, chain, point
+from .models import LENGTH, SECTION, beam, chain, point
 
 ORDER = ("viscous", "hysteretic", "modal")
 every_way = pytest.mark.parametrize("method", METHODS)
@@ -40,7 +41,7 @@ def test_one_mass(method: Method, kind: Kind, what: str) -> None:
     )
     at = point(chain([(-1, 0, k)], [m], [(-1, 0, c)] if c else [], eta))
     f = np.linspace(0.0, 8.0, 41)
-    found = _values(at, (["1X+"], ["1X-"]), f, method, kind, 1, Constant(zeta))[0, 0]
+    found = _values(at, (["1X+"], ["1X-"]), f, method, kind, 1, constant_damping(zeta))[0, 0]
     w, wn = 2 * np.pi * f, np.sqrt(k / m)
     factor = {"receptance": 1.0, "mobility": 1j * w, "accelerance": -(w**2)}[kind]
     exact = -factor / (k * (1 + 1j * eta) - m * w**2 + 1j * w * (c + 2 * zeta * wn * m))

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from femtune.model import ConfiguredModel, solve_modes
+from femtune.model.damping import as_hysteretic, constant_damping
 from femtune.model.response import METHODS, DampingRatios, Method, Ports, frf, frf_gradient, make_ports
 
-from .models import Constant, Rising, chain, configured
+from .models import chain, configured, rising
 
 SPRINGS = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (0, 2, 150.0)]
 FACTORS = {"k": ("K", 2), "m": ("M", 3), "c": ("B", 1), "g": ("GE", 2)}
@@ -39,7 +40,7 @@ def test_by_complex_difference(method: Method) -> None:
 
 
 @every_way
-@pytest.mark.parametrize("damping", [Constant(0.03), Rising(0.03, 5.0)])
+@pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:
     model, ports = _model()
     found = frf_gradient(solve_modes(model.at(np.zeros(4)), 4), ports, LINES, "receptance", method, damping=damping)
@@ -54,7 +55,7 @@ def test_with_modal_damping(method: Method, damping: DampingRatios) -> None:
         assert np.abs(found.gradient[..., i] - exact).max() <= 1e-7 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize("damping", [Constant(0.03), Rising(0.03, 5.0)])
+@pytest.mark.parametrize("damping", [constant_damping(0.03), rising(0.03, 5.0), as_hysteretic(rising(0.03, 5.0))])
 def test_with_modal_damping_of_some_modes_repeated_ones_among_them(damping: DampingRatios) -> None:
     """Three equal oscillators side by side and a chain: a cluster is split by the parameter, P′ still exists."""
     springs = [(-1, 0, 400.0), (-1, 1, 400.0), (-1, 2, 400.0), (2, 3, 30.0), (1, 3, 20.0)]

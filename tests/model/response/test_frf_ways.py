@@ -12,9 +12,10 @@ from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
 from femtune.fem import Structure
 from femtune.model import ModelPoint, solve_modes
+from femtune.model.damping import as_hysteretic, constant_damping, damping_table
 from femtune.model.response import METHODS, DampingRatios, Signal, frf, make_ports
 
-from .models import Constant, Rising, beam, chain, dense_receptance, point
+from .models import beam, chain, dense_receptance, point, rising
 
 SPRINGS = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (0, 2, 150.0)]
 MASSES = [1.0, 2.0, 1.5, 1.0]
@@ -23,13 +24,15 @@ CASES: dict[str, tuple[Callable[[], Structure], DampingRatios | None]] = {
     "dashpots": (lambda: chain(SPRINGS, MASSES, [(-1, 1, 3.0), (2, 3, 5.0)]), None),
     "loss factors": (lambda: chain(SPRINGS, MASSES, loss=LOSS), None),
     "one loss factor": (lambda: chain(SPRINGS, MASSES, loss=0.03), None),
-    "modal": (lambda: chain(SPRINGS, MASSES), Rising(0.02, 4.0)),
-    "all together": (lambda: chain(SPRINGS, MASSES, [(-1, 1, 3.0), (2, 3, 5.0)], LOSS), Constant(0.02)),
+    "modal": (lambda: chain(SPRINGS, MASSES), rising(0.02, 4.0)),
+    "hysteretic modal": (lambda: chain(SPRINGS, MASSES, [(-1, 1, 3.0)]), as_hysteretic(rising(0.02, 4.0))),
+    "free, hysteretic modal": (lambda: chain(SPRINGS[1:], MASSES), as_hysteretic(damping_table([1, 9], [20, 30], "Q"))),
+    "all together": (lambda: chain(SPRINGS, MASSES, [(-1, 1, 3.0), (2, 3, 5.0)], LOSS), constant_damping(0.02)),
     "overdamped": (lambda: chain(SPRINGS, MASSES, [(-1, 1, 3.0), (2, 3, 500.0)]), None),
     "free, relative dashpot": (lambda: chain(SPRINGS[1:], MASSES, [(2, 3, 5.0)]), None),
     "free, grounded dashpot": (lambda: chain(SPRINGS[1:], MASSES, [(-1, 3, 5.0)]), None),
     "free, loss factor": (lambda: chain(SPRINGS[1:], MASSES, loss=0.1), None),
-    "free, modal": (lambda: chain(SPRINGS[1:], MASSES), Constant(0.1)),
+    "free, modal": (lambda: chain(SPRINGS[1:], MASSES), constant_damping(0.1)),
     "repeated modes": (lambda: chain([(-1, i, 100.0) for i in range(4)], [1.0] * 4, [(0, 1, 1.0), (-1, 3, 2.0)]), None),
     "massless point with a dashpot": (
         lambda: chain([(-1, 0, 900.0), (0, 1, 300.0), (1, 2, 400.0)], [1.0, 0.0, 2.0], [(-1, 1, 30.0)]),
@@ -39,14 +42,17 @@ CASES: dict[str, tuple[Callable[[], Structure], DampingRatios | None]] = {
 }
 
 
-def _modal_matrix(at: ModelPoint, damping: DampingRatios | None) -> NDArray | float:
-    """MΦ diag(2ζω) ΦᵀM from dense modes."""
+def _modal_matrix(at: ModelPoint, damping: DampingRatios | None, freq_hz: NDArray) -> NDArray:
+    """C of modal damping at each line (n, n, k): MΦ diag(2ζω) ΦᵀM, or 2ζω²/Ω in place of 2ζω where it is hysteretic."""
+    n = at.configured.n_free
     if damping is None:
-        return 0.0
+        return np.zeros((n, n, len(freq_hz)))
     modes, M = solve_modes(at, 10), at.mass.toarray()
-    freq_hz = np.where(modes.freq_hz < 1e-4, 0.0, modes.freq_hz)
-    half = M @ modes.shapes[:, : len(freq_hz)]
-    return np.asarray(half @ np.diag(4 * np.pi * freq_hz * damping.ratios(freq_hz)) @ half.T)
+    elastic = modes.freq_hz > 1e-4
+    half, w = (M @ modes.shapes[:, : len(elastic)])[:, elastic], 2 * np.pi * modes.freq_hz[elastic]
+    rate = 2 * damping.ratio(modes.freq_hz[elastic]) * w
+    over = w[:, None] / (2 * np.pi * freq_hz) if damping.hysteretic else np.ones((len(w), len(freq_hz)))
+    return np.einsum("ir,rk,jr->ijk", half, rate[:, None] * over, half)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -59,7 +65,7 @@ def test_all_modes_give_the_inverse_of_the_dynamic_stiffness(case: str, method: 
     pair = Signal(parse_dof("99X+"), {parse_dof("1X+"): 1.0, parse_dof(f"{n}X+"): -1.0}, "pair")
     ports = make_ports(at.configured, ["2X+", pair], ["1X+", "3X-"])
     found = frf(solve_modes(at, 10), ports, f, "receptance", method, damping=damping)  # type: ignore[arg-type]
-    inverse = dense_receptance(at, f, _modal_matrix(at, damping))
+    inverse = dense_receptance(at, f, _modal_matrix(at, damping, f))
     exact = np.einsum("oi,ijk,jb->obk", ports.outputs.toarray(), inverse, ports.inputs.toarray())
     assert np.abs(found.values - exact).max() <= 1e-9 * np.abs(exact).max()
     np.testing.assert_allclose(found.values, exact, rtol=1e-8, atol=1e-9 * np.abs(exact).max())
@@ -72,7 +78,7 @@ def test_modal_damping_carries_the_direct_way_at_a_natural_frequency() -> None:
         modes = solve_modes(point(chain(springs, masses)), 4)
         ports = make_ports(modes.point.configured, ["1X+"], ["1X+", "4X+"])
         lines = np.unique(np.round(modes.freq_hz, 12))
-        direct, modal = (frf(modes, ports, lines, method=m, damping=Constant(0.01)).values for m in METHODS[:2])
+        direct, modal = (frf(modes, ports, lines, method=m, damping=constant_damping(0.01)).values for m in METHODS[:2])
         np.testing.assert_allclose(direct, modal, rtol=1e-8, atol=1e-10 * np.abs(modal).max())
 
 

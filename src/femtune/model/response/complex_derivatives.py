@@ -123,7 +123,7 @@ def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
     except SingularMatrixError as error:
         raise _inaccurate(pole, np.inf) from error
     damper = stiffness.damper
-    return factor.solve if damper is None else low_rank_solver(factor, damper.momentum[keep], pole * damper.rates)
+    return factor.solve if damper is None else low_rank_solver(factor, damper.momentum[keep], damper.weights(pole))
 
 
 def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray) -> NDArray[np.float64]:

@@ -46,9 +46,14 @@ class DynamicStiffness:
         return bool(np.any(self.point.viscous.data))
 
     def viscous_times(self, x: NDArray) -> NDArray:
-        """(C + modal damping) x."""
+        """(C + viscous modal damping) x."""
         out = np.asarray(self.point.viscous @ x)
-        return out if self.damper is None else out + self.damper.times(x)
+        return out if self.damper is None or self.damper.hysteretic else out + self.damper.times(x)
+
+    def stiffness_times(self, x: NDArray) -> NDArray:
+        """(K + iH + hysteretic modal damping) x."""
+        out = np.asarray(self.stiffness @ x)
+        return out + 1j * self.damper.times(x) if self.damper is not None and self.damper.hysteretic else out
 
     def sparse(self, s: complex) -> sp.csr_array:
         """Z(s) without modal damping; real where it can be."""
@@ -57,7 +62,7 @@ class DynamicStiffness:
 
     def times(self, s: complex, x: NDArray) -> NDArray:
         """Z(s) x."""
-        out = self.stiffness @ x + s * s * (self.point.mass @ x)
+        out = self.stiffness_times(x) + s * s * (self.point.mass @ x)
         return np.asarray(out + s * self.viscous_times(x))
 
     def derivative_between(self, i: int, s: complex, y: NDArray, x: NDArray) -> NDArray:
@@ -67,14 +72,21 @@ class DynamicStiffness:
     def derivative_times(self, i: int, s: complex, x: NDArray) -> NDArray:
         """Z′(s) x by parameter i."""
         point = self.point
-        out = point.stiffness_derivatives[i] @ x + s * s * (point.mass_derivatives[i] @ x)
-        out = out + 1j * (point.hysteretic_derivatives[i] @ x)
+        out = self.stiffness_derivative_times(i, x) + s * s * (point.mass_derivatives[i] @ x)
         return np.asarray(out + s * self.viscous_derivative_times(i, x))
 
+    def stiffness_derivative_times(self, i: int, x: NDArray) -> NDArray:
+        """(K + iH + hysteretic modal damping)′ x by parameter i."""
+        point = self.point
+        out = np.asarray(point.stiffness_derivatives[i] @ x + 1j * (point.hysteretic_derivatives[i] @ x))
+        damps = self.damper is not None and self.damper.hysteretic
+        return out + 1j * self.damper.derivative_times(i, x) if damps else out  # type: ignore[union-attr]
+
     def viscous_derivative_times(self, i: int, x: NDArray) -> NDArray:
-        """(C + modal damping)′ x by parameter i."""
+        """(C + viscous modal damping)′ x by parameter i."""
         out = np.asarray(self.point.viscous_derivatives[i] @ x)
-        return out if self.damper is None else out + self.damper.derivative_times(i, x)
+        damps = self.damper is not None and not self.damper.hysteretic
+        return out + self.damper.derivative_times(i, x) if damps else out  # type: ignore[union-attr]
 
     def solver(self, s: complex) -> Solve:
         """b -> Z(s)⁻¹ b, refined until the correction vanishes.
@@ -97,15 +109,15 @@ class DynamicStiffness:
         """b -> Z(s)⁻¹ b, not refined (SingularMatrixError where a pivot is zero)."""
         if self.damper is None or not self.damper.rates.any():
             return factorise(self.sparse(s)).solve
-        base, rates = self.sparse(s), _plain(s) * self.damper.rates
+        base, damped = self.sparse(s), self.damper.weights(complex(s))
         props, weights = self._props(s)
         if not len(props):
-            return low_rank_solver(factorise(base), self.damper.momentum, rates)
+            return low_rank_solver(factorise(base), self.damper.momentum, damped)
         base = sp.csr_array(base + sp.diags_array(1j * np.bincount(props, weights, base.shape[0])))
         unit = np.zeros((base.shape[0], len(props)))
         unit[props, np.arange(len(props))] = 1.0
         columns = np.hstack([self.damper.momentum, unit])
-        return low_rank_solver(factorise(base), columns, np.concatenate([rates, -1j * weights]))
+        return low_rank_solver(factorise(base), columns, np.concatenate([damped, -1j * weights]))
 
     def _props(self, s: complex) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """DOFs that are tied to ground by imaginary springs in the sparse part, and taken off again in the low rank.

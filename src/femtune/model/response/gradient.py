@@ -92,11 +92,9 @@ def _superposed(request: Request, system: System) -> tuple[NDArray, NDArray]:
 
 
 def projected_derivatives(stiffness: DynamicStiffness, Q: NDArray, j: int) -> tuple[NDArray, NDArray, NDArray]:
-    """QᵀM′Q, QᵀC′Q (with modal damping) and Qᵀ(K′ + iH′)Q by parameter j."""
-    point = stiffness.point
+    """QᵀM′Q, QᵀC′Q and Qᵀ(K′ + iH′)Q by parameter j, modal damping in the one where it belongs."""
     viscous = Q.T @ stiffness.viscous_derivative_times(j, Q)
-    still = Q.T @ (point.stiffness_derivatives[j] @ Q) + 1j * (Q.T @ (point.hysteretic_derivatives[j] @ Q))
-    return Q.T @ (point.mass_derivatives[j] @ Q), viscous, still
+    return Q.T @ (stiffness.point.mass_derivatives[j] @ Q), viscous, Q.T @ stiffness.stiffness_derivative_times(j, Q)
 
 
 def _between(parts: tuple[NDArray, NDArray, NDArray], s: NDArray, y: NDArray, x: NDArray) -> NDArray:

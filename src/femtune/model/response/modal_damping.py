@@ -1,4 +1,4 @@
-"""Modal damping as a matrix of low rank, MΦ diag(2ζω) ΦᵀM, and its derivatives."""
+"""Modal damping as a matrix of low rank, MΦ diag(rates) ΦᵀM, and its derivatives."""
 
 from __future__ import annotations
 
@@ -16,35 +16,47 @@ from femtune.model.response.rigid import is_rigid
 
 Reals = NDArray[np.float64]
 
-_STEP, _SAME = 1e-6, 1e-9
+_SAME = 1e-9
 
 
 class DampingRatios(Protocol):
-    """Damping of modes by their frequencies."""
+    """Damping of modes by their frequencies, such as `femtune.model.damping.ModalDamping`."""
 
-    def ratios(self, freq_hz: Reals) -> Reals:
-        """(m,) fractions of critical of modes with the natural frequencies (m,)."""
+    @property
+    def hysteretic(self) -> bool:
+        """True where a mode's damping is an imaginary stiffness 2ζλ instead of a viscous 2ζω."""
+
+    def ratio(self, freq_hz: Reals) -> Reals:
+        """(m,) fractions of critical of the first m modes with the natural frequencies (m,)."""
+
+    def slope(self, freq_hz: Reals) -> Reals:
+        """(m,) their derivatives by the natural frequencies, 1/Hz."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModalDamper:
-    """iω MΦ diag(rates) ΦᵀM, to be added to a dynamic stiffness.
+    """s MΦ diag(rates) ΦᵀM, or i MΦ diag(rates) ΦᵀM where it is hysteretic, to be added to a dynamic stiffness.
 
     Parameters
     ----------
     modes : the modes that are damped are its wanted ones; rigid-body modes have the rate 0
-    rates : (m,) 2ζω in rad/s
+    rates : (m,) 2ζω in rad/s, or 2ζλ where it is hysteretic
     slopes : (m,) derivative of the rates by λ
     momentum : MΦ (n_free, m)
     """
 
     modes: EigenSolution
+    hysteretic: bool
     rates: Reals
     slopes: Reals
     momentum: Reals
 
+    def weights(self, s: complex) -> NDArray:
+        """(m,) factors of the modes at the frequency s."""
+        return 1j * self.rates if self.hysteretic else self.rates * (s.real if s.imag == 0.0 else s)
+
     def times(self, x: NDArray) -> NDArray:
-        """MΦ diag(2ζω) ΦᵀM x."""
+        """MΦ diag(rates) ΦᵀM x."""
         return np.asarray(self.momentum @ ((self.momentum.T @ x).T * self.rates).T)
 
     @cached_property
@@ -52,7 +64,7 @@ class ModalDamper:
         return subspace_derivative(self.modes, range(len(self.rates)))
 
     def derivative_times(self, i: int, x: NDArray) -> NDArray:
-        """D′x by parameter i, D = MPM with P = Φ diag(2ζω)Φᵀ.
+        """D′x by parameter i, D = MPM with P = Φ diag(rates)Φᵀ.
 
         Inside the damped modes P′ follows from divided differences, so that close and repeated modes do no harm
         (Daleckii and Krein's formula); outside them it follows from Φ′.
@@ -87,28 +99,34 @@ def modal_damper(modes: EigenSolution, damping: DampingRatios) -> ModalDamper:
 
     Raises
     ------
-    FemtuneError : ``response.damping-ratio`` for ratios that are not finite or negative
+    FemtuneError : ``response.damping-ratio`` for ratios not finite or negative, and what the damping raises
     """
     m = modes.wanted
     rigid = is_rigid(modes)[:m]
     eigenvalues = np.where(rigid, 0.0, modes.eigenvalues[:m])
     omega = np.sqrt(eigenvalues)
-    zeta = _ratios(damping, omega)
-    rise = (_ratios(damping, omega * (1.0 + _STEP)) - _ratios(damping, omega * (1.0 - _STEP))) / (2.0 * _STEP)
-    # d(2ζω)/dλ with ω = √λ; `rise` is ω dζ/dω
-    slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
-    return ModalDamper(modes, 2.0 * zeta * omega, slopes, np.asarray(modes.point.mass @ modes.shapes[:, :m]))
-
-
-def _ratios(damping: DampingRatios, omega: Reals) -> Reals:
     freq_hz = omega / (2.0 * np.pi)
-    ratios = np.asarray(damping.ratios(freq_hz), dtype=float)
-    bad = np.ones(len(omega), bool) if ratios.shape != omega.shape else ~(np.isfinite(ratios) & (ratios >= 0.0))
+    # a rigid-body mode has no damping whatever its ratio: a table need not reach to 0 Hz
+    asked = np.where(rigid, freq_hz.max(initial=0.0), freq_hz)
+    zeta = _checked(np.where(rigid, 0.0, damping.ratio(asked)), freq_hz)
+    rise = np.where(rigid, 0.0, asked * damping.slope(asked))
+    # by λ = ω²; `rise` is ω dζ/dω
+    if damping.hysteretic:
+        rates, slopes = 2.0 * zeta * eigenvalues, 2.0 * zeta + rise
+    else:
+        rates = 2.0 * zeta * omega
+        slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
+    momentum = np.asarray(modes.point.mass @ modes.shapes[:, :m])
+    return ModalDamper(modes, damping.hysteretic, rates, slopes, momentum)
+
+
+def _checked(ratios: Reals, freq_hz: Reals) -> Reals:
+    bad = ~(np.isfinite(ratios) & (ratios >= 0.0))
     if bad.any():
         raise FemtuneError(
             "response.damping-ratio",
-            "modal damping gives a ratio that is negative, not finite, or not one for each mode",
-            values={"frequency (Hz)": f"{freq_hz[bad][0]:.6g}", "ratios": np.array2string(ratios.ravel()[:6])},
+            "modal damping gives a ratio that is negative or not finite",
+            values={"frequency (Hz)": f"{freq_hz[bad][0]:.6g}", "ratio": f"{ratios[bad][0]:.6g}"},
             hint="give a fraction of critical damping, 0 or more, for every mode",
         )
     return ratios

@@ -61,8 +61,10 @@ def reduce(stiffness: DynamicStiffness, basis: Basis, ports: Ports) -> ReducedSt
     Q, point = basis.vectors, stiffness.point
     viscous, hysteretic = _projected(point.viscous, Q), _projected(point.hysteretic, Q)
     if stiffness.damper is not None:
-        half = stiffness.damper.momentum.T @ Q
-        viscous = viscous + half.T @ (stiffness.damper.rates[:, None] * half)
+        modal = Q.T @ stiffness.damper.times(Q)
+        viscous, hysteretic = (
+            (viscous, hysteretic + modal) if stiffness.damper.hysteretic else (viscous + modal, hysteretic)
+        )
     inputs, outputs = np.asarray((ports.inputs.T @ Q).T), np.asarray(ports.outputs @ Q)
     return ReducedStiffness(basis, _slim(viscous), _slim(hysteretic), inputs, outputs)
 
