@@ -84,19 +84,23 @@ def _fill_stiffness(
         lo, hi = np.searchsorted(term.at, [part.start, part.stop])
         if lo < hi:
             own = term.at[lo:hi] - part.start
-            out[lo:hi] = _squares(rows, term, own)
+            _put_squares(rows, term, own, out[lo:hi])
             _put_direction(term, strains, plane, own, slice(lo, hi))
 
 
-def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64]) -> Reals:
-    """LᵀL or LᵀR + RᵀL, exactly symmetric."""
-    left = np.concatenate([rows[name] for name in term.left], axis=1)[own]
-    if not term.right:
-        out = np.swapaxes(left, 1, 2) @ left
-        return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
-    right = np.concatenate([rows[name] for name in term.right], axis=1)[own]
-    out = np.swapaxes(left, 1, 2) @ right
-    return np.asarray(out + np.swapaxes(out, 1, 2))
+def _put_squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64], out: Reals) -> None:
+    """Put LᵀL or LᵀR + RᵀL into `out`, exactly symmetric."""
+    left = _together(rows, term.left, own)
+    # LᵀL is half of itself twice, so that both cases are one pass
+    right = _together(rows, term.right, own) if term.right else 0.5 * left
+    half = np.swapaxes(left, 1, 2) @ right
+    np.add(half, np.swapaxes(half, 1, 2), out=out)
+
+
+def _together(rows: Rows, names: tuple[str, ...], own: NDArray[np.int64]) -> Reals:
+    """Rows of several names one after the other, of some elements of the chunk."""
+    whole = np.concatenate([rows[name] for name in names], axis=1)
+    return whole if len(own) == len(whole) else whole[own]
 
 
 def _put_direction(term: ShellTerm, strains: ShellStrains, plane: ShellPlane, own: NDArray, place: slice) -> None:
