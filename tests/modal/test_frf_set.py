@@ -44,3 +44,10 @@ def test_what_does_not_fit_is_refused(facts: dict[str, Any], code: str) -> None:
     with pytest.raises(FemtuneError) as caught:
         _frfs(**facts)
     assert caught.value.code == code
+
+
+def test_names_of_combinations_are_one_a_row() -> None:
+    assert _frfs(response_names=("a",) * len(_frfs().responses)).response_names[0] == "a"
+    with pytest.raises(FemtuneError) as caught:
+        _frfs(reference_names=("a",) * 7)
+    assert caught.value.code == "frf.shape"

@@ -120,7 +120,8 @@ class PardisoFactor:
         return (self._call(_SOLVE, block) * self._scale[:, None]).reshape(b.shape)
 
     def __del__(self) -> None:
-        if library is not None and getattr(self, "_settings", None) is not None:
+        # while the interpreter ends nothing can be imported, and the memory goes anyway
+        if library is not None and sys.meta_path is not None and getattr(self, "_settings", None) is not None:
             self._call(_RELEASE, np.zeros((self._n, 1), self._values.dtype, order="F"))
 
 

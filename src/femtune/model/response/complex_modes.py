@@ -19,7 +19,7 @@ from femtune.model.response.quadratic import QuadraticProblem, quadratic_problem
 Poles = NDArray[np.complex128]
 Reals = NDArray[np.float64]
 
-_REAL, _REPEATED, _ZERO = 1e-8, 1e-7, 1e-6
+_REAL, _REPEATED = 1e-8, 1e-7
 _GOOD, _ACCURACY, _ROUNDING, _WORST, _DEFECTIVE = 1e-11, 1e-8, 1e-12, 1e-5, 1e-7
 _MARGIN, _JUST_ABOVE = 8, 1.005
 
@@ -90,7 +90,6 @@ def modes_of(modes: EigenSolution, stiffness: DynamicStiffness, count: int) -> C
     problem = quadratic_problem(modes, stiffness)
     wanted = max(count - problem.free.shape[1], 0)
     poles, vectors, complete = _upper(problem, wanted)
-    poles = np.where(np.abs(poles) <= _ZERO * problem.origin, 0.0, poles)
     poles, vectors = _polished(modes, stiffness, poles, vectors)
     psi = _normalised(stiffness, poles, vectors)
     residuals = _residuals(modes, stiffness, poles, psi)
@@ -109,7 +108,7 @@ def _upper(problem: QuadraticProblem, wanted: int) -> tuple[Poles, NDArray, bool
     asked = 2 * wanted + _MARGIN
     while True:
         poles, vectors, complete = problem.nearest(asked)
-        keep = (poles.imag > -_REAL * np.abs(poles)) | (np.abs(poles) <= _ZERO * problem.origin)
+        keep = poles.imag >= -_REAL * np.abs(poles)
         # what was found are the poles nearest to the origin of the pencil: only inside this circle none is left out
         radius = np.inf if complete else float(np.abs(poles - problem.origin).max()) - problem.origin
         keep &= np.abs(poles) < radius

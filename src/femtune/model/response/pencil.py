@@ -21,7 +21,7 @@ from femtune.model.response.reduced import ReducedStiffness
 Reals = NDArray[np.float64]
 
 _WORST_CONDITION = 1e7
-_MASSLESS, _LOST, _UNTOUCHED, _TINY = 1e-13, 1e-12, 1e-9, 1e-300
+_MASSLESS, _NO_MASS, _LOST, _UNTOUCHED, _TINY = 1e-13, 1e-10, 1e-12, 1e-9, 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +87,10 @@ def _split(k: Reals, C: Reals, H: Reals) -> tuple[Reals, Reals]:
 
 
 def _origin(k: Reals, m: Reals) -> float:
-    """A positive frequency amid those of the basis."""
-    some = (k > 0.0) & (m > 0.0)
-    return float(np.sqrt(np.exp(np.mean(np.log(k[some] / m[some]))))) if some.any() else 1.0
+    """A positive frequency amid those of the basis, vectors that move next to no mass left out."""
+    theta = np.divide(m, k, out=np.zeros_like(m), where=k > 0.0)
+    some = theta > _NO_MASS * theta.max(initial=0.0)
+    return float(np.exp(-0.5 * np.mean(np.log(theta[some])))) if some.any() else 1.0
 
 
 def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArray, NDArray]:

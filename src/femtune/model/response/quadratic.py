@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.model.eigen import EigenSolution
-from femtune.model.response.dynamic_stiffness import DynamicStiffness, NoSolutionError, Solve
+from femtune.model.factorise import SingularMatrixError
+from femtune.model.response.dynamic_stiffness import DynamicStiffness, Solve
 from femtune.model.response.rigid import is_rigid
 
 Reals = NDArray[np.float64]
@@ -24,6 +25,7 @@ Poles = NDArray[np.complex128]
 
 DENSE_UP_TO = 150
 _UNTOUCHED, _INFINITE = 1e-8, 1e-13
+_ZERO, _LARGEST_ZERO, _EPS = 1e-6, 1e-2, 64 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +58,22 @@ class QuadraticProblem:
         every = self.n <= DENSE_UP_TO or count >= 2 * self.n - 2
         theta, y = self._all(solve) if every else self._some(solve, count)
         finite = np.abs(theta) > _INFINITE * np.abs(theta).max(initial=0.0)
-        return self.origin - 1.0 / theta[finite], y[: self.n, finite], every
+        poles, vectors = self.origin - 1.0 / theta[finite], y[: self.n, finite]
+        return np.where(np.abs(poles) <= self._rounding(poles, vectors), 0.0, poles), vectors, every
+
+    def _rounding(self, poles: Poles, vectors: NDArray) -> Reals:
+        """|λ| below which a pole is the rounding of a rigid-body mode's: what K leaves, over what C does."""
+        point, size = self.stiffness.point, np.abs(vectors)
+        left = _EPS * np.einsum("ij,ij->j", size, np.abs(point.stiffness) @ size)
+        slope = 2.0 * poles * (point.mass @ vectors) + self.stiffness.viscous_times(vectors)
+        damped = np.abs(np.einsum("ij,ij->j", vectors.conj(), slope))
+        rounding = np.divide(left, damped, out=np.zeros_like(left), where=damped > 0.0)
+        return np.asarray(np.clip(rounding, _ZERO * self.origin, _LARGEST_ZERO * self.origin))
 
     def _solver(self) -> Solve:
         try:
-            return self.stiffness.solver(self.origin)
-        except NoSolutionError as error:
+            return self.stiffness.rough_solver(self.origin)
+        except (SingularMatrixError, la.LinAlgError) as error:
             raise _no_convergence(str(error)) from error
 
     def _step(self, solve: Solve, y: NDArray) -> NDArray:

@@ -124,7 +124,7 @@ def singular_at(point: ModelPoint, freq_hz: float) -> FemtuneError:
         )
     return FemtuneError(
         "response.resonance",
-        f"configuration {name}: the response is not finite at {freq_hz:.9g} Hz, an undamped natural frequency",
+        f"configuration {name}: at {freq_hz:.9g} Hz the response is not finite, or lost to rounding",
         values={"frequency (Hz)": f"{freq_hz:.9g}"},
-        hint="give the model damping, or leave this frequency line out",
+        hint="an undamped natural frequency lies there: give the model damping, or leave this line out",
     )
