@@ -9,7 +9,7 @@ import numpy as np
 
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building, Library
-from femtune.files.nastran.materials import Materials, Roles
+from femtune.files.nastran.materials import Materials, Roles, shear_modulus
 from femtune.files.nastran.record import Record
 from femtune.parameters.jet import Jet
 
@@ -23,7 +23,6 @@ of its span. More would cost digits: on plates of a thousandth of their span a f
 digit by rounding, and 1e6 the fifth.
 """
 
-_SAME_SHEAR = 0.01
 _DEFINITE = 1e-9
 
 
@@ -133,10 +132,14 @@ def _isotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple
     stiff = laws.derive(record, mid, "D11", isotropic_stiffness, at["E"], at["NU"])
     coupling = laws.derive(record, mid, "D12", isotropic_coupling, at["E"], at["NU"])
     none = laws.none(record, mid)
-    young, shear, poisson = (laws.building.values.values[at[name]] for name in ("E", "G", "NU"))
-    # a card may give E, G and NU that do not belong together
-    isotropic = abs(2.0 * (1.0 + poisson) * shear / young - 1.0) < _SAME_SHEAR
-    return (stiff, coupling, none, stiff, none, at["G"]), isotropic
+    return (stiff, coupling, none, stiff, none, _in_plane_shear(laws, record, mid, at)), True
+
+
+def _in_plane_shear(laws: PlaneLaws, record: Record, mid: int, at: Roles) -> int:
+    """D33 = E / 2(1 + ν): where a card gives G beside E and NU, it counts for transverse shear alone, as in Nastran."""
+    if any(record.blank(name) for name in ("E", "G", "NU")):
+        return at["G"]
+    return laws.derive(record, mid, "D33", shear_modulus, at["E"], at["NU"])
 
 
 def _elastic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Roles:
