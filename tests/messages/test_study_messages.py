@@ -245,11 +245,16 @@ CASES = (
 )  # fmt: skip
 
 
+def _contents(folder: Path) -> dict[Path, bytes]:
+    """All files but the journal, which keeps what was solved before an error."""
+    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.parent.name != "journal"}
+
+
 def _error(files: Files) -> FemtuneError:
-    before = {p: p.read_bytes() for p in files.folder.rglob("*") if p.is_file()}
+    before = _contents(files.folder)
     with pytest.raises(FemtuneError) as caught:
         steps.run("study.toml")
-    assert {p: p.read_bytes() for p in files.folder.rglob("*") if p.is_file()} == before
+    assert _contents(files.folder) == before
     several = caught.value
     return several.errors[0] if isinstance(several, FemtuneErrors) else several
 
