@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -117,11 +117,26 @@ class ElementBatch:
 
     def repoint(self, mask: NDArray[np.bool_], moved: Mapping[int, int]) -> ElementBatch:
         """The batch with the roles of the masked elements moved to other positions of the value table."""
-        roles = {}
-        for name, at in self.roles.items():
-            new = np.array([moved.get(int(i), int(i)) for i in at])
-            roles[name] = np.where(mask, new, at).astype(np.int64)
+        if not mask.any():
+            return self
+        roles = dict(self.roles)
+        for old, new in moved.items():
+            roles |= {name: np.where(mask & (at == old), new, roles[name]) for name, at in self.roles.items()}
         return replace(self, roles=roles)
+
+    def users(self, positions: Collection[int]) -> Integers:
+        """Numbers of the elements that have an entry of the value table among their roles."""
+        entries, rows = self._uses
+        spans = [rows[slice(*np.searchsorted(entries, [i, i + 1]))] for i in positions]
+        return self.ids[np.concatenate([rows[:0], *spans])]
+
+    @cached_property
+    def _uses(self) -> tuple[Integers, Integers]:
+        """Every entry that some element uses, in ascending order, and that element's row."""
+        columns = list({id(at): at for at in self.roles.values()}.values())
+        entries = np.concatenate([np.zeros(0, np.int64), *columns])
+        order = np.argsort(entries, kind="stable")
+        return entries[order], order % max(len(self), 1)
 
 
 @dataclass(frozen=True)
@@ -236,8 +251,7 @@ class Structure:
 
     def users(self, index: int) -> Integers:
         """Numbers of the elements whose matrices depend on an entry of the value table."""
-        touched = list(self.values.dependents([index]))
+        touched = self.values.dependents([index])
         if self.damping.loss_factor in touched:
             return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.ids for b in self.batches)]))
-        found = [b.ids[np.isin(at, touched)] for b in self.batches for at in b.roles.values()]
-        return np.unique(np.concatenate([np.zeros(0, np.int64), *found]))
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.users(touched) for b in self.batches)]))

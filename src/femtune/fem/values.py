@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,40 @@ class Derived:
     sources: tuple[int, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class TableJet:
+    """The value table at a point of parameters; only what moves carries derivatives.
+
+    Parameters
+    ----------
+    value : (n,) all entries
+    rows : (n,) row in `moving` of what moves; −1, its last row, whose derivatives vanish, for the rest
+    moving : (m + 1,) jet of what moves
+    """
+
+    value: NDArray
+    rows: NDArray[np.int64]
+    moving: Jet
+
+    def __getitem__(self, at: int | NDArray[np.int64]) -> Jet:
+        rows = self.rows[at]
+        return Jet(self.value[at], self.moving.grad[rows], self.moving.hess[rows])
+
+    def put(self, at: NDArray[np.int64], entries: Jet) -> None:
+        """Set entries that move."""
+        rows = self.rows[at]
+        self.value[at], self.moving.grad[rows], self.moving.hess[rows] = entries.value, entries.grad, entries.hess
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """Derived entries of one function: `targets` (m,) and `sources` (k, m); sources come from earlier rules."""
+
+    function: Callable[..., Jet]
+    targets: NDArray[np.int64]
+    sources: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class ValueTable:
     """Values by FieldRef; derived entries come after their sources.
@@ -54,37 +89,79 @@ class ValueTable:
         """Position of a field, or None."""
         return self._positions.get(ref)
 
-    @property
+    @cached_property
     def _positions(self) -> dict[FieldRef, int]:
-        cached = self.__dict__.get("_index")
-        if cached is None:
-            cached = {ref: i for i, ref in enumerate(self.refs)}
-            object.__setattr__(self, "_index", cached)
-        return cached
+        return {ref: i for i, ref in enumerate(self.refs)}
+
+    @cached_property
+    def _targets(self) -> frozenset[int]:
+        return frozenset(d.target for d in self.derived)
+
+    @cached_property
+    def _followers(self) -> dict[int, list[int]]:
+        """The entries that follow from an entry directly."""
+        out: dict[int, list[int]] = {}
+        for d in self.derived:
+            for source in d.sources:
+                out.setdefault(source, []).append(d.target)
+        return out
+
+    @cached_property
+    def _rules(self) -> list[_Rule]:
+        """Derived entries, those of one function together, in an order in which sources come first."""
+        depth: dict[int, int] = {}
+        groups: dict[tuple[int, int, Callable[..., Jet]], list[Derived]] = {}
+        for d in self.derived:
+            depth[d.target] = 1 + max((depth.get(s, 0) for s in d.sources), default=0)
+            groups.setdefault((depth[d.target], len(d.sources), d.function), []).append(d)
+        ordered = sorted(groups.items(), key=lambda item: item[0][0])
+        return [
+            _Rule(function, np.array([d.target for d in group]), np.array([d.sources for d in group]).T)
+            for (_, _, function), group in ordered
+        ]
 
     def is_derived(self, i: int) -> bool:
         """True where entry i follows from others."""
-        return any(d.target == i for d in self.derived)
+        return i in self._targets
 
     def dependents(self, indices: Iterable[int]) -> set[int]:
         """The given entries and all that follow from them."""
-        touched = set(indices)
-        for d in self.derived:
-            if touched & set(d.sources):
-                touched.add(d.target)
+        touched, left = set(indices), list(indices)
+        while left:
+            new = [i for i in self._followers.get(left.pop(), ()) if i not in touched]
+            touched.update(new)
+            left += new
         return touched
 
-    def evaluate(self, assigned: Mapping[int, Jet], n_variables: int) -> Jet:
-        """All entries as one jet of shape (n,), with `assigned` entries replaced and derived ones recomputed."""
-        kind = complex if any(np.iscomplexobj(j.value) for j in assigned.values()) else float
-        out = jet.constant(self.values.astype(kind), n_variables)
-        for i, j in assigned.items():
-            _put(out, i, j)
-        touched = self.dependents(assigned)
-        for d in self.derived:
-            if d.target not in assigned and d.target in touched:
-                _put(out, d.target, d.function(*(out[s] for s in d.sources)))
+    def evaluate(self, assigned: Mapping[int, Jet], n_variables: int) -> TableJet:
+        """All entries, with `assigned` ones replaced and derived ones recomputed."""
+        return self.assign([(np.array([i]), j) for i, j in assigned.items()], n_variables)
+
+    def assign(self, assigned: Sequence[tuple[NDArray[np.int64], Jet]], n_variables: int) -> TableJet:
+        """As `evaluate`, many entries at once: positions (m,) and a jet of shape (m,), or one for all of them."""
+        kind = complex if any(np.iscomplexobj(j.value) for _, j in assigned) else float
+        given = np.zeros(len(self.values), bool)
+        for at, _ in assigned:
+            given[at] = True
+        moves = self._moving(given)
+        rows = np.where(moves, np.cumsum(moves) - 1, -1)
+        # the last row stays zero
+        out = TableJet(self.values.astype(kind), rows, jet.constant(np.zeros(moves.sum() + 1, kind), n_variables))
+        for at, j in assigned:
+            out.put(at, j)
+        for rule in self._rules:
+            self._recompute(out, rule, moves[rule.targets] & ~given[rule.targets])
         return out
+
+    def _moving(self, given: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        moves = given.copy()
+        for rule in self._rules:
+            moves[rule.targets[moves[rule.sources].any(axis=0)]] = True
+        return moves
+
+    def _recompute(self, table: TableJet, rule: _Rule, wanted: NDArray[np.bool_]) -> None:
+        if wanted.any():
+            table.put(rule.targets[wanted], rule.function(*(table[at] for at in rule.sources[:, wanted])))
 
     def split(self, index: int, region: str) -> tuple[ValueTable, dict[int, int]]:
         """A copy of an entry, and of all that follow from it, under a region's name.
@@ -104,10 +181,6 @@ class ValueTable:
         return ValueTable(tuple(refs), values, tuple(derived)), moved
 
 
-def _put(table: Jet, i: int, entry: Jet) -> None:
-    table.value[i], table.grad[i], table.hess[i] = entry.value, entry.grad, entry.hess
-
-
 @dataclass
 class ValueTableBuilder:
     """Collects entries while a deck is read; the same field twice is one entry."""
@@ -125,13 +198,18 @@ class ValueTableBuilder:
             self.values.append(float(value))
         return self._index[ref]
 
-    def derive(self, ref: FieldRef, function: Callable[..., Jet], *sources: int) -> int:
-        """An entry that follows from others; `function` takes and returns jets."""
-        known = ref in self._index
-        nominal = function(*(jet.constant(self.values[s], 0) for s in sources))
-        i = self.add(ref, float(nominal.value))
-        if not known:
-            self.derived.append(Derived(i, function, sources))
+    def derive(self, ref: FieldRef, function: Callable[..., Jet], *sources: int, nominal: float | None = None) -> int:
+        """An entry that follows from others; `function` takes and returns jets of one shape, element by element.
+
+        Entries that share the function itself are computed together. `nominal` is the value where it is known.
+        """
+        known = self._index.get(ref)
+        if known is not None:
+            return known
+        if nominal is None:
+            nominal = float(function(*(jet.constant(self.values[s], 0) for s in sources)).value)
+        i = self.add(ref, nominal)
+        self.derived.append(Derived(i, function, sources))
         return i
 
     def table(self) -> ValueTable:

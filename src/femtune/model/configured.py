@@ -15,6 +15,7 @@ from femtune.fem import Structure, join_constraints
 from femtune.fem.contribution import MatrixKind
 from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.singularities import singular_dofs
+from femtune.fem.values import TableJet
 from femtune.model.configuration import Configuration, check_configuration, held_dofs, mass_terms
 from femtune.model.digest import Part, digest
 from femtune.model.parametric import ParametricModel
@@ -84,7 +85,7 @@ class ModelPoint:
     x: NDArray
 
     @cached_property
-    def _table(self) -> Jet:
+    def _table(self) -> TableJet:
         return self.configured.model.table(self.x)
 
     @cached_property

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
+from femtune.fem.values import TableJet
 from femtune.model.terms import Term, compile_terms
 from femtune.parameters import ParameterSet
-from femtune.parameters.jet import Jet
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,22 @@ class ParametricModel:
     placed: tuple[tuple[str, int, bool], ...]
     terms: tuple[Term, ...] = field(repr=False)
 
-    def table(self, x: NDArray) -> Jet:
-        """The value table as a jet of the normalised free parameters x."""
+    def table(self, x: NDArray) -> TableJet:
+        """The value table with derivatives by the normalised free parameters x."""
         jets = self.parameters.jets(x)
         nominal = self.structure.values.values
-        assigned = {i: jets[name] * nominal[i] if relative else jets[name] for name, i, relative in self.placed}
-        return self.structure.values.evaluate(assigned, len(self.parameters.free))
+        assigned = [
+            (at, jets[name][None] * nominal[at] if relative else jets[name]) for name, relative, at in self._fields
+        ]
+        return self.structure.values.assign(assigned, len(self.parameters.free))
+
+    @cached_property
+    def _fields(self) -> list[tuple[str, bool, NDArray[np.int64]]]:
+        """Positions that each parameter sets, absolute and relative apart."""
+        groups: dict[tuple[str, bool], list[int]] = {}
+        for name, i, relative in self.placed:
+            groups.setdefault((name, relative), []).append(i)
+        return [(name, relative, np.array(at)) for (name, relative), at in groups.items()]
 
     def field_values(self, x: NDArray) -> dict[FieldRef, float]:
         """Value of every field that a parameter sets."""
@@ -68,26 +79,26 @@ def parametric_model(
     errors = ErrorCollector()
     with errors.catch():
         _check_regions(structure, parameters, assignments)
-    placed: list[tuple[str, int, bool]] = []
+    placed: dict[int, tuple[str, int, bool]] = {}
     for assignment in assignments:
         with errors.catch():
             structure, position = _place(structure, parameters, assignment, placed)
-            placed.append((assignment.parameter, position, assignment.relative))
+            placed[position] = (assignment.parameter, position, assignment.relative)
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    touched = structure.values.dependents(i for _, i, _ in placed)
-    return ParametricModel(structure, parameters, assignments, tuple(placed), compile_terms(structure, touched))
+    terms = compile_terms(structure, structure.values.dependents(placed))
+    return ParametricModel(structure, parameters, assignments, tuple(placed.values()), terms)
 
 
 def _place(
-    structure: Structure, parameters: ParameterSet, assignment: Assignment, placed: list[tuple[str, int, bool]]
+    structure: Structure, parameters: ParameterSet, assignment: Assignment, placed: Container[int]
 ) -> tuple[Structure, int]:
     position = structure.values.index(assignment.ref)
     if position is None:
         raise _error("parameter.unknown-field", assignment, parameters, "is no field that an element uses")
     users = structure.users(position)
-    chosen = users if assignment.elements is None else np.intersect1d(users, list(assignment.elements))
+    chosen = users if assignment.elements is None else np.array([e for e in users if e in assignment.elements])
     if not chosen.size:
         raise _error("parameter.touches-nothing", assignment, parameters, "is used by no element of the region")
     if assignment.relative and structure.values.values[position] == 0.0:
@@ -99,7 +110,7 @@ def _place(
     if chosen.size < users.size:
         structure = structure.split(position, chosen, assignment.parameter)
         position = len(structure.values.refs) - len(structure.values.dependents([position]))
-    if any(position == i for _, i, _ in placed):
+    if position in placed:
         raise _error("parameter.field-twice", assignment, parameters, _TWICE)
     return structure, position
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,10 @@ from femtune.files.nastran.control import check_selected
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.files.nastran.record import Record
 from femtune.files.nastran.supports import read_unions
-from femtune.parameters.jet import Jet
 
 Reals = NDArray[np.float64]
+# place of each number, rows in the order of the numbers, and from where to where each number's rows are
+_Order = tuple[Mapping[int, int], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 _CARDS = ("NSM", "NSM1", "NSML", "NSML1")
 # TYPE: property cards whose elements it means; PBARL counts as PBAR, PBEAML and PBCOMP as PBEAM, as in Nastran
@@ -53,6 +56,24 @@ class _Elements:
     properties: NDArray[np.int64]
     size: Reals
     area: NDArray[np.bool_]
+
+    def rows(self, entry: _Entry) -> tuple[NDArray[np.int64], Reals]:
+        """Rows of the elements that an entry means, and how often; Nastran counts twice what a list names twice."""
+        every = entry.kind == "ELEMENT"
+        numbers, order, starts, ends = self._by_element if every else self._by_property
+        count = _named(entry.numbers, numbers)
+        rows = np.concatenate([order[:0], *(order[starts[i] : ends[i]] for i in count)])
+        times = np.repeat(np.array(list(count.values())), [ends[i] - starts[i] for i in count])
+        meant = slice(None) if every else np.isin(self.cards[rows], _FAMILIES[entry.kind])
+        return rows[meant], times[meant].astype(float)
+
+    @cached_property
+    def _by_element(self) -> _Order:
+        return _ordered(self.ids)
+
+    @cached_property
+    def _by_property(self) -> _Order:
+        return _ordered(self.properties)
 
 
 def add_nonstructural_mass(building: Building, nodes: NodeTable, batches: Sequence[ElementBatch]) -> list[ElementBatch]:
@@ -140,35 +161,38 @@ def _added(building: Building, elements: _Elements, entries: Iterable[_Entry]) -
     out = np.zeros(len(elements.ids))
     for entry in entries:
         with building.errors.catch():
-            times = _times(entry, elements)
-            building.notices += _unused(entry, elements, times)
-            out += entry.value * (times / _spread(entry, elements, times) if entry.total else times)
+            rows, times = elements.rows(entry)
+            building.notices += _unused(entry, elements, rows)
+            out[rows] += entry.value * (times / _spread(entry, elements, rows, times) if entry.total else times)
     return out
 
 
-def _times(entry: _Entry, elements: _Elements) -> Reals:
-    """How often each element is meant; a list may name one twice, and Nastran counts it twice."""
-    every = entry.kind == "ELEMENT"
-    numbers = elements.ids if every else elements.properties
-    meant = np.ones(len(numbers), bool) if every else np.isin(elements.cards, _FAMILIES[entry.kind])
-    distinct, at = np.unique(numbers, return_inverse=True)
-    named, spans = Counter(entry.numbers.singles), entry.numbers.spans
-    count = [entry.numbers.every + named[n] + sum(n in span for span in spans) for n in distinct.tolist()]
-    return np.where(meant, np.array(count, dtype=float)[at], 0.0)
+def _ordered(numbers: NDArray[np.int64]) -> _Order:
+    distinct, starts = np.unique(np.sort(numbers), return_index=True)
+    places = {int(number): i for i, number in enumerate(distinct)}
+    return places, np.argsort(numbers, kind="stable"), starts, np.append(starts[1:], len(numbers))
 
 
-def _spread(entry: _Entry, elements: _Elements, times: Reals) -> float:
+def _named(numbers: IntegerList, places: Mapping[int, int]) -> dict[int, int]:
+    """Places of the numbers that a list names, and how often it does."""
+    named, spans = Counter(numbers.singles), numbers.spans
+    asked = places if spans or numbers.every else [n for n in named if n in places]
+    count = {places[n]: numbers.every + named[n] + sum(n in span for span in spans) for n in asked}
+    return {place: times for place, times in count.items() if times}
+
+
+def _spread(entry: _Entry, elements: _Elements, rows: NDArray[np.int64], times: Reals) -> float:
     """Length or area over which a total is spread (1 where there is none)."""
-    kinds = elements.area[times > 0.0]
+    kinds = elements.area[rows]
     if kinds.any() and not kinds.all():
         raise entry.record.error("deck.nonstructural-mass", "a mass is to be spread over lengths and areas at once",
                                  hint="give line elements and shells a card each")  # fmt: skip
-    return float(times @ elements.size) or 1.0
+    return float(times @ elements.size[rows]) or 1.0
 
 
-def _unused(entry: _Entry, elements: _Elements, times: Reals) -> Iterable[Notice]:
+def _unused(entry: _Entry, elements: _Elements, rows: NDArray[np.int64]) -> Iterable[Notice]:
     """What a card names and nobody has; Nastran passes over it too."""
-    known = set((elements.ids if entry.kind == "ELEMENT" else elements.properties)[times > 0.0].tolist())
+    known = set((elements.ids if entry.kind == "ELEMENT" else elements.properties)[rows].tolist())
     lost = sorted(set(entry.numbers.singles) - known)
     if lost or not known:
         shown = ", ".join(map(str, lost[:_MOST_NAMED])) + (" …" if len(lost) > _MOST_NAMED else "")
@@ -190,9 +214,7 @@ def _with_added(building: Building, batch: ElementBatch, extra: Reals) -> Elemen
 
 def _sum(building: Building, own: int, more: float) -> int:
     """Position of the property's NSM plus a constant."""
-    ref = building.values.refs[own]
-    return building.values.derive(FieldRef(ref.card, ref.id, f"{ref.name} + {more!r}"), _plus(more), own)
-
-
-def _plus(more: float) -> Callable[[Jet], Jet]:
-    return lambda own: own + more
+    values, ref = building.values, building.values.refs[own]
+    added = values.add(FieldRef("", 0, f"added mass {more!r}"), more)
+    name = f"{ref.name} + {more!r}"
+    return values.derive(FieldRef(ref.card, ref.id, name), add, own, added, nominal=values.values[own] + more)

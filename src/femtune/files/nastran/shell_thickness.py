@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
 from femtune.errors import Notice, Where
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.record import Record
 from femtune.files.nastran.shell_properties import ShellSection
-from femtune.parameters.jet import Jet
 
 _MOST_DIFFERENCE = 0.2
 
@@ -40,9 +41,10 @@ class Thicknesses:
         own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
         corners = [self.building.value(record, eid, name) for name in given]
         rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
-        mean = self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *own, *corners)
-        self._check(record, [self.building.values.values[i] for i in corners], own, relative)
-        return mean
+        values = self.building.values.values
+        self._check(record, [values[i] for i in corners], own, relative)
+        nominal = rule(*(values[i] for i in (*own, *corners)))
+        return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *own, *corners, nominal=nominal)
 
     def _of_property(self, record: Record, section: ShellSection) -> int:
         if section.thickness is None:
@@ -83,10 +85,11 @@ class Thicknesses:
         return [Notice("deck.uneven-thickness", what, self.uneven[0])]
 
 
-def corner_mean(n: int) -> Callable[..., Jet]:
+@cache
+def corner_mean(n: int) -> Callable[..., Any]:
     """Mean over n corners of thicknesses; the first one given stands for those that are blank too."""
 
-    def mean(first: Jet, *others: Jet) -> Jet:
+    def mean(first: Any, *others: Any) -> Any:
         total = first * float(n - len(others))
         for one in others:
             total = total + one
@@ -95,10 +98,11 @@ def corner_mean(n: int) -> Callable[..., Jet]:
     return mean
 
 
-def scaled_mean(n: int) -> Callable[..., Jet]:
+@cache
+def scaled_mean(n: int) -> Callable[..., Any]:
     """A thickness times the mean over n corners of factors, 1 where blank."""
 
-    def mean(thickness: Jet, *factors: Jet) -> Jet:
+    def mean(thickness: Any, *factors: Any) -> Any:
         total = factors[0] + float(n - len(factors))
         for one in factors[1:]:
             total = total + one

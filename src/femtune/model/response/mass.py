@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femtune.fem.checks import MassProperties, mass_properties_of, rigid_body_modes
+from femtune.fem.values import TableJet
 from femtune.model.configuration import mass_terms
 from femtune.model.configured import ModelPoint
 from femtune.model.terms import Term
-from femtune.parameters.jet import Jet
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def _rigid_mass(point: ModelPoint, about: NDArray) -> tuple[NDArray, NDArray]:
     return value, gradient
 
 
-def _of_term(term: Term, motions: NDArray, active: NDArray, table: Jet) -> tuple[NDArray, NDArray]:
+def _of_term(term: Term, motions: NDArray, active: NDArray, table: TableJet) -> tuple[NDArray, NDArray]:
     moved = motions[term.dofs[active]]
     parts = np.einsum("eia,eij,ejb->eab", moved, term.matrices[active], moved, optimize=True)
     if term.coefficient is None:
