@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -207,6 +208,12 @@ def _width(card: Card, index: int) -> int:
     if row < len(card.lines):
         return field_width(card.lines[row], slot)
     return layout_of(card.lines[-1]).width
+
+
+def in_all_fields(card: Card, indices: Sequence[int], value: float) -> float:
+    """The value that every one of some fields holds: rounded to the narrowest of them where they are several."""
+    narrowest = min(_width(card, index) for index in indices)
+    return rounded(value, narrowest) if len(indices) > 1 and math.isfinite(value) else value
 
 
 def _texts(card: Card, values: Mapping[int, float | int | str], widen: bool) -> dict[int, str]:

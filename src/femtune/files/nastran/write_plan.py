@@ -9,7 +9,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.catalogue import CATALOGUE, MATERIAL, PROPERTY
-from femtune.files.nastran.edit import EditedDeck, NewCard, edit_fields
+from femtune.files.nastran.edit import EditedDeck, NewCard, edit_fields, in_all_fields
 from femtune.files.nastran.reals import format_real, rounded
 from femtune.files.nastran.record import Record, records_of
 
@@ -102,7 +102,10 @@ class _Planning:
             place = place.beside({index: text for (card, index), text in self.edits.items() if card == place.card})
         if place.flag is not None:
             self.edits[place.card, place.flag[0]] = place.flag[1]
-        self.edits.update({(place.card, index): float(value) for index in place.fields})
+        # a value that stands in several fields stays one value
+        card = self.built.deck.cards[place.card]
+        held = float(value) if self.wide else in_all_fields(card, place.fields, float(value))
+        self.edits.update({(place.card, index): held for index in place.fields})
         self.places.update({(place.card, index): ref for index in place.fields})
         self.at[ref] = (place.card, place.fields[0])
 
