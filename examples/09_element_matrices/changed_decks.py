@@ -1,0 +1,64 @@
+"""Two decks of others, changed in a folder of our own: one without what is not read yet, one with finer meshes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+LATER = ("CHEXA", "CPENTA", "CTETRA", "PSOLID", "PCOMP")
+"""Cards of the deck of all elements that are not understood yet."""
+
+SOLID_DECK = "static_solid_shell_bar_kelm.bdf"
+SHEET_DECK = "random_test_bar_plus_tri.bdf"
+
+
+def cards(text: str) -> list[tuple[list[str], str]]:
+    """Fields of the first line of each card, and all its lines with those of comments after it."""
+    found: list[tuple[list[str], str]] = []
+    for line in text.splitlines(keepends=True):
+        if found and line[:1] in (" ", ",", "$", "+", "\n", "\t"):
+            found[-1] = (found[-1][0], found[-1][1] + line)
+        else:
+            found.append((re.split(r"[,\s]+", line.strip()), line))
+    return found
+
+
+def without_later(source: Path, folder: Path) -> tuple[Path, dict[int, str]]:
+    """The deck of all elements without solids and composite shells, and the card names of these by element number."""
+    composite = {f[1] for f, _ in cards((source / "geom.inc").read_text()) if f[0] == "PCOMP"}
+    left_out: dict[int, str] = {}
+    for name in ("geom.inc", SOLID_DECK):
+        kept = ""
+        for fields, lines in cards((source / name).read_text()):
+            layered = fields[0] in ("CQUAD4", "CTRIA3") and fields[2] in composite
+            if fields[0] in LATER or layered:
+                if fields[0].startswith("C"):
+                    left_out[int(fields[1])] = f"{fields[0]} with PCOMP" if layered else fields[0]
+            else:
+                kept += lines
+        (folder / name).write_text(kept)
+    return folder / SOLID_DECK, left_out
+
+
+def refined(source: Path, folder: Path, n: int) -> Path:
+    """The deck of one square and one triangle beside a row of bars, with n elements along every unit of length."""
+    mesh = ("GRID", "CBAR", "CQUAD4", "CTRIA3")
+    kept = "".join(lines for fields, lines in cards((source / SHEET_DECK).read_text()) if fields[0] not in mesh)
+    points: dict[tuple[int, int], int] = {(0, 0): 1}
+    corners: list[list[tuple[int, int]]] = []
+    lines = [[(0, i), (0, i + 1)] for i in range(4 * n)]
+    for j in range(2 * n, 4 * n):
+        # the square lies between y = 2 and 3, the triangle above it has its right angle at (0, 3)
+        for i in range(min(n, 4 * n - j)):
+            square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            corners += [square] if j < 3 * n or i + j + 2 <= 4 * n else [[square[0], square[1], square[3]]]
+    for point in (p for element in (*lines, *corners) for p in element):
+        points.setdefault(point, len(points) + 1)
+    text = [f"GRID,{number},,{x / n!r},{y / n!r},0." for (x, y), number in points.items()]
+    text += [f"CBAR,{k},1,{points[a]},{points[b]},1.,0.,0." for k, (a, b) in enumerate(lines, 101)]
+    for k, corner in enumerate(corners, 4 * n + 101):
+        name = "CQUAD4" if len(corner) == 4 else "CTRIA3"
+        text.append(",".join(map(str, [name, k, 3, *(points[p] for p in corner)])))
+    path = folder / f"refined_{n}.bdf"
+    path.write_text(re.sub(r"(?i)enddata", "\n".join(text) + "\nENDDATA", kept))
+    return path

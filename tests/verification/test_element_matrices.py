@@ -1,0 +1,165 @@
+"""Element matrices that commercial Nastran wrote beside ours, and a deck of single elements that they explain."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.fem.assemble import assemble
+from femtune.files.nastran import build_structure, read_deck
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "09_element_matrices"
+PLATE = {"young": 2.9e7, "poisson": 0.32, "shear": 1.1e7}
+
+
+def _load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLE / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+op2, changed_decks, commercial, ours = (_load(name) for name in ("op2", "changed_decks", "commercial", "ours"))
+
+
+@pytest.fixture(scope="module")
+def source(shared_data: Path) -> Path:
+    return shared_data / "nastran_decks"
+
+
+@pytest.fixture(scope="module")
+def theirs(source: Path) -> dict[str, Any]:
+    file = source / "solid_shell_bar" / "static_solid_shell_bar_kelm.op2"
+    return {kind: op2.element_matrices(file, kind) for kind in "KM"} | {"blocks": op2.data_blocks(file)}
+
+
+@pytest.fixture(scope="module")
+def structure(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("all_elements")
+    return build_structure(read_deck(changed_decks.without_later(source / "solid_shell_bar", folder)[0])).structure
+
+
+def test_the_matrices_that_were_read_make_the_assembled_one(theirs: dict[str, Any]) -> None:
+    """KGG of the same file is the sum of all elements."""
+    assembled = op2.matrix_columns(theirs["blocks"]["KGG"])
+    total = np.zeros_like(assembled)
+    for matrix in theirs["K"].values():
+        dofs = ours.dofs_of(matrix)
+        total[np.ix_(dofs, dofs)] += matrix.matrix
+    assert len(theirs["K"]) == 21
+    np.testing.assert_allclose(total, assembled, atol=1e-15 * np.abs(assembled).max())
+
+
+def test_bars_beams_and_rods_are_the_same_to_rounding(structure: Any, theirs: dict[str, Any]) -> None:
+    found = ours.our_matrices(structure, "stiffness")
+    lines = [n for n, matrix in found.items() if matrix.card in ("CBAR", "CBEAM", "CROD")]
+    assert sorted(lines) == [12, 13, 14, 15]
+    assert max(ours.difference(theirs["K"][n], found[n]) for n in lines) < 1e-14
+
+
+def test_masses_are_the_same_to_rounding(structure: Any, theirs: dict[str, Any]) -> None:
+    """But for ρ I L/2 of rotary inertia at the ends of a CBEAM, which not all versions have."""
+    found = ours.our_matrices(structure, "mass")
+    assert max(ours.difference(theirs["M"][n], m) for n, m in found.items() if m.card != "CBEAM") < 1e-14
+    beam = found[12]
+    extra = np.diag(theirs["M"][12].matrix - beam.on(ours.dofs_of(theirs["M"][12]))).reshape(2, 6)
+    np.testing.assert_allclose(extra[:, :3], 0.0, atol=1e-16)
+    np.testing.assert_allclose(extra[:, 5], 0.0, atol=1e-12)
+    np.testing.assert_allclose(extra[:, 3:5], 0.283 * 0.0052083 / 2.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize("number", [6, 7, 8, 9, 10, 11])
+def test_shells_share_membrane_and_constant_curvature(structure: Any, theirs: dict[str, Any], number: int) -> None:
+    """Any motion of constant strain or curvature, with no drilling and no transverse shear, meets the same forces."""
+    matrix = theirs["K"][number]
+    xyz = structure.nodes.xyz[[row // 6 for row in matrix.rows]]
+    corners, axes = ours.shell_axes(xyz)
+    difference = matrix.matrix - ours.our_matrices(structure, "stiffness")[number].on(ours.dofs_of(matrix))
+    in_plane, bending = (ours.part(difference, axes, c) for c in (ours.MEMBRANE, ours.BENDING))
+    size = np.abs(ours.part(matrix.matrix, axes, ours.BENDING)).max()
+    x, y = (corners - corners.mean(axis=0)).T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    # w = −½x², −½y², −xy: slopes are θx = w,y and θy = −w,x
+    for w, tx, ty in ((-0.5 * x**2, zero, x), (-0.5 * y**2, -y, zero), (-x * y, -x, y)):
+        np.testing.assert_allclose(bending @ np.column_stack([w, tx, ty]).ravel(), 0.0, atol=1e-6 * size)
+    for u, v in ((x, zero), (zero, y), (y, x)):
+        np.testing.assert_allclose(in_plane @ np.column_stack([u, v, zero]).ravel(), 0.0, atol=1e-12 * size)
+    np.testing.assert_allclose(in_plane @ np.column_stack([-y, x, one]).ravel(), 0.0, atol=1e-12 * size)
+
+
+THICKNESS = {**dict.fromkeys(range(6, 12), 0.25), 16: 1.0, 17: 1.5, 18: 1.0, 19: 1.0, 20: 1.5, 21: 1.5}
+
+
+@pytest.mark.parametrize("number", THICKNESS)
+def test_the_formulas_of_the_commercial_shells(structure: Any, theirs: dict[str, Any], number: int) -> None:
+    """Bending, transverse shear and drilling as the example says, at three thicknesses."""
+    matrix = theirs["K"][number]
+    corners, axes = ours.shell_axes(structure.nodes.xyz[[row // 6 for row in matrix.rows]])
+    plate = commercial.Plate(**PLATE, thickness=THICKNESS[number])
+    bending, in_plane = (ours.part(matrix.matrix, axes, c) for c in (ours.BENDING, ours.MEMBRANE))
+    np.testing.assert_allclose(
+        commercial.bending_stiffness(plate, corners), bending, atol=1e-12 * np.abs(bending).max()
+    )
+    turning = commercial.drilling_stiffness(100.0, plate, corners)[2::3]
+    np.testing.assert_allclose(turning, in_plane[2::3], atol=1e-12 * np.abs(turning).max())
+
+
+LISTED = [46.014, 47.388, 147.61, 309.85, 441.41, 1334.9, 1793.5]
+
+
+def test_commercial_shells_in_our_model_give_the_listed_modes(source: Path) -> None:
+    """One square, one triangle and four bars: nothing else differs, so these elements are the reason."""
+    structure = build_structure(read_deck(source / changed_decks.SHEET_DECK)).structure
+    bare = replace(structure, drilling=0.0)
+    plate = commercial.Plate(2e6, 0.33, 2e6 / 2.66, 0.1)
+    stiffness = assemble(bare, "stiffness").toarray()
+    for card in ("CQUAD4", "CTRIA3"):
+        stiffness += ours.on_shells(
+            bare, card, ours.BENDING, lambda corners, own: commercial.bending_stiffness(plate, corners) - own
+        )
+        stiffness += ours.on_shells(
+            bare, card, ours.MEMBRANE, lambda corners, own: commercial.drilling_stiffness(100.0, plate, corners)
+        )
+    found = ours.frequencies(structure, stiffness, 3, 7)
+    np.testing.assert_allclose(found, LISTED, rtol=2e-5)
+    own = ours.frequencies(structure, assemble(structure, "stiffness").toarray(), 3, 7)
+    assert 0.03 < np.abs(own / np.array(LISTED) - 1.0).max() < 0.05
+
+
+def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> None:
+    """Single elements with lumped mass are up to 60 % away: a percent between programs says nothing of either."""
+    last = None
+    steps = []
+    for n in (1, 2, 4):
+        structure = build_structure(read_deck(changed_decks.refined(source, tmp_path, n))).structure
+        found = ours.frequencies(structure, assemble(structure, "stiffness").toarray(), 3, 7)
+        if last is not None:
+            steps.append(np.abs(found / last - 1.0).max())
+        last = found
+    assert steps[0] > 0.4
+    assert steps[1] < 0.11
+
+
+def test_solids_and_composites_are_refused_by_name(source: Path) -> None:
+    with pytest.raises(FemtuneError) as error:
+        build_structure(read_deck(source / "solid_shell_bar" / "mode_solid_shell_bar.bdf"))
+    text = str(error.value)
+    assert all(name in text for name in ("CHEXA", "CPENTA", "CTETRA", "PCOMP"))
+
+
+def test_no_output2_file_is_a_plain_error(tmp_path: Path) -> None:
+    path = tmp_path / "broken.op2"
+    path.write_bytes(b"\x04\x00\x00\x00\x03\x00\x00\x00")
+    with pytest.raises(ValueError, match="no record"):
+        op2.data_blocks(path)
