@@ -1,5 +1,6 @@
 """The language that test and model share: modes and frequency response functions, and how shapes compare."""
 
+from femtune.modal.frf_kind import as_kind, frac
 from femtune.modal.frf_set import FrfSet
 from femtune.modal.mac import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
 from femtune.modal.mode_set import ModeSet
@@ -9,10 +10,12 @@ __all__ = [
     "FrfSet",
     "ModeSet",
     "Rotation",
+    "as_kind",
     "auto_mac",
     "clusters",
     "comac",
     "cross_orthogonality",
+    "frac",
     "mac",
     "modal_scale_factor",
     "principal_angles_deg",

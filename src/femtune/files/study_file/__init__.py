@@ -12,9 +12,11 @@ from femtune.files.study_file.configuration import (
     switched_off,
 )
 from femtune.files.study_file.kinds import element_list
+from femtune.files.study_file.options import with_response
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.reading import read_study_file, study_from_text
 from femtune.files.study_file.region import NearTable, RegionTable
+from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.steps import (
     CorrelateTable,
     ModesTable,
@@ -34,6 +36,7 @@ __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
     "LeaveOutEntry",
+    "LoadEntry",
     "MassEntry",
     "ModesTable",
     "NearTable",
@@ -41,6 +44,7 @@ __all__ = [
     "PairEntry",
     "ParameterEntry",
     "RegionTable",
+    "ResponseTable",
     "ResidualsTable",
     "RigidFloorEntry",
     "SensorEntry",
@@ -58,4 +62,5 @@ __all__ = [
     "study_from_text",
     "supports",
     "switched_off",
+    "with_response",
 ]

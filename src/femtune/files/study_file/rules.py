@@ -15,6 +15,7 @@ from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.lines import Place
 from femtune.files.study_file.parameter_rules import parameter_rules
 from femtune.files.study_file.plain import named_twice, number, table, tables, texts
+from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
 
 Data = dict[str, Any]
@@ -31,6 +32,7 @@ def rules(data: Data, source: Source) -> Problems:
     yield from parameter_rules(data, source)
     yield from _residuals(data, source)
     yield from _regularisation(data, source)
+    yield from response_rules(data, source)
 
 
 def _modes(data: Data, source: Source) -> Problems:

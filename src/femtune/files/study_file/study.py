@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr
 from femtune.errors import Where
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import Source
 from femtune.files.study_file.steps import (
     CorrelateTable,
@@ -42,6 +43,8 @@ class StudyFile(Table):
     parameter: tuple[ParameterEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     update: UpdateTable = Field(default_factory=UpdateTable)
+    response: ResponseTable | None = None
+    load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
     output: OutputTable = Field(default_factory=OutputTable)
 

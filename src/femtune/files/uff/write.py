@@ -34,7 +34,7 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
     """
     several = [tests] if isinstance(tests, ModalTest) else list(tests)
     _check(several, title_lines)
-    lines = [*_units(several[0]), *_geometry(several[0].geometry)]
+    lines = [*units_set(several[0]), *geometry_sets(several[0].geometry)]
     for test in several:
         lines += _modes(test, title_lines)
     try:
@@ -45,23 +45,24 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
         ) from problem
 
 
-def _refuse(what: str, hint: str = "") -> FemtuneError:
+def refuse(what: str, hint: str = "") -> FemtuneError:
+    """The error that the format cannot hold something."""
     return FemtuneError("uff.cannot-write", what, hint=hint)
 
 
 def _check(tests: Sequence[ModalTest], title_lines: Sequence[str]) -> None:
     if not tests or any(test.modes is None or not len(test.modes) for test in tests):
-        raise _refuse("there is no test, or one without modes", "write tests that have modes")
+        raise refuse("there is no test, or one without modes", "write tests that have modes")
     for text in (*title_lines, *(test.name for test in tests)):
         if len(text) > 80 or not text.isprintable():
-            raise _refuse(f"'{text[:90]!r}' is no ID line", "an ID line is printable and at most 80 long")
+            raise refuse(f"'{text[:90]!r}' is no ID line", "an ID line is printable and at most 80 long")
     if len(title_lines) > 4:
-        raise _refuse("a data set 55 has room for four title lines")
+        raise refuse("a data set 55 has room for four title lines")
     for test in tests[1:]:
         if test.units != tests[0].units or not _same(test.geometry, tests[0].geometry):
-            raise _refuse(f"test '{test.name}' has other units or another geometry than '{tests[0].name}'")
+            raise refuse(f"test '{test.name}' has other units or another geometry than '{tests[0].name}'")
     if len({test.name for test in tests}) < len(tests):
-        raise _refuse("two tests have the same name", "the name tells the configurations apart")
+        raise refuse("two tests have the same name", "the name tells the configurations apart")
     for test in tests:
         _check_modes(test)
 
@@ -75,21 +76,22 @@ def _check_modes(test: ModalTest) -> None:
     modes = test.modes
     assert modes is not None
     if any(dof.component == 0 for dof in modes.dofs):
-        raise _refuse("the format has no scalar points", "leave DOFs of direction S out")
+        raise refuse("the format has no scalar points", "leave DOFs of direction S out")
     numbers = set(modes.labels)
     if len(numbers) < len(modes) or not all(label.isdecimal() and int(label) > 0 for label in numbers):
-        raise _refuse(f"the labels of the modes must be different numbers: {', '.join(modes.labels)}")
+        raise refuse(f"the labels of the modes must be different numbers: {', '.join(modes.labels)}")
     if modes.damping_ratio is not None and not (np.abs(modes.damping_ratio) < 1).all():
-        raise _refuse("a damping ratio is not between -1 and 1", "give damping as a fraction of critical")
+        raise refuse("a damping ratio is not between -1 and 1", "give damping as a fraction of critical")
     partly = np.isnan(modes.shapes).any(axis=1)
     zero = ~(modes.shapes != 0).any(axis=1)
     for rows, why in ((partly, "has missing entries (NaN)"), (zero, "is zero in every mode")):
         if rows.any():
             first = modes.dofs[int(np.flatnonzero(rows)[0])]
-            raise _refuse(f"{first} {why}: read back it would not be the same", "leave the DOF out")
+            raise refuse(f"{first} {why}: read back it would not be the same", "leave the DOF out")
 
 
-def _set(number: int, lines: Iterable[str]) -> Iterator[str]:
+def data_set(number: int, lines: Iterable[str]) -> Iterator[str]:
+    """The lines of a data set between its marks."""
     yield from ("    -1", f"{number:6d}", *lines, "    -1")
 
 
@@ -97,25 +99,27 @@ def _doubles(values: Iterable[float]) -> str:
     return "".join(f"{value:25.16E}" for value in values).replace("E", "D")
 
 
-def _units(test: ModalTest) -> Iterator[str]:
+def units_set(test: ModalTest) -> Iterator[str]:
+    """Data set 164: the units of a test."""
     units = test.units
     factors = _doubles((1 / units.length, 1 / units.force, 1.0))
-    return _set(164, [f"{9:10d}{units.name[:20]:<20}{2:10d}", factors, _doubles([273.15])])
+    return data_set(164, [f"{9:10d}{units.name[:20]:<20}{2:10d}", factors, _doubles([273.15])])
 
 
-def _geometry(frame: WireFrame) -> Iterator[str]:
+def geometry_sets(frame: WireFrame) -> Iterator[str]:
+    """Data sets 2420, 2411, 82 and 2412: local axes, nodes, lines, elements; what is empty is left out."""
     assert frame.axes is not None
     turned = [i for i in range(len(frame)) if not np.array_equal(frame.axes[i], np.eye(3))]
     # System 1 is the global one wherever it is not defined, so ours begin at 2.
     numbers = {i: k + 2 for k, i in enumerate(turned)}
     if turned:
-        yield from _set(2420, _systems(frame.axes, numbers))
+        yield from data_set(2420, _systems(frame.axes, numbers))
     if len(frame):
-        yield from _set(2411, _nodes(frame, numbers))
+        yield from data_set(2411, _nodes(frame, numbers))
     for k, path in enumerate(frame.lines):
-        yield from _set(82, [f"{k + 1:10d}{len(path):10d}{1:10d}", f"line {k + 1}", *_rows(path)])
+        yield from data_set(82, [f"{k + 1:10d}{len(path):10d}{1:10d}", f"line {k + 1}", *_rows(path)])
     if frame.elements:
-        yield from _set(2412, _elements(frame))
+        yield from data_set(2412, _elements(frame))
 
 
 def _systems(axes: NDArray, numbers: dict[int, int]) -> Iterator[str]:
@@ -157,7 +161,7 @@ def _modes(test: ModalTest, title_lines: Sequence[str]) -> Iterator[str]:
     is_complex = np.iscomplexobj(table)
     for j in range(len(modes)):
         head = [1, 3 if is_complex else 2, 2 if table.shape[1] == 3 else 3, 8, 5 if is_complex else 2]
-        yield from _set(
+        yield from data_set(
             55,
             [
                 *titles,

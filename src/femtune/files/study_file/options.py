@@ -1,0 +1,48 @@
+"""[response] with what the command line says in place of its keys, under the rules of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from femtune.errors import ErrorCollector, FemtuneError
+from femtune.files.study_file.problems import problems
+from femtune.files.study_file.response_rules import response_rules
+from femtune.files.study_file.source import Source
+from femtune.files.study_file.study import StudyFile
+
+_COMMAND_LINE = "command line"
+_EXCLUSIVE = (("step_hz", "lines"), ("modes", "max_hz"), ("ratio", "ratios"))
+"""One of each pair that is given takes the place of the other."""
+
+
+def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
+    """The study with keys of [response] replaced by `options`; those that are None stay as they are.
+
+    Raises
+    ------
+    FemtuneError : as for a file, with the place "command line"
+    """
+    given = {key: value for key, value in options.items() if value is not None}
+    if not given:
+        return file
+    known = {} if file.response is None else file.response.model_dump(exclude_unset=True)
+    for one, other in _EXCLUSIVE:
+        for key, rival in ((one, other), (other, one)):
+            if key in given and rival not in given:
+                known.pop(rival, None)
+    return file.model_copy(update={"response": _checked(file, {**known, **given})})
+
+
+def _checked(file: StudyFile, response: dict[str, Any]) -> Any:
+    source = Source(_COMMAND_LINE)
+    errors: list[FemtuneError] = list(response_rules({"response": response}, source))
+    study = file.study.model_dump(exclude_unset=True)
+    try:
+        checked = StudyFile.model_validate({"study": study, "response": response})
+    except ValidationError as findings:
+        errors = [*problems(findings, source), *errors]
+    ErrorCollector(errors).raise_if_any()
+    return checked.response
