@@ -25,10 +25,11 @@ TEST_HZ = (6.38, 16.10, 33.12, 33.53, 35.65, 48.38, 49.43, 55.08)
 
 @dataclass(frozen=True)
 class Aeroplane:
-    """One state of the aeroplane: its deck, what femtune says of it, and its natural frequencies."""
+    """One state of the aeroplane: deck and page, what femtune says of it, and its natural frequencies."""
 
     name: str
     deck: Path
+    page: Path
     facts: ModelFacts
     freq_hz: tuple[float, ...]
 
@@ -39,12 +40,14 @@ class Aeroplane:
 
 
 def aeroplane(folder: Path, mesh_file: Path, clamped: bool) -> Aeroplane:
-    """Write the deck and solve it."""
+    """Write the deck, solve it, and write a page with a picture of each mode."""
     name = "clamped" if clamped else "free"
     deck = folder / f"garteur_{name}.bdf"
     deck.write_text(deck_text(read_mesh(mesh_file), clamped))
-    (found,) = steps.modes(deck)
-    return Aeroplane(name, deck, steps.info(deck), tuple(found.freq_hz))
+    page = deck.with_suffix(".html")
+    found = steps.modes_report(deck, page)
+    assert found.model is not None
+    return Aeroplane(name, deck, page, found.model, found.modes[0].freq_hz)
 
 
 def check(state: Aeroplane) -> None:
@@ -99,7 +102,7 @@ def main() -> None:
     if arguments.evidence:
         (arguments.evidence / "07_garteur.md").write_text(text + "\n")
     for state in states:
-        print(f"deck: {state.deck}")
+        print(f"deck: {state.deck}\npage: {state.page}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""The words of the command line as functions: info, modes, correlate, select, update, report, run."""
+"""The words of the command line as functions: info, modes, correlate, select, update, report, run.
+
+`modes_report` is ``modes --report``.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from femtune.files.study_file import read_study_file
+from femtune.study.modes_results import modes_results
 from femtune.study.progress import Progress, silent
+from femtune.study.results import Results
 from femtune.study.run_folder import read_results
 from femtune.study.steps import RunFolder, correlate, info, mode_sets, modes, select, update
 
-__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "report", "run", "select", "update"]
+__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "modes_report", "report", "run", "select", "update"]
 
 REPORT_FILE = "report.html"
 
@@ -38,6 +43,37 @@ def run(
     """
     folder = update(path, output, wide, progress, fresh=fresh)
     return replace(folder, report=report(folder.folder, progress))
+
+
+def modes_report(
+    path: Path | str,
+    page: Path | str,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
+) -> Results:
+    """Write a page of the natural modes of a study, or of a deck alone, with a picture of each; returns what it shows.
+
+    Parameters
+    ----------
+    path : the study file, or the deck
+    page : the HTML file to write: one file that loads nothing from elsewhere
+    fresh, remarks : as for `modes`
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable`` before anything is solved, ``write.overwrites-input``, and as `modes`
+    """
+    # as in `report`
+    from femtune.report import build_modes_page, check_page, write_html  # noqa: PLC0415
+
+    page = Path(page)
+    check_page(page)
+    results, arrays = modes_results(path, progress, fresh=fresh, remarks=remarks, keep=[page])
+    progress.step("drawing the modes", 0, None)
+    write_html(build_modes_page(results, arrays), page)
+    return results
 
 
 def report(path: Path | str, progress: Progress = silent) -> Path:

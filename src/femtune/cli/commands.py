@@ -54,15 +54,16 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
 
 @main.command()
 @click.argument("path", type=_FILE)
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write a page (HTML) with a picture of each mode.")
 @_fresh
 @_json
 @_quiet
-def modes(path: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
+def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Natural frequencies and modes of each configuration.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
-    _show("modes", path, as_json, quiet, fresh)
+    _show("modes", path, as_json, quiet, fresh, page)
 
 
 @main.command()
@@ -138,19 +139,25 @@ def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
         return function(path, progress=progress, **options)
 
 
-def _show(step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False) -> None:
-    """The result of one step, as JSON or as tables; tables of a comparison take its matrices too."""
+def _show(step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False, page: Path | None = None) -> None:
+    """The result of one step, as JSON or as tables, and on a `page`; tables of a comparison take its matrices too."""
     from femtune.cli import output  # noqa: PLC0415
 
     arrays: dict[str, Any] = {}
     remarks: list[str] = []
     options = {} if step == "info" else {"fresh": fresh, "remarks": remarks}
-    result = _do(step, path, quiet, **options, **({"arrays": arrays} if step == "correlate" else {}))
+    if page is not None:
+        result = _do("modes_report", path, quiet, page=page, **options).modes
+    else:
+        result = _do(step, path, quiet, **options, **({"arrays": arrays} if step == "correlate" else {}))
     _say(remarks, quiet)
     if as_json:
         click.echo(output.as_text(result))
     elif not quiet:
         output.show_document(output.document_of_step(step, path, result, arrays))
+    if page is not None:
+        # standard output is the JSON's alone
+        click.echo(f"report: {printable(str(page.resolve()))}", err=as_json)
 
 
 def _say(remarks: list[str], quiet: bool) -> None:

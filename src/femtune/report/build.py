@@ -1,4 +1,4 @@
-"""From results to a document."""
+"""From results to documents."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femtune.report.document import Document, Paragraph, Section
-from femtune.report.sections import BUILDERS
+from femtune.report.document import Block, Document, Paragraph, Section
+from femtune.report.sections import BUILDERS, MODES_BUILDERS
 from femtune.report.short_form import short_form
 from femtune.report.source import Source
 from femtune.report.text_file import SectionText, section_texts
-from femtune.report.verdict import verdict
+from femtune.report.verdict import sturm_verdict, verdict
 from femtune.study.results import Results
 
 
@@ -23,13 +23,21 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     """
     source = Source(results, arrays)
     sentence, level = verdict(source)
-    sections = tuple(_section(text, source) for text in section_texts())
+    sections = tuple(_section(text, BUILDERS[text.id](source)) for text in section_texts())
     return Document(results.study.title, sentence, level, _facts(results), sections, short_form(source))
 
 
-def _section(text: SectionText, source: Source) -> Section:
+def build_modes_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """The modes of a model as data, with a picture of each: for results that hold no comparison with a test."""
+    source = Source(results, arrays)
+    sentence, level = sturm_verdict(results.modes)
+    sections = tuple(_section(text, MODES_BUILDERS[text.id](source)) for text in section_texts("modes"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Natural modes")
+
+
+def _section(text: SectionText, blocks: list[Block]) -> Section:
     intro = (Paragraph(text.intro, tone="muted"),) if text.intro else ()
-    return Section(text.id, text.title, (*intro, *BUILDERS[text.id](source)))
+    return Section(text.id, text.title, (*intro, *blocks))
 
 
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:
@@ -37,6 +45,6 @@ def _facts(results: Results) -> tuple[tuple[str, str], ...]:
     return (
         ("Deck", study.deck_file),
         ("Configurations", ", ".join(study.configurations)),
-        ("Units", study.units),
+        ("Units", study.units or "those of the deck, which names none"),
         ("Run", f"{origin.started_at}, femtune {origin.femtune_version}"),
     )

@@ -169,7 +169,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """The whole report: `verdict` is one sentence, `facts` are lines under the title, `short` fits a terminal."""
+    """The whole report: `verdict` is one sentence, `facts` are lines under the title, `short` fits a terminal.
+
+    `genre` says what kind of report it is, above the title.
+    """
 
     title: str
     verdict: str
@@ -177,6 +180,7 @@ class Document:
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
     short: tuple[Section, ...] = ()
+    genre: str = "Model updating report"
 
 
 def row(*cells: Cell | str) -> tuple[Cell, ...]:

@@ -21,16 +21,41 @@ def write_html(document: Document, path: Path | str) -> Path:
     FemtuneError : ``run.unwritable``
     """
     path = Path(path)
+    content = html_text(document).encode()
     try:
-        path.write_text(html_text(document), encoding="utf-8")
-    except OSError as error:
-        raise FemtuneError(
-            "run.unwritable",
-            f"the report cannot be written: {error.strerror or error}",
-            where=Where(str(path)),
-            hint="choose another folder, or give yourself the right to write there",
-        ) from error
+        path.write_bytes(content)
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from error
     return path
+
+
+def check_page(path: Path | str) -> None:
+    """Prove that a page can be written to `path`, before the work begins.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    path = Path(path)
+    try:
+        # a page that is there stays as it is; an empty file that only the proof made is taken away again
+        there = path.exists()
+        with path.open("ab"):
+            pass
+        if not there:
+            path.unlink()
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: Path, error: OSError | ValueError) -> FemtuneError:
+    """ValueError: a name that no file can have."""
+    return FemtuneError(
+        "run.unwritable",
+        f"the report cannot be written: {getattr(error, 'strerror', None) or error}",
+        where=Where(str(path)),
+        hint="name a file in a folder that exists and that you may write to",
+    )
 
 
 def html_text(document: Document) -> str:

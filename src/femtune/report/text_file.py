@@ -1,4 +1,4 @@
-"""Order, titles and opening words of the sections, from text/report.toml."""
+"""Order, titles and opening words of the sections, from the files in text/."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class SectionText:
     intro: str = ""
 
 
-def section_texts() -> tuple[SectionText, ...]:
-    """All entries in their order."""
-    text = files("femtune.report").joinpath("text/report.toml").read_text(encoding="utf-8")
+def section_texts(page: str = "report") -> tuple[SectionText, ...]:
+    """All entries of a page, "report" or "modes", in their order."""
+    text = files("femtune.report").joinpath(f"text/{page}.toml").read_text(encoding="utf-8")
     return tuple(SectionText(**entry) for entry in tomllib.loads(text)["section"])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from femtune.report.document import Level
-from femtune.report.numbers import counted, percent, unit_fraction
+from femtune.report.numbers import counted, listed, percent, unit_fraction
 from femtune.report.source import Scores, Source
+from femtune.study.results_model import ModelModes
 from femtune.study.results_update import UpdateResults
 
 
@@ -23,6 +26,17 @@ def verdict(source: Source) -> tuple[str, Level]:
     caveats = _caveats(source, update)
     sentence = f"After the update {agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
+
+
+def sturm_verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
+    """Whether a mode was missed, in one sentence."""
+    untested = [m.configuration for m in modes if m.sturm_count is None]
+    missed = [m.configuration for m in modes if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
+    if missed:
+        return f"Counts of modes differ in {listed(missed)}: a mode may have been missed.", "problem"
+    if untested:
+        return f"Whether a mode was missed was not tested in {listed(untested)}.", "warning"
+    return "No mode was missed: the Sturm counts agree.", "info"
 
 
 def agreement(scores: Scores) -> str:

@@ -21,6 +21,7 @@ from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.dof_sets import effect_of
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
+from femtune.model.response import effective_mass
 from femtune.study.cases import StudyCase, sensor_tolerance
 from femtune.study.load import Study
 from femtune.study.record_damping import damping_facts
@@ -28,6 +29,7 @@ from femtune.study.results_base import Alert, Level, Stage, Vector3
 from femtune.study.results_model import (
     CardCount,
     DeckParameter,
+    EffectiveMasses,
     GroundedDof,
     GroundingElement,
     HeldDof,
@@ -252,7 +254,14 @@ def model_modes(name: str, stage: Stage, solution: EigenSolution) -> ModelModes:
         sturm_count=solution.sturm_count if counted else None,
         modes_below_shift=below if counted else None,
         sturm_sentence=sentence if counted else "not tested: the factorisation hides the inertia",
+        effective_masses=_effective_masses(solution),
     )
+
+
+def _effective_masses(solution: EigenSolution) -> EffectiveMasses:
+    found = effective_mass(solution)
+    fractions = [[None if np.isnan(f) else float(f) for f in row] for row in found.fractions]
+    return EffectiveMasses(total=tuple(map(float, found.total)), fractions=tuple(map(tuple, fractions)))
 
 
 def _rigid_body_modes(solution: EigenSolution) -> int:

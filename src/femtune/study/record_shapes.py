@@ -1,4 +1,4 @@
-"""Mode shapes for pictures: lines of the active elements, motion of all grid points, the test's motion."""
+"""Mode shapes for pictures: lines and faces of the active elements, motion of all grid points, the test's motion."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from femtune.study.results_shapes import ModeShapes
 
 Arrays = dict[str, NDArray]
 
-MOST_LINES, MOST_MODES = 4000, 50
+MOST_LINES, MOST_FACES, MOST_MODES = 4000, 30_000, 50
 ELEMENT, RIGID = 0, 1
 _LINE_KINDS = ("bar", "tapered-beam", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
+_FACE_KINDS = ("shell-quad", "shell-tri")
 
 
 def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: str, arrays: Arrays) -> ModeShapes:
     """The record; its arrays go into `arrays` under `prefix`. Very large models and very many modes are not kept."""
     lines, kinds = active_lines(case.configured)
-    reason = _too_much(len(lines), solution.wanted)
+    faces = active_faces(case.configured)
+    reason = _too_much(len(lines), len(faces), solution.wanted)
     if reason:
         return ModeShapes(configuration=case.name, stage=stage, reason=reason)
     nodes = case.configured.model.structure.nodes
@@ -31,6 +33,7 @@ def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: 
         "points": nodes.xyz,
         "lines": lines.astype(np.int32),
         "line_kinds": kinds.astype(np.int8),
+        "faces": faces.astype(np.int32),
         "translations": grid_translations(case.configured, solution),
         **_measured(case, solution),
     }
@@ -40,11 +43,13 @@ def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: 
     return ModeShapes.model_validate({"configuration": case.name, "stage": stage, **keys})
 
 
-def _too_much(lines: int, modes: int) -> str:
-    if lines == 0:
-        return "the model has no two-node or rigid elements to draw"
+def _too_much(lines: int, faces: int, modes: int) -> str:
+    if lines == faces == 0:
+        return "the model has no shells and no two-node or rigid elements to draw"
     if lines > MOST_LINES:
         return f"the model has {lines} lines, and shapes are kept for drawing up to {MOST_LINES}"
+    if faces > MOST_FACES:
+        return f"the model has {faces} shells, and shapes are kept for drawing up to {MOST_FACES}"
     return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
 
 
@@ -58,6 +63,18 @@ def active_lines(configured: ConfiguredModel) -> tuple[NDArray[np.int64], NDArra
     second = _drawable(structure, _rigid_lines(rigid, len(structure.nodes.ids)))
     kinds = np.repeat([ELEMENT, RIGID], [len(first), len(second)])
     return np.concatenate([first, second]), kinds
+
+
+def active_faces(configured: ConfiguredModel) -> NDArray[np.int64]:
+    """Rows of the grid points at the corners of the active shells, (faces, 4); −1 for the fourth of a triangle."""
+    off = list(configured.configuration.elements_off)
+    found = [_batch_faces(b, off) for b in configured.model.structure.batches if b.kind in _FACE_KINDS]
+    return np.concatenate([np.zeros((0, 4), np.int64), *found])
+
+
+def _batch_faces(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:
+    corners = batch.nodes[~np.isin(batch.ids, off), :4]
+    return np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])), constant_values=-1)
 
 
 def _batch_lines(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:

@@ -222,6 +222,18 @@ class SensorResults(Record):
     """Sensors left aside."""
 
 
+class EffectiveMasses(Record):
+    """How much of the structure's mass each mode moves when its supports move as a rigid body.
+
+    Six directions: translations X, Y, Z and rotations RX, RY, RZ about the centre of gravity, basic axes.
+    """
+
+    total: tuple[float, ...]
+    """Mass felt in X, Y, Z (unit of mass) and inertia RX, RY, RZ (mass·length²); 0 where there is none."""
+    fractions: tuple[tuple[float | None, ...], ...]
+    """Six numbers for each mode of ModelModes.freq_hz, as parts of the total (no unit); None where the total is 0."""
+
+
 class ModelModes(Record):
     """Solved modes of one configuration at one stage."""
 
@@ -241,3 +253,5 @@ class ModelModes(Record):
     """Number of solved modes below that shift; equal to sturm_count where no mode was missed."""
     sturm_sentence: str = ""
     """Outcome in words, or why it was not tested."""
+    effective_masses: EffectiveMasses | None = None
+    """Modal effective masses; None in results of before they were computed."""

@@ -1,4 +1,4 @@
-"""Records about mode shapes as pictures: the model's lines, its motion, and the measured one."""
+"""Records about mode shapes as pictures: the model's lines and faces, its motion, and the measured one."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ class ModeShapes(Record):
     """Key of the lines, shape (lines, 2): rows of the points at both ends."""
     line_kinds_key: str | None = None
     """Key of the kinds of the lines, shape (lines,): 0 for two-node elements, 1 for rigid elements."""
+    faces_key: str | None = None
+    """Key of the shells, shape (faces, 4): rows of the points at their corners, −1 for the fourth of a triangle; None
+    in results of before shells were drawn."""
     translations_key: str | None = None
     """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz."""
     sensor_positions_key: str | None = None

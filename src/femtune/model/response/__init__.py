@@ -2,6 +2,7 @@
 
 from femtune.model.response.complex_derivatives import ComplexModeDerivative, complex_mode_derivative
 from femtune.model.response.complex_modes import ComplexModes, complex_modes
+from femtune.model.response.effective_mass import EffectiveMass, effective_mass
 from femtune.model.response.frf import frf
 from femtune.model.response.gradient import FrfGradient, frf_gradient
 from femtune.model.response.mass import MassResponse, mass_response
@@ -15,6 +16,7 @@ __all__ = [
     "ComplexModeDerivative",
     "ComplexModes",
     "DampingRatios",
+    "EffectiveMass",
     "FrfGradient",
     "Kind",
     "MassResponse",
@@ -24,6 +26,7 @@ __all__ = [
     "StaticResponse",
     "complex_mode_derivative",
     "complex_modes",
+    "effective_mass",
     "frf",
     "frf_gradient",
     "make_ports",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from femtune._optional import require
@@ -47,20 +48,37 @@ def draw_svg(width_in: float, height_in: float, draw: Callable[[Figure], None], 
     A reader's own matplotlib settings have no influence. With `arrange` matplotlib makes room for labels; without,
     `draw` places its axes itself.
     """
+    buffer = io.StringIO()
+    canvas = require("matplotlib.backends.backend_svg")
+    with _figure(width_in, height_in, arrange) as figure:
+        canvas.FigureCanvasSVG(figure)
+        draw(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    return buffer.getvalue().replace(_MEASURED, FONT)
+
+
+def draw_png(width_in: float, height_in: float, draw: Callable[[Figure], None], dots_per_inch: float) -> bytes:
+    """As `draw_svg`, as the bytes of a PNG with a transparent ground: for what has too many parts for SVG."""
+    buffer = io.BytesIO()
+    canvas = require("matplotlib.backends.backend_agg")
+    with _figure(width_in, height_in, False) as figure:
+        canvas.FigureCanvasAgg(figure)
+        draw(figure)
+        metadata = {"Software": None}
+        figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata=metadata, transparent=True)
+    return buffer.getvalue()
+
+
+@contextmanager
+def _figure(width_in: float, height_in: float, arrange: bool) -> Iterator[Figure]:
     # matplotlib is imported where a picture is drawn: who only looks at numbers does not wait for it
-    matplotlib = require("matplotlib")
-    canvas, sheet = require("matplotlib.backends.backend_svg"), require("matplotlib.figure")
+    matplotlib, sheet = require("matplotlib"), require("matplotlib.figure")
     with matplotlib.rc_context(), warnings.catch_warnings():
         # a letter that the font lacks is shown as a box: no reason to stop
         warnings.filterwarnings("ignore", message=r"Glyph .* missing from")
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
-        figure = sheet.Figure(figsize=(width_in, height_in), layout="constrained" if arrange else None)
-        canvas.FigureCanvasSVG(figure)
-        draw(figure)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    return buffer.getvalue().replace(_MEASURED, FONT)
+        yield sheet.Figure(figsize=(width_in, height_in), layout="constrained" if arrange else None)
 
 
 def quiet(axes: Axes, *, sides: tuple[str, ...] = ("left",)) -> None:

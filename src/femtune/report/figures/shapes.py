@@ -1,35 +1,78 @@
-"""Line drawings of mode shapes: undeformed, deformed, and what was measured, side by side."""
+"""Drawings of mode shapes: undeformed, deformed, and what was measured, side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.report.figures.faces import (
+    COLOURS,
+    STEPS,
+    closed,
+    far_to_near,
+    mean_over_corners,
+    outline,
+    painted,
+    shades,
+    silhouette,
+)
 from femtune.report.figures.labels import cut
-from femtune.report.figures.svg import BLUE, INK, ORANGE, PALE, SOFT, dots, label, strokes, svg_file
+from femtune.report.figures.raster import Painting, rastered
+from femtune.report.figures.svg import (
+    BLUE,
+    INK,
+    ORANGE,
+    PALE,
+    SOFT,
+    dots,
+    label,
+    mixed,
+    rectangle,
+    strokes,
+    svg_file,
+)  # fmt: skip
+from femtune.report.figures.view import View, direction, fitted
 
 Reals = NDArray[np.float64]
+
+VECTOR_FACES = 800
+"""Models with more faces are drawn as pixels."""
 
 _PANEL, _GAP, _TITLE, _ACROSS = 205.0, 14.0, 18.0, 3
 _ROOM = 0.12
 """Largest motion that is drawn, as a fraction of the structure's diagonal."""
 _DASHES = "2 2.4"
-_REST = "#b6c0ca"
+_REST, _REST_FILL = "#b6c0ca", "#f1f3f5"
 _MARGIN = 5.0
-_AZIMUTH, _ELEVATION = np.radians(-58.0), np.radians(24.0)
-"""Where the eye is; off the isometric angles, so that corners of a square plan do not hide each other."""
+_STRIP, _SCALE = 32.0, (72.0, 6.0)
+"""Height of the strip with axes and scale, and size of the scale in it."""
 
 
 @dataclass(frozen=True)
 class Wireframe:
-    """The undeformed structure: `points` (n, 3), `lines` (l, 2) rows of points, `rigid` (l,)."""
+    """The undeformed structure.
+
+    Parameters
+    ----------
+    points : (n, 3)
+    lines : (l, 2) rows of points
+    rigid : (l,) True for rigid elements
+    faces : (f, 4) rows of points, −1 for the fourth of a triangle
+    """
 
     points: Reals
     lines: NDArray[np.int64]
     rigid: NDArray[np.bool_]
+    faces: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 4), np.int64))
+
+    @property
+    def used(self) -> NDArray[np.int64]:
+        """Rows of the points that something is drawn at; all where nothing is."""
+        rows = np.unique(np.concatenate([self.lines.ravel(), self.faces.ravel()]))
+        return rows[rows >= 0] if rows.size else np.arange(len(self.points))
 
 
 @dataclass(frozen=True)
@@ -38,69 +81,85 @@ class ShapePanel:
 
     title: str
     motion: Reals
-    places: Reals
-    measured: Reals
+    places: Reals = field(default_factory=lambda: np.zeros((0, 3)))
+    measured: Reals = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)
-class _View:
-    """From basic coordinates to points of a panel."""
+class _Sheet:
+    """What all panels share: the structure, its rows in use, and edges of shells that show its form.
 
-    scale: float
-    shift: Reals
+    `height` is that of a panel below its title.
+    """
 
-    def flat(self, points: Reals) -> Reals:
-        """(n, 2), y downwards."""
-        return _projected(points) * [self.scale, -self.scale] + self.shift
+    frame: Wireframe
+    used: NDArray[np.int64]
+    view: View
+    height: float
+    outline: NDArray[np.int64]
+
+    def factor(self, panel: ShapePanel) -> float:
+        """From the motion to the drawn one."""
+        return _factor(self.frame, self.used, panel)
 
 
 def shapes_svg(frame: Wireframe, panels: Sequence[ShapePanel], *, axes: bool = True) -> str:
     """All panels with the same view and the same largest motion; the undeformed structure is in the file once.
 
-    `axes` draws the basic axes into the first panel.
+    Shells are faces, the farthest first, coloured by their motion; lines are on top of them. Numbers that are not
+    finite are drawn as zero. `axes` draws the basic axes, and the scale of colours where there are faces.
     """
-    view, height = _view(frame, panels)
+    frame, panels = _finite(frame), [_finite_panel(p) for p in panels]
+    sheet = _sheet(frame, panels)
     across = min(len(panels), _ACROSS)
     rows = -(-len(panels) // _ACROSS)
-    width, tall = across * (_PANEL + _GAP) - _GAP, rows * (height + _TITLE + _GAP) - _GAP
-    rest = "".join(_wires(frame, view.flat(frame.points), _REST))
-    parts = ['<defs><g id="rest">', rest, "</g></defs>"]
+    width, tall = across * (_PANEL + _GAP) - _GAP, rows * (sheet.height + _TITLE + _GAP) - _GAP
+    parts = ['<defs><g id="rest">', *_rest(sheet), "</g></defs>"]
     for k, panel in enumerate(panels):
-        x, y = (k % _ACROSS) * (_PANEL + _GAP), (k // _ACROSS) * (height + _TITLE + _GAP)
-        parts += [f'<g transform="translate({x:.1f} {y:.1f})">', *_panel(frame, panel, view), "</g>"]
-    return svg_file(width, tall, [*parts, *(_axes(height + _TITLE) if axes else ())])
+        x, y = (k % _ACROSS) * (_PANEL + _GAP), (k // _ACROSS) * (sheet.height + _TITLE + _GAP)
+        parts += [f'<g transform="translate({x:.1f} {y:.1f})">', *_panel(sheet, panel), "</g>"]
+    if not axes:
+        return svg_file(width, tall, parts)
+    return svg_file(width, tall + _STRIP, [*parts, *_axes(sheet.view, tall), *_scale(frame, width, tall)])
 
 
-def _projected(points: Reals) -> Reals:
-    """Orthographic: right and up on the sheet, z of the basic frame upwards."""
-    c, s = np.cos(_AZIMUTH), np.sin(_AZIMUTH)
-    right = np.array([-s, c, 0.0])
-    up = np.array([-np.sin(_ELEVATION) * c, -np.sin(_ELEVATION) * s, np.cos(_ELEVATION)])
-    return np.asarray(points @ np.column_stack([right, up]))
+def _finite(frame: Wireframe) -> Wireframe:
+    return Wireframe(_numbers(frame.points), frame.lines, frame.rigid, frame.faces)
 
 
-def _view(frame: Wireframe, panels: Sequence[ShapePanel]) -> tuple[_View, float]:
-    """Scale and place of the drawing in a panel, such that every deformed shape fits, and the height of a panel."""
-    used = np.unique(frame.lines)
-    moved = [(frame.points + _factor(frame, p) * p.motion)[used] for p in panels]
-    tips = [p.places + _factor(frame, p) * p.measured for p in panels]
-    flat = _projected(np.concatenate([frame.points[used], *moved, *tips]))
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    size = high - low
-    room = _PANEL - 2 * _MARGIN
-    # a line along the direction of view has no size on the sheet
-    scale = min(room / max(size[0], 1e-9 * size.max()), 1.25 * room / max(size[1], 1e-9 * size.max()))
-    left = 0.5 * (_PANEL - scale * size[0])
-    shift = np.array([left - scale * low[0], _TITLE + _MARGIN + scale * high[1]])
-    return _View(scale, shift), float(scale * size[1]) + 2 * _MARGIN
+def _finite_panel(p: ShapePanel) -> ShapePanel:
+    return ShapePanel(p.title, _numbers(p.motion), _numbers(p.places), _numbers(p.measured))
 
 
-def _factor(frame: Wireframe, panel: ShapePanel) -> float:
-    """From the motion to the drawn one."""
-    used = np.unique(frame.lines)
+def _numbers(values: Reals) -> Reals:
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def _sheet(frame: Wireframe, panels: Sequence[ShapePanel]) -> _Sheet:
+    """Scale and place of the drawing in a panel, such that every deformed shape fits."""
+    used = frame.used
+    moved = [(frame.points + _factor(frame, used, p) * p.motion)[used] for p in panels]
+    tips = [p.places + _factor(frame, used, p) * p.measured for p in panels]
+    rest = frame.points[used]
+    parts = [part for part in (rest, *moved, *tips) if len(part)] or [np.zeros((1, 3))]
+    view, height = fitted(direction(rest), parts, _PANEL, _TITLE, _MARGIN)
+    return _Sheet(frame, used, view, height, outline(frame.faces, frame.points))
+
+
+def _factor(frame: Wireframe, used: NDArray[np.int64], panel: ShapePanel) -> float:
+    if not used.size:
+        return 0.0
     diagonal = float(np.linalg.norm(np.ptp(frame.points[used], axis=0)))
     largest = float(np.linalg.norm(panel.motion[used], axis=1).max(initial=0.0))
     return _ROOM * diagonal / largest if largest > 0 else 0.0
+
+
+def _rest(sheet: _Sheet) -> Iterable[str]:
+    frame, flat = sheet.frame, sheet.view.flat(sheet.frame.points)
+    yield silhouette(flat[closed(frame.faces)], _REST_FILL)
+    edges = sheet.outline
+    yield strokes(flat[edges[:, 0]], flat[edges[:, 1]], _REST, 0.6)
+    yield from _wires(frame, flat, _REST)
 
 
 def _wires(frame: Wireframe, flat: Reals, colour: str) -> Iterable[str]:
@@ -110,21 +169,71 @@ def _wires(frame: Wireframe, flat: Reals, colour: str) -> Iterable[str]:
         yield strokes(flat[lines[:, 0]], flat[lines[:, 1]], colour, width, dashes)
 
 
-def _panel(frame: Wireframe, panel: ShapePanel, view: _View) -> Iterable[str]:
-    factor = _factor(frame, panel)
+def _panel(sheet: _Sheet, panel: ShapePanel) -> Iterable[str]:
+    frame, view, factor = sheet.frame, sheet.view, sheet.factor(panel)
+    moved = frame.points + factor * panel.motion
     yield label(0.0, 10.0, cut(panel.title, 48), 8.5, INK, bold=True)
     yield '<use href="#rest"/>'
-    yield from _wires(frame, view.flat(frame.points + factor * panel.motion), BLUE)
+    if len(frame.faces):
+        yield _faces(sheet, moved, panel.motion)
+    # on filled faces lines of their own blue would drown
+    yield from _wires(frame, view.flat(moved), INK if len(frame.faces) else BLUE)
     if len(panel.places):
         start, tip = view.flat(panel.places), view.flat(panel.places + factor * panel.measured)
         yield strokes(start, tip, ORANGE, 1.3)
         yield dots(tip, ORANGE, 2.2)
 
 
-def _axes(height: float) -> Iterable[str]:
-    """The basic axes in the lower left corner of a panel of that height."""
-    origin = np.array([16.0, height - 12.0])
-    for name, axis in zip("xyz", _projected(np.eye(3)) * [15.0, -15.0]):
+def _faces(sheet: _Sheet, moved: Reals, motion: Reals) -> str:
+    faces, view = sheet.frame.faces, sheet.view
+    only = np.zeros_like(motion)
+    only[sheet.used] = motion[sheet.used]
+    scale = [mixed(COLOURS, k / (STEPS - 1)) for k in range(STEPS)]
+    colours = [scale[k] for k in shades(faces, only)]
+    if len(faces) > VECTOR_FACES:
+        painting = _painting(sheet, moved, colours)
+        return rastered(painting, (_PANEL, sheet.height + _TITLE))
+    order = far_to_near(faces, view.depth(moved))
+    corners = view.flat(moved)[closed(faces[order])]
+    # edges of small faces would cover them
+    side = float(np.sqrt(np.prod(np.ptp(corners.reshape(-1, 2), axis=0) + 1.0) / len(faces)))
+    width, opacity = min(0.4, 0.04 * side + 0.08), min(0.55, 0.04 * side + 0.1)
+    return painted(corners, [colours[k] for k in order], INK, width, opacity)
+
+
+def _painting(sheet: _Sheet, moved: Reals, colours: Sequence[str]) -> Painting:
+    """Small faces without their edges, and the lines that show the form of the structure between them."""
+    lines, faces = sheet.outline, sheet.frame.faces
+    both = np.concatenate([closed(faces), lines[:, [0, 1, 1, 0]]])
+    depth = sheet.view.depth(moved)
+    near = 1e-3 * float(np.ptp(depth))
+    # a line lies in the faces that it bounds: it comes just after them
+    own = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
+    order = np.argsort(own, kind="stable")
+    edges = [*colours, *[INK] * len(lines)]
+    widths = np.repeat([0.25, 0.45], [len(faces), len(lines)])
+    return Painting(
+        sheet.view.flat(moved)[both[order]], [edges[k] for k in order], [edges[k] for k in order], widths[order]
+    )
+
+
+def _axes(view: View, top: float) -> Iterable[str]:
+    """The basic axes, below the panels."""
+    origin = np.array([16.0, top + _STRIP - 9.0])
+    for name, axis in zip("xyz", View(view.axes, 15.0).flat(np.eye(3))):
         yield strokes(origin[None], (origin + axis)[None], PALE, 0.8)
         x, y = origin + 1.45 * axis
         yield label(x, y + 2.0, name, 6.5, SOFT, "middle")
+
+
+def _scale(frame: Wireframe, width: float, top: float) -> Iterable[str]:
+    """What the colours mean, below the panels on the right; nothing without faces."""
+    if not len(frame.faces):
+        return
+    wide, high = _SCALE
+    x, y, cells = width - wide - 52.0, top + 0.5 * _STRIP, 24
+    for k in range(cells):
+        # a little wider than its share: no gaps between cells
+        yield rectangle(x + k * wide / cells, y, wide / cells + 0.3, high, mixed(COLOURS, k / (cells - 1)))
+    yield label(x - 4.0, y + 5.4, "no motion", 6.5, SOFT, "end")
+    yield label(x + wide + 4.0, y + 5.4, "largest", 6.5, SOFT)

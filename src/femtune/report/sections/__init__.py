@@ -12,8 +12,11 @@ from femtune.report.sections.identifiability import identifiability
 from femtune.report.sections.mac import mac
 from femtune.report.sections.method import method
 from femtune.report.sections.mode_shapes import mode_shapes
+from femtune.report.sections.model_summary import model_summary
 from femtune.report.sections.modes import modes
+from femtune.report.sections.natural_modes import natural_modes
 from femtune.report.sections.parameters import parameters
+from femtune.report.sections.pictures import pictures
 from femtune.report.sections.provenance import provenance
 from femtune.report.sections.summary import summary
 from femtune.report.sections.validation import validation
@@ -38,3 +41,12 @@ BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
     "provenance": provenance,
 }
 """By the ids of text/report.toml."""
+
+MODES_BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
+    "model_summary": model_summary,
+    "natural_modes": natural_modes,
+    "pictures": pictures,
+    "checks": checks,
+    "provenance": provenance,
+}
+"""By the ids of text/modes.toml."""

@@ -59,7 +59,7 @@ def _mass(model: ModelFacts) -> Block:
         ">z",
         "Supports",
     )
-    return Table("Mass and supports (units of the study)", heads, tuple(_mass_row(c) for c in model.configurations))
+    return Table("Mass and supports (units of the model)", heads, tuple(_mass_row(c) for c in model.configurations))
 
 
 def _mass_row(c: ModelConfiguration) -> tuple[Cell, ...]:

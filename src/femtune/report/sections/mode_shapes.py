@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from femtune.report.document import Block, Figure, Heading, Paragraph
 from femtune.report.figures.shapes import ShapePanel, Wireframe, shapes_svg
 from femtune.report.numbers import NOT_TESTED, counted, unit_fraction
+from femtune.report.sections.pictures import parts_of
+from femtune.report.sections.structure import structure_of
 from femtune.report.source import STAGE_WORDS, Source
 from femtune.study.results_correlation import CorrelationResults, PairedMode
 from femtune.study.results_shapes import ModeShapes
 
 _A_FIGURE = 6
-_MOST_LINES = 24_000
-"""Lines in all drawings of a configuration: the page must stay small enough to be sent."""
-_RIGID = 1
-
+_MOST_PARTS = 24_000
+"""Lines and faces in all drawings of a configuration: the page must stay small enough to be sent."""
 Reals = NDArray[np.float64]
 
 
@@ -56,7 +56,7 @@ def _configuration(source: Source, name: str) -> list[Block]:
     if not stage.pairs or drawn is None:
         why = "no mode is paired" if not stage.pairs else "the test has no mode shapes"
         return [Heading(name), Paragraph(f"Not drawn: {why}.")]
-    most = max(1, _MOST_LINES // len(drawn.frame.lines))
+    most = max(1, _MOST_PARTS // parts_of(drawn.frame))
     shown = stage.pairs[:most]
     groups = [shown[i : i + _A_FIGURE] for i in range(0, len(shown), _A_FIGURE)]
     return [Heading(name), *(_figure(drawn, stage, g, axes=g is groups[0]) for g in groups), *_rest(stage, len(shown))]
@@ -77,14 +77,14 @@ def _rest(stage: CorrelationResults, shown: int) -> list[Block]:
 
 def _drawn(source: Source, kept: ModeShapes, stage: CorrelationResults) -> _Drawn | None:
     keys = (
-        kept.points_key, kept.lines_key, kept.line_kinds_key, kept.translations_key, kept.sensor_positions_key,
-        kept.sensor_directions_key, kept.sensor_rotations_key, kept.test_shapes_key, kept.model_at_sensors_key,
+        kept.translations_key, kept.sensor_positions_key, kept.sensor_directions_key, kept.sensor_rotations_key,
+        kept.test_shapes_key, kept.model_at_sensors_key,
     )  # fmt: skip
     found = [a for a in map(source.array, keys) if a is not None]
-    if len(found) < len(keys):
+    frame = structure_of(source, kept)
+    if frame is None or len(found) < len(keys):
         return None
-    points, lines, kinds, motion, seats, directions, rotations, test, seen = found
-    frame = Wireframe(points.astype(float), lines.astype(np.int64), kinds == _RIGID)
+    motion, seats, directions, rotations, test, seen = found
     return _Drawn(
         frame, motion.astype(float), seats.astype(float), directions.astype(float), rotations.astype(bool),
         test.astype(float), seen.astype(float), stage.mac_test_labels,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from femtune.report.document import Block, Cell, Column, Document, Level, Listing, Section, Table, row
-from femtune.report.numbers import NONE, NOT_TESTED, freq, listed
+from femtune.report.document import Block, Cell, Column, Document, Listing, Section, Table, row
+from femtune.report.numbers import NONE, NOT_TESTED, freq
 from femtune.report.steps.layout import column_groups
 from femtune.report.steps.subject import Subject
+from femtune.report.verdict import sturm_verdict
 from femtune.study.results_model import ModelModes
 
 _RIGID = "rigid body"
@@ -16,7 +17,7 @@ _MODE = "Mode"
 
 def modes_document(subject: Subject, modes: Sequence[ModelModes]) -> Document:
     """One table of frequencies and a sentence each configuration that says whether a mode was missed."""
-    verdict, level = _verdict(modes)
+    verdict, level = sturm_verdict(modes)
     blocks: list[Block] = [*_tables(modes), Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))]
     return subject.document(verdict, level, [Section("modes", "Natural frequencies, Hz", tuple(blocks))])
 
@@ -41,13 +42,3 @@ def _cell(m: ModelModes, i: int) -> Cell:
 
 def _sturm(m: ModelModes) -> str:
     return m.sturm_sentence or NOT_TESTED
-
-
-def _verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
-    untested = [m.configuration for m in modes if m.sturm_count is None]
-    missed = [m.configuration for m in modes if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
-    if missed:
-        return f"Counts of modes differ in {listed(missed)}: a mode may have been missed.", "problem"
-    if untested:
-        return f"Whether a mode was missed was not tested in {listed(untested)}.", "warning"
-    return "No mode was missed: the Sturm counts agree.", "info"
