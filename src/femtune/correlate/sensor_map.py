@@ -112,7 +112,7 @@ def map_sensors(
     request = _Request(
         structure.nodes, NodeSearch(structure.nodes, tolerance), tolerance, by_id, dict(given or {}), table
     )
-    sensors = _sensors(test)
+    sensors = _sensors(test, request)
     _check_requests(sensors, request, combinations)
     errors = ErrorCollector()
     placed: list[tuple[Match, Row]] = []
@@ -127,11 +127,18 @@ def map_sensors(
     return _build(placed, tuple(unmatched), sensors, request)
 
 
-def _sensors(test: ModalTest) -> tuple[Sensor, ...]:
-    """The placed sensors, then DOFs of the modes that have no place."""
-    known = DofSet(s.label for s in test.sensors)
-    extra = [d for d in (test.modes.dofs if test.modes else ()) if d not in known]
-    return (*test.sensors, *(Sensor(d, _UNKNOWN, _basic_direction(d)) for d in extra))
+def _sensors(test: ModalTest, request: _Request) -> tuple[Sensor, ...]:
+    """The placed sensors, then DOFs of the modes that have no place, and those of FRFs that find the model without."""
+    of_frfs = [] if test.frfs is None else [*test.frfs.responses, *test.frfs.references]
+    extra = [*(test.modes.dofs if test.modes else ()), *(d for d in of_frfs if _needs_no_place(d, request))]
+    known = {(s.label.node, s.label.direction) for s in test.sensors}
+    new = {(d.node, d.direction): d for d in reversed(extra) if (d.node, d.direction) not in known}
+    return (*test.sensors, *(Sensor(d, _UNKNOWN, _basic_direction(d)) for d in reversed(list(new.values()))))
+
+
+def _needs_no_place(dof: Dof, request: _Request) -> bool:
+    by_number = request.by_id and (request.nodes.has_grid(dof.node) or dof.direction == "S")
+    return by_number or dof.node in request.given or (dof.node, dof.direction) in request.combinations
 
 
 def _basic_direction(dof: Dof) -> Reals:

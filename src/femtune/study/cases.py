@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from femtune.correlate import SensorMap, map_sensors, rigid_motion_sensor
 from femtune.correlate.generalised import GeneralisedSensor
-from femtune.dofs import DIRECTIONS
+from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem import NodeTable, Structure
 from femtune.files.study_file import ConfigurationEntry, StudyFile, overlay
@@ -29,13 +29,17 @@ from femtune.units import unit_system
 
 @dataclass(frozen=True, eq=False)
 class StudyCase:
-    """One configuration: its entry in the study, the model in this state, and its test where there is one."""
+    """One configuration: its entry in the study, the model in this state, and its test where there is one.
+
+    `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too.
+    """
 
     entry: ConfigurationEntry
     configured: ConfiguredModel
     test: ModalTest | None = None
     sensors: SensorMap | None = None
     modal: ModalCase | None = None
+    all_sensors: SensorMap | None = None
 
     @property
     def name(self) -> str:
@@ -59,11 +63,19 @@ def study_case(
         return StudyCase(entry, configured), ()
     test, notices = _read_test(file, entry)
     with located(place_of(file, entry, "test")):
-        sensors = _sensor_map(file, test, model.structure)
-    modal = None
+        found = _sensor_map(file, test, model.structure)
+    modal, sensors = None, found
     if test.modes is not None:
+        sensors = _of_modes(found, test.modes)
         modal = _modal_case(file, entry, configured, test.modes, sensors)
-    return StudyCase(entry, configured, test, sensors, modal), (*notices, *sensors.notices)
+    return StudyCase(entry, configured, test, sensors, modal, found), (*notices, *found.notices)
+
+
+def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
+    """The sensors of the modes; what only FRFs have is left aside."""
+    keep = [i for i, dof in enumerate(sensors.dofs) if dof in modes.dofs]
+    matches = tuple(sensors.matches[i] for i in keep)
+    return replace(sensors, matrix=sp.csr_array(sensors.matrix[keep]), dofs=sensors.dofs.select(keep), matches=matches)
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:
@@ -147,14 +159,30 @@ def _listed(modes: ModeSet) -> str:
 
 def _sensor_map(file: StudyFile, test: ModalTest, structure: Structure) -> SensorMap:
     _check_given(file, structure.nodes)
+    unused = _only_for_responses(file, test)
     return map_sensors(
         test,
         structure,
         tolerance=sensor_tolerance(file, structure),
         by_id=file.sensors.by_id,
         given=file.sensors.nodes,
-        combinations=[*_combinations(file, structure.nodes), *_floors(file, structure)],
+        combinations=[c for c in combinations(file, structure) if (c.dof.node, c.dof.direction) not in unused],
     )
+
+
+def _only_for_responses(file: StudyFile, test: ModalTest) -> set[tuple[int, str]]:
+    """Combinations that [response] or [[load]] names and the test does not have."""
+    tables = [t for t in (file.response, *file.load) if t is not None]
+    labels = [label for t in tables for name in ("inputs", "outputs", "forces") for label in getattr(t, name, ()) or ()]
+    named = {(d.node, d.direction) for d in map(parse_dof, labels)}
+    frfs = [] if test.frfs is None else [*test.frfs.responses, *test.frfs.references]
+    of_test = [*(s.label for s in test.sensors), *(test.modes.dofs if test.modes else ()), *frfs]
+    return named - {(d.node, d.direction) for d in of_test}
+
+
+def combinations(file: StudyFile, structure: Structure) -> list[GeneralisedSensor]:
+    """All sensors that are combinations of model DOFs, [[sensor]] and [[rigid_floor]]."""
+    return [*_combinations(file, structure.nodes), *_floors(file, structure)]
 
 
 def _check_given(file: StudyFile, nodes: NodeTable) -> None:

@@ -10,6 +10,7 @@ from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.study_file import ModesTable, StudyFile, read_study_file
+from femtune.files.study_file.source import Source
 from femtune.model import ParametricModel, parametric_model
 from femtune.parameters import ParameterSet
 from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
@@ -22,7 +23,10 @@ _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model."""
+    """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model.
+
+    `units_known` is False for a deck alone, which tells none.
+    """
 
     file: StudyFile
     built: BuiltModel
@@ -30,6 +34,7 @@ class Study:
     cases: tuple[StudyCase, ...]
     notices: tuple[Notice, ...]
     solver: ModelSolver = field(default=direct, repr=False)
+    units_known: bool = True
 
     @property
     def parameters(self) -> ParameterSet:
@@ -114,7 +119,8 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
     _check_not_empty(built)
-    return _assembled(_with_modes_of_deck(file, built), built, progress)
+    study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    return replace(study, units_known=not is_deck(path))
 
 
 def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
@@ -132,7 +138,7 @@ def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
 def _study_of_deck(path: Path) -> StudyFile:
     # the units do not matter where no test is read
     file = StudyFile.model_validate({"study": {"title": path.name, "deck": path.name, "units": "m-kg-s"}})
-    file._path = path
+    file._path, file._source = path, Source(str(path))
     return file
 
 

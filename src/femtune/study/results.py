@@ -13,6 +13,7 @@ from femtune.study import (
     results_correlation,
     results_journal,
     results_model,
+    results_response,
     results_shapes,
     results_update,
 )
@@ -20,6 +21,7 @@ from femtune.study.results_base import Alert, Citation, Provenance, Record, Stud
 from femtune.study.results_correlation import CorrelationResults, ValidationResults
 from femtune.study.results_journal import JournalResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
+from femtune.study.results_response import ResponseResults
 from femtune.study.results_shapes import ModeShapes
 from femtune.study.results_update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
 
@@ -47,6 +49,8 @@ class Results(Record):
     """Test against model by configuration and stage."""
     mode_shapes: tuple[ModeShapes, ...] = ()
     """Shapes for drawing, by configuration, before the update and at the last stage."""
+    responses: tuple[ResponseResults, ...] = ()
+    """Frequency responses, complex modes and static displacements, by configuration and stage."""
     selection: SelectionResults | None = None
     """Identifiability; None where not run."""
     update: UpdateResults | None = None
@@ -64,7 +68,8 @@ class Results(Record):
 
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
-        owners: list[Record] = [*self.correlations, *self.mode_shapes, *([self.selection] if self.selection else [])]
+        single = [r for r in (self.selection, *(response.frfs for response in self.responses)) if r is not None]
+        owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)
 
@@ -76,7 +81,8 @@ def json_schema() -> dict[str, Any]:
 
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
-    modules = (results_base, results_model, results_correlation, results_shapes, results_update, results_journal)
+    model = (results_model, results_correlation, results_shapes, results_response)
+    modules = (results_base, *model, results_update, results_journal)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError
+from femtune.files.study_file.lines import Place
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
@@ -33,7 +34,15 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
         for key, rival in ((one, other), (other, one)):
             if key in given and rival not in given:
                 known.pop(rival, None)
-    return file.model_copy(update={"response": _checked(file, {**known, **given})})
+    copy = file.model_copy(update={"response": _checked(file, {**known, **given})})
+    # messages about what the command line says must not point to the line that it replaces
+    lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given)}
+    copy._source = Source(file._source.file, lines)
+    return copy
+
+
+def _replaced(place: Place, given: Mapping[str, Any]) -> bool:
+    return place[:1] == ("response",) and len(place) > 1 and place[1] in given
 
 
 def _checked(file: StudyFile, response: dict[str, Any]) -> Any:

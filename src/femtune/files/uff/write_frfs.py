@@ -61,7 +61,7 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
 
 
 def _pairs(frfs: FrfSet) -> list[tuple[int, int]]:
-    unknown = np.isnan(frfs.values).all(axis=2)
+    unknown = np.asarray(np.isnan(frfs.values).all(axis=2))
     return [(i, j) for j in range(len(frfs.references)) for i in range(len(frfs.responses)) if not unknown[i, j]]
 
 
