@@ -69,7 +69,10 @@ def _elastic_size(K: sp.csr_array, M: sp.csr_array, factor: Factor, size: float)
     for _ in range(3):
         block = la.qr(factor.solve(M @ block), mode="economic")[0]
     k, m = block.T @ (K @ block), block.T @ (M @ block)
-    theta = la.eigvalsh(m, k + size * m)
+    try:
+        theta = la.eigvalsh(m, k + size * m)
+    except la.LinAlgError:  # numbers of too many sizes; the modes are checked when they are found
+        return size
     values = 1.0 / theta[theta > 1e-8 * theta[-1]] - size
     positive = values[values > 1e-6 * values.max(initial=0.0)]
     # far below the shift a rigid-body mode of little inertia looks elastic by rounding

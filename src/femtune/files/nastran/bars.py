@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,13 +90,20 @@ def orientation_vector(record: Record, grids: Grids, a: int, basic: bool = False
     ------
     FemtuneError : ``deck.orientation`` where neither is given
     """
-    if record.has_integer("X1") and record.blank("X2") and record.blank("X3"):
+    if _names_point(record):
         return grids.location(record.integer("X1"), record) - grids.table.xyz[a]
     x = record.reals("X1", "X2", "X3")
     if not any(x):
         raise record.error("deck.orientation", "the element has no orientation vector", at="X1",
                            hint="fill X1 X2 X3, or G0, or give a BAROR or BEAMOR card")  # fmt: skip
     return np.array(x) if basic else grids.vector(a, x)
+
+
+def _names_point(record: Record) -> bool:
+    """Whether X1 is a grid point G0; X2 and X3 of a BAROR or BEAMOR don't count beside the card's own G0."""
+    filled = not record.card.blank(record.at("X1"))
+    given = replace(record, defaults=None) if filled or record.defaults is None else record.defaults
+    return given.has_integer("X1") and given.blank("X2") and given.blank("X3")
 
 
 def _offset(record: Record, grids: Grids, end: str, row: int, kind: str, line: Reals, v: Reals) -> Reals:

@@ -10,6 +10,9 @@ from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.record import Record
 from femtune.files.nastran.supports import read_unions
 
+# what follows from it, squared and times a stiffness, stays a number
+_LARGEST_RATIO = 1e30
+
 
 def read_multipoint_sets(building: Building, grids: Grids) -> dict[int, ConstraintRows]:
     """Equations of each MPC set, those of MPCADD included."""
@@ -27,6 +30,9 @@ def _equation(record: Record, grids: Grids) -> ConstraintRows:
     if not terms or terms[0][1] == 0.0:
         raise record.error("deck.field-value", "the first coefficient of an MPC is its dependent DOF's and not zero",
                            hint="fill G1, C1 and A1")  # fmt: skip
+    if max(abs(a) for _, a in terms) > _LARGEST_RATIO * abs(terms[0][1]):
+        raise record.error("deck.field-value", "a coefficient of an MPC is beyond all sizes beside the first one",
+                           hint="correct its exponent, or that of the first coefficient")  # fmt: skip
     dofs = np.array([dof for dof, _ in terms], dtype=np.int64)
     coefficients = np.array([a for _, a in terms])
     rows, owner = np.zeros(len(terms), np.int64), np.zeros(1, np.int64)
