@@ -8,7 +8,9 @@ from tests.fem.tapered_parts import tapered
 
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements import KERNELS, contributions
+from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
+from femtune.testing.shells import Anisotropic, Isotropic, Section, ShellPart, shell_structure
 from femtune.testing.structures import Part, bars, bushes, make_structure, masses, rods, scalars
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
@@ -21,9 +23,9 @@ SHEAR = {"K1": [0.85, 0.7], "K2": [0.6, 0.9]}
 FRAME = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
 
 
-def _turned_frames() -> np.ndarray:
+def _turned_frames(n: int = len(XYZ)) -> np.ndarray:
     rng = np.random.default_rng(1)
-    return np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in XYZ])
+    return np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(n)])
 
 
 CASES: dict[str, Part] = {
@@ -58,14 +60,45 @@ CASES: dict[str, Part] = {
 }  # fmt: skip
 
 
+STEEL = Isotropic(2.1e11, 0.3, 7850.0, GE=0.02)
+LAMINA = {"11": 1.4e11, "12": 3e9, "13": 2e9, "22": 1e10, "23": 1e9, "33": 5e9}
+PLY = Anisotropic(LAMINA, {"11": 4e9, "12": 5e8, "22": 3e9}, 1600.0, GE=0.04)
+FLAT = [[0.0, 0.0, 0.0], [1.3, 0.2, 0.0], [1.1, 1.2, 0.0], [-0.1, 0.9, 0.0], [2.2, 0.7, 0.0]]
+WARPED = [[0.0, 0.0, 0.0], [1.3, 0.2, 0.1], [1.1, 1.2, 0.0], [-0.1, 0.9, 0.2], [2.2, 0.7, -0.3]]
+CELLS = {"quad": [[0, 1, 2, 3]], "tri": [[0, 1, 2], [1, 4, 2]]}
+SECTIONS = {
+    "steel": Section(STEEL, 0.02, NSM=0.4, RI=1.1),
+    "steel, offset": Section(STEEL, 0.02, 0.015, NSM=0.4),
+    "anisotropic, offset": Section(PLY, 0.02, -0.01, NSM=0.4, RI=0.9, TS=0.7),
+    "membrane": Section(STEEL, 0.02, 0.01, has_bending=False),
+    "bending": Section(STEEL, 0.02, 0.01, has_membrane=False),
+    "three laws": Section(STEEL, 0.02, 0.01, bending=PLY, shear=PLY),
+}
+SHELLS = {
+    f"{cells}, {section}, {'warped' if xyz is WARPED else 'flat'}": (xyz, cells, section)
+    for cells in CELLS for section in SECTIONS for xyz in (FLAT, WARPED)
+}  # fmt: skip
+
+
+def _shell(name: str, consistent: bool) -> Structure:
+    xyz, cells, section = SHELLS[name]
+    part = ShellPart(np.array(CELLS[cells]), SECTIONS[section], theta=0.3)
+    frames = _turned_frames(len(xyz))
+    return shell_structure(np.array(xyz), [part], frames=frames, consistent_mass=consistent, mass_factor=0.5)
+
+
 def _terms(part: Part, consistent: bool) -> list[tuple[Contribution, dict[str, np.ndarray]]]:
-    structure = make_structure(XYZ, [part], _turned_frames(), consistent_mass=consistent, mass_factor=0.5)
+    return _terms_of(make_structure(XYZ, [part], _turned_frames(), consistent_mass=consistent, mass_factor=0.5))
+
+
+def _terms_of(structure: Structure) -> list[tuple[Contribution, dict[str, np.ndarray]]]:
     batch, values = structure.batches[0], structure.values.values
     return [(c, {r: values[batch.roles[r][c.at]] for r in c.roles}) for c in contributions(batch, structure)]
 
 
 def test_every_kernel_has_a_case():
-    assert {part.kind for part in CASES.values()} == set(KERNELS)
+    kinds = {part.kind for part in CASES.values()} | {_shell(name, False).batches[0].kind for name in SHELLS}
+    assert kinds == set(KERNELS)
 
 
 @pytest.mark.parametrize("consistent", [False, True])
@@ -75,6 +108,17 @@ def test_terms(name: str, consistent: bool):
     assert terms
     for term, values in terms:
         check_contribution(term, values)
+
+
+@pytest.mark.parametrize("consistent", [False, True])
+@pytest.mark.parametrize("name", SHELLS)
+def test_terms_of_shells(name: str, consistent: bool):
+    terms = _terms_of(_shell(name, consistent))
+    for term, values in terms:
+        check_contribution(term, values)
+    assert {term.matrix for term, _ in terms} == {"stiffness", "mass", "hysteretic"}
+    # every value that acts is a role of some term, the offset where there is one
+    assert ("z0" in {role for term, _ in terms for role in term.roles}) == (SECTIONS[SHELLS[name][2]].z0 is not None)
 
 
 def test_shear_flexible_bars_are_rational():

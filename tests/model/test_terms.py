@@ -173,6 +173,7 @@ BAD: dict[str, tuple[list[Parameter], list[Assignment]]] = {
     "parameter.unknown-field": ([P], [Assignment("p", FieldRef("PBAR", 77, "I1"))]),
     "parameter.touches-nothing": ([P], [Assignment("p", ref("PBAR 1 I1"), elements=frozenset({11, 12}))]),
     "parameter.zero-nominal": ([P], [Assignment("p", FieldRef("PBAR", 2, "NSM"))]),
+    "parameter.without-effect": ([P], [Assignment("p", ref("PBAR 1 I12"), False)]),
     "parameter.field-twice": (
         [P, Parameter("q")], [Assignment("p", ref("PBAR 1 I1")), Assignment("q", ref("PBAR 1 I1"))],
     ),

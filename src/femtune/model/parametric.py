@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
 from femtune.fem.values import TableJet
-from femtune.model.terms import Term, compile_terms
+from femtune.model.terms import CompiledTerms, Term, compile_terms
 from femtune.parameters import ParameterSet
 
 
@@ -73,7 +73,7 @@ def parametric_model(
     Raises
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
-        ``parameter.zero-nominal``, ``parameter.whole-model``; several are shown together
+        ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()
@@ -87,8 +87,9 @@ def parametric_model(
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    terms = compile_terms(structure, structure.values.dependents(placed))
-    return ParametricModel(structure, parameters, assignments, tuple(placed.values()), terms)
+    compiled = compile_terms(structure, structure.values.dependents(placed))
+    _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
+    return ParametricModel(structure, parameters, assignments, tuple(placed.values()), compiled.terms)
 
 
 def _place(
@@ -127,6 +128,25 @@ def _check_regions(structure: Structure, parameters: ParameterSet, assignments: 
             taken[assignment.ref] |= mine
 
 
+def _check_effect(
+    structure: Structure, parameters: ParameterSet, placed: Mapping[int, Assignment], compiled: CompiledTerms
+) -> None:
+    """Refuse fields without effect where they are all that a parameter sets, or where their zero is the cause."""
+    without = [i for i in placed if not _has_effect(structure, i, compiled)]
+    acting = {a.parameter for i, a in placed.items() if i not in without}
+    errors = ErrorCollector()
+    for i in without:
+        if structure.values.values[i] == 0.0 or placed[i].parameter not in acting:
+            with errors.catch():
+                raise _error("parameter.without-effect", placed[i], parameters, "changes no matrix of any element")
+    errors.raise_if_any()
+
+
+def _has_effect(structure: Structure, index: int, compiled: CompiledTerms) -> bool:
+    reached = structure.values.dependents([index])
+    return structure.damping.loss_factor in reached or any(compiled.used[i] for i in reached)
+
+
 _TWICE = "is set by two parameters, in some elements at least"
 
 
@@ -136,6 +156,7 @@ def _error(code: str, assignment: Assignment, parameters: ParameterSet, why: str
         "parameter.unknown-field": "femtune info lists the cards; write card, number and field: PBAR 3 I1",
         "parameter.touches-nothing": "check the field and the elements of the region",
         "parameter.zero-nominal": "use absolute = true with bounds in the field's unit",
+        "parameter.without-effect": "where its zero decides what the element is made of, fill it with a small value",
         "parameter.whole-model": "leave the region out, or update the loss factors of materials (MAT1 1 GE)",
         "parameter.field-twice": "tie one parameter to the other, or give them separate regions",
     }

@@ -51,11 +51,13 @@ def check_model(point: ModelPoint, modes: Sequence[int] = (), count: int | None 
 
 def check_matrix_derivatives(point: ModelPoint) -> None:
     """K, M, C and H are symmetric; first and second derivatives agree with complex steps."""
-    for name in ("stiffness", "mass", "viscous", "hysteretic"):
+    kinds = ("stiffness", "mass", "viscous", "hysteretic")
+    for name in kinds:
         matrix = getattr(point, name)
         _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{name}: symmetry")
-        for i in range(point.n_parameters):
-            stepped = point.configured.at(point.x + 1j * STEP * np.eye(point.n_parameters)[i])
+    for i in range(point.n_parameters):
+        stepped = point.configured.at(point.x + 1j * STEP * np.eye(point.n_parameters)[i])
+        for name in kinds:
             exact = getattr(point, f"{name}_derivatives")[i]
             _close(getattr(stepped, name).imag / STEP, exact, exact, f"{name}: derivative {i}")
             _check_second(point, stepped, name, i)
