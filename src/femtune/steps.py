@@ -1,21 +1,40 @@
-"""The words of the command line as functions: info, modes, correlate, select, update, report, run.
+"""The words of the command line as functions: info, modes, respond, correlate, select, update, report, run.
 
-`modes_report` is ``modes --report``.
+`modes_report` is ``modes --report``, `respond_report` is ``respond --report``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from femtune.files.study_file import read_study_file
 from femtune.study.modes_results import modes_results
 from femtune.study.progress import Progress, silent
+from femtune.study.respond import respond_results
 from femtune.study.results import Results
+from femtune.study.results_response import ResponseResults
 from femtune.study.run_folder import read_results
 from femtune.study.steps import RunFolder, correlate, info, mode_sets, modes, select, update
 
-__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "modes_report", "report", "run", "select", "update"]
+__all__ = [
+    "RunFolder",
+    "correlate",
+    "info",
+    "mode_sets",
+    "modes",
+    "modes_report",
+    "report",
+    "respond",
+    "respond_report",
+    "run",
+    "select",
+    "update",
+]
 
 REPORT_FILE = "report.html"
 
@@ -73,6 +92,73 @@ def modes_report(
     results, arrays = modes_results(path, progress, fresh=fresh, remarks=remarks, keep=[page])
     progress.step("drawing the modes", 0, None)
     write_html(build_modes_page(results, arrays), page)
+    return results
+
+
+def respond(
+    path: Path | str,
+    progress: Progress = silent,
+    arrays: dict[str, NDArray] | None = None,
+    *,
+    options: Mapping[str, Any] | None = None,
+    uff: Path | str | None = None,
+    units: str | None = None,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
+) -> tuple[ResponseResults, ...]:
+    """Frequency responses, complex modes and static displacements of a study, or of a deck alone.
+
+    Parameters
+    ----------
+    arrays : gets the functions that the records refer to by key
+    options : keys of [response] that take the place of the study's, or stand for them: ``{"inputs": ("12Z+",)}``
+    uff : Universal File to write the functions to; with several configurations each has its own, numbered
+    units : length-mass-s of a deck alone, where a Universal File is wanted
+    fresh, remarks : as for `modes`
+
+    Raises
+    ------
+    FemtuneError : ``response.*``, ``write.overwrites-input``, ``uff.cannot-write``, and as `modes`
+    """
+    file = None if uff is None else Path(uff)
+    found = respond_results(path, options or {}, progress, fresh=fresh, remarks=remarks, uff=file, units=units)
+    if arrays is not None:
+        arrays.update(found[1])
+    return found[0].responses
+
+
+def respond_report(
+    path: Path | str,
+    page: Path | str,
+    progress: Progress = silent,
+    *,
+    options: Mapping[str, Any] | None = None,
+    uff: Path | str | None = None,
+    units: str | None = None,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
+) -> Results:
+    """Write a page of the responses of a study, or of a deck alone, with pictures; returns what it shows.
+
+    Parameters
+    ----------
+    page : the HTML file to write: one file that loads nothing from elsewhere
+    options, uff, units, fresh, remarks : as for `respond`
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable`` before anything is solved, and as `respond`
+    """
+    # as in `report`
+    from femtune.report import build_responses_page, check_page, write_html  # noqa: PLC0415
+
+    page, file = Path(page), None if uff is None else Path(uff)
+    check_page(page)
+    results, arrays = respond_results(
+        path, options or {}, progress, fresh=fresh, remarks=remarks, uff=file, units=units, keep=[page]
+    )
+    progress.step("drawing the responses", 0, None)
+    write_html(build_responses_page(results, arrays), page)
     return results
 
 

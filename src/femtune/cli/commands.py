@@ -67,6 +67,36 @@ def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool
 
 
 @main.command()
+@click.argument("path", type=_FILE)
+@click.option("--input", "inputs", multiple=True, metavar="12Z+", help="Driven DOF of the model; may be repeated.")
+@click.option("--output", "outputs", multiple=True, metavar="13Z+", help="DOF that moves; may be repeated.")
+@click.option("--from", "from_hz", type=float, metavar="HZ", help="First frequency line.")
+@click.option("--to", "to_hz", type=float, metavar="HZ", help="Last frequency line.")
+@click.option("--step", "step_hz", type=float, metavar="HZ", help="Distance of the lines.")
+@click.option("--lines", type=int, help="Number of lines, in place of --step.")
+@click.option("--kind", metavar="KIND", help="receptance, mobility or accelerance.")
+@click.option("--method", metavar="WAY", help='"real modes", "complex modes" or direct.')
+@click.option("--modes", type=int, help="Number of modes that are superposed.")
+@click.option("--max-hz", type=float, metavar="HZ", help="Modes up to here are superposed.")
+@click.option("--ratio", type=float, help="Damping ratio of all modes, in place of SDAMPING.")
+@click.option("--damping", metavar="WORD", help="deck, or modal: no loss factors and dashpots.")
+@click.option("--uff", type=_FILE, metavar="FILE", help="Write the functions to a Universal File (58).")
+@click.option("--units", metavar="m-kg-s", help="Units of a deck alone, for --uff.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Draw the responses on a page (HTML).")
+@_fresh
+@_json
+@_quiet
+def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Frequency responses, complex modes and static displacements.
+
+    PATH is a study file (.toml) or a Nastran deck. Options take the place of keys of [response] in the study.
+    """
+    files = {name: asked.pop(name) for name in ("uff", "units")}
+    options = {key: (value or None) if isinstance(value, tuple) else value for key, value in asked.items()}
+    _show("respond", path, as_json, quiet, fresh, page, options=options, **files)
+
+
+@main.command()
 @_study
 @_fresh
 @_json
@@ -139,15 +169,18 @@ def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
         return function(path, progress=progress, **options)
 
 
-def _show(step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False, page: Path | None = None) -> None:
+def _show(
+    step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False, page: Path | None = None, **more: Any
+) -> None:
     """The result of one step, as JSON or as tables, and on a `page`; tables of a comparison take its matrices too."""
     from femtune.cli import output  # noqa: PLC0415
 
     arrays: dict[str, Any] = {}
     remarks: list[str] = []
-    options = {} if step == "info" else {"fresh": fresh, "remarks": remarks}
+    options = more if step == "info" else {"fresh": fresh, "remarks": remarks, **more}
     if page is not None:
-        result = _do("modes_report", path, quiet, page=page, **options).modes
+        results = _do(f"{step}_report", path, quiet, page=page, **options)
+        result = results.responses if step == "respond" else results.modes
     else:
         result = _do(step, path, quiet, **options, **({"arrays": arrays} if step == "correlate" else {}))
     _say(remarks, quiet)

@@ -8,11 +8,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femtune.report.document import Block, Document, Paragraph, Section
-from femtune.report.sections import BUILDERS, MODES_BUILDERS
+from femtune.report.sections import BUILDERS, MODES_BUILDERS, RESPONSES_BUILDERS
 from femtune.report.short_form import short_form
 from femtune.report.source import Source
 from femtune.report.text_file import SectionText, section_texts
-from femtune.report.verdict import sturm_verdict, verdict
+from femtune.report.verdict import responses_verdict, sturm_verdict, verdict
 from femtune.study.results import Results
 
 
@@ -33,6 +33,15 @@ def build_modes_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Do
     sentence, level = sturm_verdict(results.modes)
     sections = tuple(_section(text, MODES_BUILDERS[text.id](source)) for text in section_texts("modes"))
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Natural modes")
+
+
+def build_responses_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """Responses of a model as data: functions with pictures, complex modes, static loads."""
+    source = Source(results, arrays)
+    sentence, level = responses_verdict(results.responses)
+    found = (_section(text, RESPONSES_BUILDERS[text.id](source)) for text in section_texts("responses"))
+    sections = tuple(s for s in found if s.blocks)
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Responses")
 
 
 def _section(text: SectionText, blocks: list[Block]) -> Section:

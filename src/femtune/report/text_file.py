@@ -17,6 +17,6 @@ class SectionText:
 
 
 def section_texts(page: str = "report") -> tuple[SectionText, ...]:
-    """All entries of a page, "report" or "modes", in their order."""
+    """All entries of a page, "report", "modes" or "responses", in their order."""
     text = files("femtune.report").joinpath(f"text/{page}.toml").read_text(encoding="utf-8")
     return tuple(SectionText(**entry) for entry in tomllib.loads(text)["section"])

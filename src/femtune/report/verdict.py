@@ -8,6 +8,7 @@ from femtune.report.document import Level
 from femtune.report.numbers import counted, listed, percent, unit_fraction
 from femtune.report.source import Scores, Source
 from femtune.study.results_model import ModelModes
+from femtune.study.results_response import ResponseResults
 from femtune.study.results_update import UpdateResults
 
 
@@ -37,6 +38,18 @@ def sturm_verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
     if untested:
         return f"Whether a mode was missed was not tested in {listed(untested)}.", "warning"
     return "No mode was missed: the Sturm counts agree.", "info"
+
+
+def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
+    """How many responses there are, and whether something damps them."""
+    functions = sum(len(r.frfs.pairs) for r in found if r.frfs is not None)
+    loads = sum(len(r.loads) for r in found)
+    parts = [counted(functions, "frequency response")] if functions else []
+    parts += [counted(loads, "load case")] if loads else []
+    what = " and ".join(parts)
+    if any(a.code == "response.undamped" for r in found for a in r.alerts):
+        return f"{what}; nothing damps the model.", "warning"
+    return f"{what}.", "info"
 
 
 def agreement(scores: Scores) -> str:

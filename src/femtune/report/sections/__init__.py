@@ -6,6 +6,7 @@ from femtune.report.document import Block
 from femtune.report.sections.checks import checks
 from femtune.report.sections.comac import comac
 from femtune.report.sections.compared import compared
+from femtune.report.sections.complex_modes import complex_modes
 from femtune.report.sections.convergence import convergence
 from femtune.report.sections.criteria import criteria
 from femtune.report.sections.identifiability import identifiability
@@ -18,6 +19,8 @@ from femtune.report.sections.natural_modes import natural_modes
 from femtune.report.sections.parameters import parameters
 from femtune.report.sections.pictures import pictures
 from femtune.report.sections.provenance import provenance
+from femtune.report.sections.responses import frequency_responses, responses
+from femtune.report.sections.static_loads import static_loads
 from femtune.report.sections.summary import summary
 from femtune.report.sections.validation import validation
 from femtune.report.sections.write_back import write_back
@@ -30,6 +33,7 @@ BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
     "mode_shapes": mode_shapes,
     "mac": mac,
     "comac": comac,
+    "responses": responses,
     "parameters": parameters,
     "convergence": convergence,
     "identifiability": identifiability,
@@ -50,3 +54,11 @@ MODES_BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
     "provenance": provenance,
 }
 """By the ids of text/modes.toml."""
+
+RESPONSES_BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
+    "frequency_responses": frequency_responses,
+    "complex_modes": complex_modes,
+    "static_loads": static_loads,
+    "provenance": provenance,
+}
+"""By the ids of text/responses.toml."""
