@@ -34,7 +34,10 @@ def lowest(
     ------
     FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
     """
-    values, shapes = _way(M, count)(K, M, factor, shift, count)
+    try:
+        values, shapes = _way(M, count)(K, M, factor, shift, count)
+    except la.LinAlgError as error:
+        raise _indefinite() from error
     order = np.argsort(values)
     values, shapes = values[order], shapes[:, order]
     _check_negative(K, values, shapes)
@@ -71,6 +74,15 @@ def _inaccurate(mode: int, value: float, error: float) -> FemtuneError:
         "eigen.inaccurate",
         f"mode {mode + 1} could not be computed accurately: its relative residual is {error:.1e}",
         values={"frequency (Hz)": f"{np.sqrt(max(value, 0.0)) / (2 * np.pi):.6g}"},
+        hint="look for stiffnesses that are many orders of magnitude apart, and for nearly loose parts",
+    )
+
+
+def _indefinite() -> FemtuneError:
+    """A matrix that one factorisation found positive definite, another one not."""
+    return FemtuneError(
+        "eigen.inaccurate",
+        "the modes cannot be computed: rounding makes the stiffness matrix indefinite",
         hint="look for stiffnesses that are many orders of magnitude apart, and for nearly loose parts",
     )
 
