@@ -5,11 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 LATER = ("CHEXA", "CPENTA", "CTETRA", "PSOLID", "PCOMP")
 """Cards of the deck of all elements that are not understood yet."""
 
 SOLID_DECK = "static_solid_shell_bar_kelm.bdf"
 SHEET_DECK = "random_test_bar_plus_tri.bdf"
+PLATE_DECK = "plate_py.dat"
 
 
 def cards(text: str) -> list[tuple[list[str], str]]:
@@ -61,4 +65,26 @@ def refined(source: Path, folder: Path, n: int) -> Path:
         text.append(",".join(map(str, [name, k, 3, *(points[p] for p in corner)])))
     path = folder / f"refined_{n}.bdf"
     path.write_text(re.sub(r"(?i)enddata", "\n".join(text) + "\nENDDATA", kept))
+    return path
+
+
+def split_plate(source: Path, folder: Path, xyz: NDArray[np.float64], quads: NDArray[np.int64], n: int) -> Path:
+    """The deck of a plate with each of its quadrilaterals, corners `quads` (e, 4) of `xyz`, split into n × n."""
+    kept = [lines for fields, lines in cards((source / PLATE_DECK).read_text()) if fields[0] not in ("GRID", "CQUAD4")]
+    points: dict[tuple[float, ...], int] = {}
+
+    def number(corners: NDArray[np.float64], u: float, v: float) -> str:
+        place = np.array([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v]) @ corners
+        return str(points.setdefault(tuple((np.round(place, 9) + 0.0).tolist()), len(points) + 1))
+
+    elements = []
+    for corners in xyz[quads]:
+        for i in range(n):
+            for j in range(n):
+                square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+                elements.append("1," + ",".join(number(corners, a / n, b / n) for a, b in square))
+    rows = [f"GRID,{k},,{x:.6f},{y:.6f},{z:.6f}" for (x, y, z), k in points.items()]
+    rows += [f"CQUAD4,{k},{element}" for k, element in enumerate(elements, 1)]
+    path = folder / f"plate_{n}.bdf"
+    path.write_text(re.sub(r"(?i)enddata", "\n".join(rows) + "\nENDDATA", "".join(kept)))
     return path

@@ -92,7 +92,8 @@ def alternating_rotations(plate: Plate, corners: Reals) -> Reals:
 
 def _side_shears(plate: Plate, corners: Reals) -> Reals:
     n = len(corners)
-    flexibility = SHEAR[n] / plate.transverse + BENDING[n] / plate.bending
+    leg = area(corners) * (1.0 if n == 4 else 2.0)
+    flexibility = SHEAR[n] / plate.transverse + leg * BENDING[n] / plate.bending
     if n == 3:
         # the tables have the two legs first
         longest = int(np.argmax(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)))

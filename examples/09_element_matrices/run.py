@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from changed_decks import SHEET_DECK, SOLID_DECK, refined, without_later
+from changed_decks import PLATE_DECK, SHEET_DECK, SOLID_DECK, refined, split_plate, without_later
 from commercial import Plate, bending_stiffness, drilling_stiffness
 from numpy.typing import NDArray
 from op2 import ElementMatrix, element_matrices
@@ -44,6 +44,8 @@ RIGID = 3
 SHELLS = ("CQUAD4", "CTRIA3")
 STEEL = Plate(2.9e7, 0.32, 1.1e7, 0.25)
 SHEET = Plate(2e6, 0.33, 2e6 / 2.66, 0.1)
+PLATE_LISTED = np.array([6333.01, 7495.47, 16238.5, 17161.5])
+PLATE = Plate(2.9e7, 0.32, 2.9e7 / 2.64, 0.125)
 
 THICKNESS = {**dict.fromkeys(range(6, 12), 0.25), 16: 1.0, 17: 1.5, 18: 1.0, 19: 1.0, 20: 1.5, 21: 1.5}
 """Of all shells by element number; those above 15 are composite, of one material."""
@@ -73,7 +75,11 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         meshes = (1, 2, 4) if arguments.quick else (1, 2, 4, 8, 16)
-        lines = [*matrices(source / "solid_shell_bar", Path(folder)), *sheet(source, Path(folder), meshes)]
+        lines = [
+            *matrices(source / "solid_shell_bar", Path(folder)),
+            *sheet(source, Path(folder), meshes),
+            *plate(source, Path(folder)),
+        ]
     text = "\n".join(["# Element matrices beside commercial Nastran's\n", *lines, ""])
     print(text)
     if arguments.evidence:
@@ -197,8 +203,33 @@ def sheet(source: Path, folder: Path, meshes: tuple[int, ...]) -> Iterator[str]:
         yield line(f"{label}, % from listed", 100.0 * (found[label] / LISTED - 1.0))
     assert np.abs(found["all of these"] / LISTED - 1.0).max() < 2e-5, found
     for n in meshes:
-        yield line(f"refined: {n} element{'s' if n > 1 else ''} a unit of length", elastic(refined(source, folder, n)))
+        yield line(
+            f"refined: {n} element{'s' if n > 1 else ''} a unit of length",
+            elastic(refined(source, folder, n), RIGID, 7),
+        )
     yield CONCLUSION
+
+
+def plate(source: Path, folder: Path) -> Iterator[str]:
+    """A free plate of squares: listed modes, ours, ours with the commercial square, and the same plate with more."""
+    structure = build_structure(read_deck(source / PLATE_DECK)).structure
+    (batch,) = structure.batches
+    yield f"## A plate of squares\n\n`{PLATE_DECK}`: {len(batch)} squares, free; elastic modes in Hz.\n"
+    yield "| | " + " | ".join(f"mode {k + 1}" for k in range(len(PLATE_LISTED))) + " |"
+    yield "|---" * (1 + len(PLATE_LISTED)) + "|"
+    yield line("listed", PLATE_LISTED)
+    stiffness = assemble(structure, "stiffness").toarray()
+    own = frequencies(structure, stiffness, 6, len(PLATE_LISTED)) / PLATE_LISTED - 1.0
+    stiffness += on_shells(structure, "CQUAD4", BENDING, lambda corners, ours: bending_stiffness(PLATE, corners) - ours)
+    exchanged = frequencies(structure, stiffness, 6, len(PLATE_LISTED)) / PLATE_LISTED - 1.0
+    assert np.abs(own).max() < 0.01, own
+    assert np.abs(exchanged).max() < 5e-6, exchanged
+    yield line("ours, % from listed", 100.0 * own)
+    yield line("with the commercial square's bending and shear, % from listed", 100.0 * exchanged)
+    for n in (2, 4):
+        finer = elastic(split_plate(source, folder, structure.nodes.xyz, batch.nodes, n), 6, len(PLATE_LISTED))
+        yield line(f"ours, every square split into {n} × {n}, % from listed", 100.0 * (finer / PLATE_LISTED - 1.0))
+    yield PLATE_CONCLUSION
 
 
 def exchanges(structure: Structure) -> Iterator[tuple[str, Reals]]:
@@ -221,16 +252,16 @@ def exchanges(structure: Structure) -> Iterator[tuple[str, Reals]]:
     yield "all of these", ours + drilling + square + half
 
 
-def elastic(path: Path) -> Reals:
+def elastic(path: Path, rigid: int, count: int) -> Reals:
     """The lowest elastic natural frequencies of a deck as it stands."""
     model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
-    found = solve_modes(configure(model, Configuration()).at(np.zeros(0)), RIGID + len(LISTED)).freq_hz
-    return np.asarray(found[RIGID:])
+    found = solve_modes(configure(model, Configuration()).at(np.zeros(0)), rigid + count).freq_hz
+    return np.asarray(found[rigid:])
 
 
 def line(label: str, values: Reals) -> str:
     """A row of the table."""
-    return f"| {label} | " + " | ".join(f"{v:.5g}" if abs(v) >= 1e-3 else "0" for v in values) + " |"
+    return f"| {label} | " + " | ".join(f"{v:.6g}" if abs(v) > 20.0 else f"{v:+.4f}" for v in values) + " |"
 
 
 CONCLUSION = """
@@ -238,7 +269,13 @@ With drilling, bending and transverse shear of the two commercial elements in th
 out: masses, membranes, bars and the rest are the same. Modes 1 and 4 move in the plane, where a row of bars is joined
 to the turning of the sheet by drilling alone; the others bend, and depend on what one element makes of a curvature that
 varies in it. One element with its mass lumped at its corners is the larger error by far: the refined meshes are up to
-60 % away from the single elements of either program."""
+60 % away from the single elements of either program.
+"""
+
+PLATE_CONCLUSION = """
+All of the difference is the square's transverse shear and the bending that varies across it: with the commercial ones
+in their place six digits come out. With finer meshes our frequencies rise further from the listed ones and settle: on
+the mesh as it is, ours are the nearer ones to that limit."""
 
 
 if __name__ == "__main__":

@@ -75,8 +75,21 @@ def test_shells_are_read_with_their_notices(nastran_decks: Path) -> None:
         ("CQUAD4", 1), ("CTRIA3", 1),
     ]  # fmt: skip
     assert model.structure.drilling == 100.0
-    assert "deck.missing-set" in {n.code for n in model.notices}
-    assert len(read_deck(nastran_decks / "trunc_cyl_shell.nas").by_name("CTETRA")) == 2679
+    (notice,) = [n for n in model.notices if n.code == "deck.missing-set"]
+    assert notice.level == "warning"
+    assert "no equations act" in notice.what
+
+
+def test_a_mesh_of_solids_is_read_and_built_without_them(nastran_decks: Path) -> None:
+    deck = read_deck(nastran_decks / "trunc_cyl_shell.nas")
+    assert len(deck.by_name("CTETRA")) == 2679
+    with pytest.raises(FemtuneError, match="CTETRA"):
+        build_structure(deck)
+    model = build_structure(deck, allow_missing=True)
+    assert len(model.structure.nodes.ids) == len(deck.by_name("GRID"))
+    np.testing.assert_allclose(model.structure.nodes.xyz[0], [-0.228654, -0.152782, 0.0])
+    assert not model.structure.batches
+    assert any("2679 CTETRA cards are left out" in n.what for n in model.notices)
 
 
 def test_solids_are_refused(nastran_decks: Path) -> None:
