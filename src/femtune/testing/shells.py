@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
 from femtune.fem.assemble import assemble
 from femtune.fem.structure import ElementBatch, NodeTable, Structure
 from femtune.fem.values import FieldRef, ValueTableBuilder
 from femtune.model import Configuration, ModelPoint, configure, parametric_model, solve_modes
+from femtune.model.factorise import factorise
 from femtune.parameters import ParameterSet
 from femtune.testing.structures import Part, part_batch
 
@@ -248,7 +248,7 @@ def static_displacements(structure: Structure, force: Reals) -> Reals:
     free = np.setdiff1d(np.arange(structure.nodes.n_dofs), structure.permanent)
     K = assemble(structure, "stiffness")[free][:, free]
     out = np.zeros(structure.nodes.n_dofs)
-    out[free] = spla.splu(K.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(force[free])
+    out[free] = factorise(K).solve(force[free])
     return out
 
 
