@@ -73,7 +73,8 @@ def document_of(run: RunFolder, progress: Progress) -> Document:
 def _written(run: RunFolder) -> list[str]:
     deck = run.results.write_back.files if run.results.write_back else ()
     page = (run.report.name,) if run.report else ()
-    return [*page, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]
+    frfs = sorted(f.name for f in Path(run.folder).glob("frfs*.uff")) if run.results.responses else []
+    return [*page, *frfs, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]
 
 
 def show_document(document: Document) -> None:

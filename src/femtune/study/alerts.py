@@ -29,6 +29,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_model(results),
         *_of_correlation(results),
         *_of_held_masses(study),
+        *(alert for r in results.responses for alert in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
         *others,

@@ -31,6 +31,7 @@ Complexes = NDArray[np.complex128]
 _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 _SAME_LINE = 1e-6
 _LEAST_LINES = 2
+_ROUNDING = 1e-12
 
 
 def response_results(
@@ -169,14 +170,24 @@ def _pairs(request: ResponseRequest, values: Complexes) -> list[FrfPair]:
     driven = same_motion(request.outputs.rows, request.inputs.rows) != 0.0
     places = [(i, j) for j in range(values.shape[1]) for i in range(values.shape[0])]
     common = None if request.measured is None else _common_lines(request.freq_hz, request.measured.freq_hz)
-    return [_pair(request, values[i, j], i, j, bool(driven[i, j]), common) for i, j in places]
+    floor = _ROUNDING * float(np.abs(values).max(initial=0.0))
+    return [_pair(request, values[i, j], i, j, bool(driven[i, j]), common, floor) for i, j in places]
 
 
 def _pair(
-    request: ResponseRequest, model: Complexes, i: int, j: int, driven: bool, common: tuple[NDArray, NDArray] | None
+    request: ResponseRequest,
+    model: Complexes,
+    i: int,
+    j: int,
+    driven: bool,
+    common: tuple[NDArray, NDArray] | None,
+    floor: float,
 ) -> FrfPair:
     at = int(np.argmax(np.abs(model)))
     found = {} if common is None else _beside(request, model, i, j, common)
+    if found and abs(model[at]) <= floor:
+        # how rounding compares says nothing
+        found["frac"] = None
     return FrfPair(
         output=str(request.outputs.labels[i]), input=str(request.inputs.labels[j]), driving_point=driven,
         peak_hz=float(request.freq_hz[at]), peak=float(abs(model[at])), **found,

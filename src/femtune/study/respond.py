@@ -31,6 +31,9 @@ from femtune.units import unit_system
 
 Arrays = dict[str, NDArray]
 
+FRFS_FILE = "frfs.uff"
+"""In a run folder, the functions of the model at its last stage."""
+
 
 def respond_results(
     path: Path | str,

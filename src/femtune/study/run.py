@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +21,7 @@ from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import citations, parameter_facts, selection_results, update_results
+from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
 from femtune.study.results_update import SelectionResults
@@ -75,6 +76,7 @@ class Run:
         facts = self._timed("model", self._facts)
         at = self._timed("correlate", lambda: start(self.study, self.progress))
         before = self._timed("correlate", lambda: self._stage(self.study, "before", at))
+        before = self._timed("respond", lambda: self._responding(self.study, "before", at.x, before))
         selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
         result = self._timed("update", lambda: self._update(at))
         after = self._timed("correlate after", lambda: self._stage(self.study, "after", result.after))
@@ -93,7 +95,15 @@ class Run:
         again = on_deck(self.study, written.built)
         evaluation = self._timed("correlate as written", lambda: as_written(again, result.after))
         records = self._timed("correlate as written", lambda: self._stage(again, "after as written", evaluation))
-        return written, records, evaluation.mean_error
+        # the written deck has no parameters
+        whole = self._timed("respond", lambda: self._responding(again, "after as written", np.zeros(0), records))
+        if self.study.file.response is not None:
+            write_frf_files(again, whole.responses, self.arrays, uff_paths(self.folder / FRFS_FILE, again))
+        return written, whole, evaluation.mean_error
+
+    def _responding(self, study: Study, stage: Stage, x: NDArray[np.float64], records: StageRecords) -> StageRecords:
+        """The records with the responses that the study asks for."""
+        return replace(records, responses=responses_at(study, stage, x, self.arrays, self.progress))
 
     def _timed(self, name: str, work: Callable[[], T]) -> T:
         with self.watch.step(name):
@@ -151,6 +161,7 @@ class Run:
             "provenance": provenance(self.inputs, self.watch),
             "modes": tuple(m for s in stages for m in s.modes),
             "correlations": tuple(c for s in stages for c in s.correlations),
+            "responses": tuple(r for s in stages for r in s.responses),
             "mode_shapes": tuple(m for s in stages for m in s.shapes),
             "selection": selection,
             "update": update_results(self.study, result, values, error),

@@ -21,13 +21,14 @@ from femtune.study.record_shapes import mode_shapes
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import CorrelationResults, ValidationResults
 from femtune.study.results_model import ModelModes
+from femtune.study.results_response import ResponseResults
 from femtune.study.results_shapes import ModeShapes
 
 Arrays = dict[str, NDArray]
 Solutions = Mapping[str, EigenSolution]
 
+_FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
 _NOT_TESTED = (
-    "damping and forced response: only natural frequencies and mode shapes were compared",
     "linearity: the test's modes were taken as those of one linear structure",
     "mesh convergence: the deck's mesh was taken as it is",
 )
@@ -35,12 +36,13 @@ _NOT_TESTED = (
 
 @dataclass(frozen=True, eq=False)
 class StageRecords:
-    """Modes and correlations of all configurations at one parameter vector; `raw` by name of the configuration."""
+    """Modes, correlations and responses of all configurations at one parameter vector; `raw` by configuration."""
 
     modes: tuple[ModelModes, ...]
     correlations: tuple[CorrelationResults, ...]
     shapes: tuple[ModeShapes, ...]
     raw: dict[str, Correlation]
+    responses: tuple[ResponseResults, ...] = ()
 
 
 def nominal(study: Study) -> NDArray[np.float64]:
@@ -145,4 +147,6 @@ def validation(study: Study, before: StageRecords, after: StageRecords) -> Valid
     untested = [f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None]
     if not any(c.entry.use == "validation" and c.modal is not None for c in study.cases):
         untested.append("the updated model on data that were not used: the study keeps no configuration for validation")
-    return ValidationResults(predictions=tuple(predictions), not_tested=(*untested, *_NOT_TESTED))
+    seen = any(r.frfs is not None and r.frfs.test_values_key for r in after.responses)
+    rest = _NOT_TESTED if seen else (_FORCED, *_NOT_TESTED)
+    return ValidationResults(predictions=tuple(predictions), not_tested=(*untested, *rest))

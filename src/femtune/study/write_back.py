@@ -21,6 +21,7 @@ from femtune.parameters import Parameter
 from femtune.study.history import HISTORY_FILE
 from femtune.study.load import Study
 from femtune.study.provenance import input_paths, relative
+from femtune.study.respond import FRFS_FILE, uff_paths
 from femtune.study.results_update import EditedField, WriteBackResults, WrittenValue
 from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.update import UpdateResult
@@ -46,7 +47,8 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     """
     check_overwrites(study.built.deck, folder, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
-    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE):
+    frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
+    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
         if os.path.realpath(folder / name) in inputs:
             raise FemtuneError(
                 "write.overwrites-input",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femtune.report.figures.canvas import draw_svg
 from femtune.report.figures.labels import cut
 from femtune.report.figures.svg import BLUE, ORANGE, SOFT
+from femtune.report.numbers import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,11 +22,13 @@ _ACROSS = 2
 _MOST_POINTS = 1500
 """Of a curve in a picture; where lines are more, the highest and the lowest of neighbours are kept."""
 _DECADES = 1e-6
+_CUT = -165.0
+"""Phases begin here: scatter must not throw those about ±180° to and fro."""
 _LOOKS: dict[str, dict[str, Any]] = {
     "model": {"color": BLUE, "linewidth": 1.2},
     "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2))},
     "after": {"color": BLUE, "linewidth": 1.2},
-    "test": {"color": ORANGE, "linewidth": 0.9},
+    "test": {"color": ORANGE, "linewidth": 2.2, "alpha": 0.75},
 }
 
 
@@ -65,7 +68,7 @@ def frfs_svg(panels: Sequence[FrfPanel]) -> str:
 
 
 def _panel(upper: Axes, lower: Axes, panel: FrfPanel) -> None:
-    upper.set_title(cut(panel.title, 44), loc="left")
+    upper.set_title(cut(panel.title, 34), loc="left")
     largest = max((float(np.nanmax(np.abs(c.values), initial=0.0)) for c in panel.curves), default=0.0)
     smallest = largest
     for curve in panel.curves:
@@ -84,9 +87,12 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
         upper.set_ylim(0.7 * smallest, 1.6 * largest)
     first, last = panel.curves[0].freq_hz[0], panel.curves[0].freq_hz[-1]
     upper.set_xlim(first, last if last > first else first + 1.0)
+    # short numbers: a formatter of powers would write them in a language that the page does not read
+    upper.yaxis.set_major_formatter(lambda y, _: short(y))
+    upper.yaxis.set_minor_formatter("")
     upper.set_ylabel(panel.ordinate)
     upper.tick_params(labelbottom=False)
-    lower.set_ylim(-200.0, 200.0)
+    lower.set_ylim(_CUT - 20.0, _CUT + 380.0)
     lower.set_yticks([-180, 0, 180])
     lower.set_ylabel("phase, °")
     lower.set_xlabel("Hz")
@@ -96,10 +102,9 @@ def _finish(upper: Axes, lower: Axes, panel: FrfPanel, smallest: float, largest:
 
 
 def _phase(freq_hz: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
-    """Degrees between −180 and 180, with a gap where the curve leaves on one side and comes back on the other."""
+    """Degrees, with a gap where the curve leaves on one side and comes back on the other."""
     angle = np.degrees(np.angle(values))
-    # rounding must not throw a phase of ±180° to and fro
-    angle = np.where(angle < -179.999, 180.0, angle)
+    angle = np.where(angle < _CUT, angle + 360.0, angle)
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > 180.0) + 1
     return np.insert(freq_hz, jumps, freq_hz[jumps]), np.insert(angle, jumps, np.nan)
 

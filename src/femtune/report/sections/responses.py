@@ -17,6 +17,8 @@ from femtune.study.results_response import FrfPair, FrfResults, ResponseResults
 
 _PANELS = 6
 _FOLDED = 16
+_ROUNDING = 1e-12
+"""Functions below this part of the largest are not drawn: they are zero but for rounding."""
 _CAPTION = "Magnitude (logarithmic) and phase over frequency. Phases are those of motion over force, e^{iωt}."
 
 
@@ -48,13 +50,15 @@ def _configuration(source: Source, name: str, named: bool) -> list[Block]:
     last = found[-1].frfs
     assert last is not None
     order = ordered_pairs(last)
+    floor = _ROUNDING * max(p.peak for p in last.pairs)
+    shown = [k for k in order if last.pairs[k].peak >= floor][:_PANELS]
     alerts = dict.fromkeys(AlertBox(a.level, a.code, a.sentence, a.where) for r in found for a in r.alerts)
     return [
         *([Heading(name)] if named else []),
         *alerts,
         Paragraph(how(last)),
-        _figure(source, found, order[:_PANELS]),
-        *([Paragraph(_rest(len(order) - _PANELS), "muted")] if len(order) > _PANELS else []),
+        _figure(source, found, shown),
+        *([Paragraph(_rest(len(order) - len(shown)), "muted")] if len(order) > len(shown) else []),
         frf_table(found, order, folded=len(order) > _FOLDED),
     ]
 
