@@ -134,9 +134,9 @@ CONCLUSION = """
 - **Ours** tends to the same limits within .2 %, with the second order; what is left has the size of the rotary inertia
   that solids have and shells of Nastran decks do not, ω t √(12 ρ/E) / 24. A CQUAD4 has the mean of its corners'
   thicknesses, and at the clamped side, where moments are largest, the thickness doubles over a quarter of the plate's
-  length. With 8 elements a side mode 1 is 5.9 % too high for it (the uniform plate has .3 %); the higher modes have most
-  of their error from the mesh as such (mode 7: 12 of 16 %). With 32 a side all modes are within 1.1 %, with 64 within
-  .4 %.
+  length. With 8 elements a side mode 1 is 5.9 % too high for it (the uniform plate has .3 %); the higher modes have
+  most of their error from the mesh as such (mode 7: 12 of 16 %). With 32 a side all modes are within 1.1 %, with 64
+  within .4 %.
 - CalculiX's other decks beside it are solids (C3D8, C3D20R, CPE8; read in a later round) and beams of numerically
   integrated sections (B32R): nothing in them is a shell."""
 
