@@ -28,6 +28,8 @@ STEP = 1e-30
 """Complex step: nothing is subtracted, so it may be this small."""
 EIGEN_STEP = 1e-20
 DIFFERENCE_STEP = 1e-6
+MASSLESS = 1e12
+"""Condition number of a mass matrix beyond which some direction counts as massless."""
 TOLERANCE = 1e-9
 VANISHING = 1e-12
 """Part of the first derivative below which a second one is rounding."""
@@ -86,13 +88,13 @@ def _size(matrix: Any) -> float:
 def check_simple_mode(solution: EigenSolution, j: int, tolerance: float = TOLERANCE) -> float:
     """Gradients of eigenvalue and mass-normalised shape of a simple mode against complex steps; the worst error.
 
-    Dense, standard form M⁻¹K: the model must have mass on every free DOF.
+    Dense, standard form M⁻¹K, or (K − σM)⁻¹M with the solution's shift σ where some direction has no mass.
     """
     point = solution.point
     exact = subspace_derivative(solution, [j])
     worst = 0.0
     for i in range(point.n_parameters):
-        value, shape = _complex_mode(point, i, float(solution.eigenvalues[j]), solution.shapes[:, j])
+        value, shape = _complex_mode(solution, i, j)
         slope = solution.eigenvalues[j] - solution.shift
         errors = (
             abs(value.imag / EIGEN_STEP - exact.eigenvalue_gradient[i]) / slope,
@@ -105,16 +107,27 @@ def check_simple_mode(solution: EigenSolution, j: int, tolerance: float = TOLERA
     return worst
 
 
-def _complex_mode(point: ModelPoint, i: int, eigenvalue: float, shape: Reals) -> tuple[complex, NDArray]:
-    """The mode nearest to a real one at x + ih eᵢ, normalised by φᵀMφ = 1 (no conjugate)."""
+def _complex_mode(solution: EigenSolution, i: int, j: int) -> tuple[complex, NDArray]:
+    """Mode j at x + ih eᵢ, normalised by φᵀMφ = 1 (no conjugate)."""
+    point = solution.point
     stepped = point.configured.at(point.x + 1j * EIGEN_STEP * np.eye(point.n_parameters)[i])
-    M = stepped.mass.toarray()
-    values, vectors = np.linalg.eig(np.linalg.solve(M, stepped.stiffness.toarray()))
-    nearest = int(np.argmin(np.abs(values - eigenvalue)))
+    K, M = stepped.stiffness.toarray(), stepped.mass.toarray()
+    values, vectors = _standard_form(K, M, solution.shift)
+    nearest = int(np.argmin(np.abs(values - solution.eigenvalues[j])))
     phi = vectors[:, nearest]
     phi = phi / phi[np.argmax(np.abs(phi))]
     phi = phi / np.sqrt(phi @ M @ phi)
-    return values[nearest], phi * np.sign((phi.real) @ shape)
+    return values[nearest], phi * np.sign((phi.real) @ solution.shapes[:, j])
+
+
+def _standard_form(K: NDArray, M: NDArray, shift: float) -> tuple[NDArray, NDArray]:
+    """Eigenvalues λ and vectors; the infinite ones of massless directions are left out."""
+    if np.linalg.cond(M.real) < MASSLESS:
+        values, vectors = np.linalg.eig(np.linalg.solve(M, K))
+        return values, vectors
+    inverse, vectors = np.linalg.eig(np.linalg.solve(K - shift * M, M))
+    finite = np.abs(inverse) > np.abs(inverse).max() / MASSLESS
+    return shift + 1.0 / inverse[finite], vectors[:, finite]
 
 
 def check_derivative_equation(solution: EigenSolution, members: Sequence[int], tolerance: float = 1e-7) -> float:
