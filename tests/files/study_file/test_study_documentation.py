@@ -31,6 +31,8 @@ _TABLES: dict[str, type[Table]] = {
     "## `[[parameter]]`": study_file.ParameterEntry,
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,
+    "## `[response]`": study_file.ResponseTable,
+    "## `[[load]]`": study_file.LoadEntry,
     "## `[write]`": study_file.WriteTable,
     "## `[output]`": study_file.OutputTable,
 }
