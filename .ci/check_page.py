@@ -1,13 +1,14 @@
-"""Open a report in headless Chromium and check it as a reader's browser would show it.
+"""Open pages in headless Chromium and check them as a reader's browser would show them.
 
-python .ci/check_page.py [report.html]     without a path: the newest report below examples/
+python .ci/check_page.py [page.html …]     without a path: the newest report, and pages of modes, below examples/
 
-Checked: the page loads nothing from elsewhere, writes nothing to the browser's console, has a title and a heading,
-its inner links lead somewhere, all its pictures hold data, and it is not blank. Standard library only.
+Checked: a page loads nothing from elsewhere, nor do its pictures, writes nothing to the browser's console, has a title
+and a heading, its inner links lead somewhere, all its pictures hold data, and it is not blank. Standard library only.
 """
 
 from __future__ import annotations
 
+import base64
 import os
 import re
 import shutil
@@ -25,6 +26,7 @@ _FLAGS = [
 ]
 _NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND"
 _LOADS = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src", "object": "data"}
+_SVG = "data:image/svg+xml;base64,"
 _BLANK_PNG_BYTES = 12_000
 
 
@@ -48,9 +50,11 @@ class _Page(HTMLParser):
             self.links.append(given["href"][1:])
 
 
-def _newest_report() -> Path | None:
-    found = [p for p in Path("examples").rglob("report.html") if p.is_file()]
-    return max(found, key=lambda p: p.stat().st_mtime, default=None)
+def _pages() -> list[Path]:
+    """The newest report, and all other pages in run folders of the examples."""
+    found = sorted((p for p in Path("examples").rglob("run*/*.html") if p.is_file()), key=lambda p: p.stat().st_mtime)
+    reports = [p for p in found if p.name == "report.html"]
+    return reports[-1:] + [p for p in found if p not in reports]
 
 
 def _chromium(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -67,9 +71,19 @@ def _problems_of_markup(dom: str) -> list[str]:
     problems += [f"a picture or script without data: {what!r}" for what in page.loads if what == "data:,"]
     problems += [f"the link #{link} leads nowhere" for link in page.links if link and link not in page.ids]
     problems += [f"no <{tag}>" for tag in ("title", "h1", "table") if tag not in page.tags]
+    if any(_loads_more(what) for what in page.loads):
+        problems.append("a picture loads from elsewhere")
     if re.search(r"url\(\s*['\"]?(https?:)?//", dom):
         problems.append("a style loads from elsewhere")
     return problems
+
+
+def _loads_more(address: str) -> bool:
+    """True for a picture that asks for more than what it holds."""
+    if not address.startswith(_SVG):
+        return False
+    drawn = base64.b64decode(address.removeprefix(_SVG)).decode("utf-8")
+    return any(not to.startswith(("#", "data:")) for to in re.findall(r'\bhref\s*=\s*["\']([^"\']*)', drawn))
 
 
 def _problems_of_picture(address: str) -> list[str]:
@@ -93,13 +107,17 @@ def main() -> int:
     if not any(map(shutil.which, _NAMES)):
         print("SKIPPED: no Chromium on this machine, the page was not looked at")
         return 0
-    report = Path(sys.argv[1]) if len(sys.argv) > 1 else _newest_report()
-    if report is None or not report.is_file():
-        print("no report.html to look at: run 'make demo' first", file=sys.stderr)
+    pages = [Path(a) for a in sys.argv[1:]] or _pages()
+    if not pages or not all(page.is_file() for page in pages):
+        print("no page to look at: run 'make demo' first", file=sys.stderr)
         return 1
-    problems = check(report)
-    print(f"{report} ({os.path.getsize(report) / 1e6:.1f} MB): {len(problems)} problems")
-    print("\n".join(f"  {problem}" for problem in problems))
+    return max(map(_tell, pages))
+
+
+def _tell(page: Path) -> int:
+    problems = check(page)
+    print(f"{page} ({os.path.getsize(page) / 1e6:.1f} MB): {len(problems)} problems")
+    print("".join(f"  {problem}\n" for problem in problems), end="")
     return 1 if problems else 0
 
 

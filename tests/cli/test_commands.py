@@ -177,3 +177,30 @@ def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study
     assert invoke(name, study, "--quiet").stderr == ""
     assert invoke(name, study, "--fresh").stderr == ""
     assert [options.get("fresh", False) for *_, options in steps.calls] == [False, False, True]
+
+
+@pytest.mark.parametrize("options", [(), ("--json",), ("--quiet", "--fresh")])
+def test_modes_on_a_page(invoke: Invoke, steps: Any, study: Path, options: tuple[str, ...]) -> None:
+    """The page is named where it disturbs nothing: after the JSON on standard error."""
+    asked: list[tuple[Path, bool]] = []
+
+    def modes_report(path: Path, page: Path, progress: Any, fresh: bool, remarks: list[str]) -> SimpleNamespace:
+        asked.append((page, fresh))
+        return SimpleNamespace(modes=steps.modes(path, progress))
+
+    steps.modes_report = modes_report
+    result = invoke("modes", study, "--report", "page.html", *options)
+    assert result.exit_code == 0
+    assert asked == [(Path("page.html"), "--fresh" in options)]
+    line = f"report: {study.parent / 'page.html'}"
+    assert (result.stderr if "--json" in options else result.stdout).splitlines()[-1] == line
+    if "--json" in options:
+        assert json.loads(result.stdout) == {"name": "CBAR", "count": 7}
+
+
+def test_modes_on_a_page_that_cannot_be_written(invoke: Invoke, study: Path) -> None:
+    result = invoke("modes", study, "--report", study.parent)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("[run.unwritable] the report cannot be written: Is a directory\n")
+    assert "Traceback" not in result.output

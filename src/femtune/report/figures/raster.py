@@ -26,13 +26,14 @@ _POINTS_PER_INCH = 72.0
 class Painting:
     """Faces and lines, the farthest first: corners (n, 4, 2) in points, and colours of area and edge of each.
 
-    A line is a face whose corners are its two ends.
+    A line is a face whose corners are its two ends; `smooth` ones have soft edges.
     """
 
     corners: NDArray[np.float64]
     fills: Sequence[str]
     edges: Sequence[str]
     widths: NDArray[np.float64]
+    smooth: NDArray[np.bool_]
 
 
 def rastered(painting: Painting, size: tuple[float, float]) -> str:
@@ -48,6 +49,8 @@ def rastered(painting: Painting, size: tuple[float, float]) -> str:
             "facecolors": _rgba(painting.fills),
             "edgecolors": _rgba(painting.edges),
             "linewidths": painting.widths,
+            # shades that melt into each other at every edge of a small face would make the file four times as large
+            "antialiaseds": painting.smooth,
         }
         axes.add_collection(kind(painting.corners, joinstyle="round", **style), autolim=False)
 

@@ -206,15 +206,14 @@ def _painting(sheet: _Sheet, moved: Reals, colours: Sequence[str]) -> Painting:
     lines, faces = sheet.outline, sheet.frame.faces
     both = np.concatenate([closed(faces), lines[:, [0, 1, 1, 0]]])
     depth = sheet.view.depth(moved)
-    near = 1e-3 * float(np.ptp(depth))
-    # a line lies in the faces that it bounds: it comes just after them
+    # a line lies in the faces that it bounds, whose middles may be nearer: it comes after them
+    near = 0.6 * float(np.median(np.ptp(depth[closed(faces)], axis=1))) + 1e-3 * float(np.ptp(depth))
     own = np.concatenate([mean_over_corners(faces, depth), depth[lines].max(axis=1, initial=-np.inf) + near])
     order = np.argsort(own, kind="stable")
     edges = [*colours, *[INK] * len(lines)]
-    widths = np.repeat([0.25, 0.45], [len(faces), len(lines)])
-    return Painting(
-        sheet.view.flat(moved)[both[order]], [edges[k] for k in order], [edges[k] for k in order], widths[order]
-    )
+    line = order >= len(faces)
+    shown = [edges[k] for k in order]
+    return Painting(sheet.view.flat(moved)[both[order]], shown, shown, np.where(line, 0.45, 0.0), line)
 
 
 def _axes(view: View, top: float) -> Iterable[str]:
