@@ -36,8 +36,8 @@ def lowest(
     """
     try:
         values, shapes = _way(M, count)(K, M, factor, shift, count)
-    except la.LinAlgError as error:
-        raise _indefinite() from error
+    except la.LinAlgError as broken:
+        raise _indefinite() from broken
     order = np.argsort(values)
     values, shapes = values[order], shapes[:, order]
     _check_negative(K, values, shapes)

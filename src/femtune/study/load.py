@@ -9,6 +9,7 @@ from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.inventory import MISSING
+from femtune.files.nastran.located import located
 from femtune.files.study_file import ModesTable, StudyFile, read_study_file
 from femtune.files.study_file.source import Source
 from femtune.model import ParametricModel, parametric_model
@@ -119,7 +120,8 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
     _check_not_empty(built)
-    study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    with located(built):
+        study = _assembled(_with_modes_of_deck(file, built), built, progress)
     return replace(study, units_known=not is_deck(path))
 
 
@@ -197,5 +199,7 @@ def solved_by(study: Study, solver: ModelSolver) -> Study:
 
 def on_deck(study: Study, built: BuiltModel) -> Study:
     """The same study on another deck of the same grid points (the updated one), without parameters."""
-    model = parametric_model(built.structure, ParameterSet(()), ())
-    return replace(study, built=built, model=model, cases=tuple(on_model(c, model) for c in study.cases))
+    with located(built):
+        model = parametric_model(built.structure, ParameterSet(()), ())
+        cases = tuple(on_model(c, model) for c in study.cases)
+    return replace(study, built=built, model=model, cases=cases)
