@@ -80,5 +80,5 @@ which shells do not have). Errors are the largest of six modes in percent on {n}
 {coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theory's order is 2, asserted within
 .3. With lumped mass errors of stiffness and mass have opposite signs and nearly cancel, so that orders say nothing.
 At free edges a thick plate, and a triangle, whose residual flexibility is the shear flexibility of a plate as thick
-as the cell is wide, have a boundary layer; there the order is lower (down to 1 in single modes), and is listed but
-not asserted."""
+as the cell is wide, have a boundary layer; there the order is lower (near 1 where a free edge is twisted; errors that
+change their sign give any number), and is listed but not asserted."""
