@@ -39,6 +39,7 @@ class BarProperties:
         material = self.materials.get(record.integer("MID"), record)
         section = self._section(record, pid, material)
         if self.building.values.values[material["G"]] == 0.0:
+            _check_constant(record, section)
             # without a shear modulus there is no shear flexibility either
             none = self.building.values.add(FieldRef(record.name, pid, "no shear flexibility"), 0.0)
             stiff = {name: none for name in section.roles if name[:2] in ("K1", "K2")}
@@ -49,6 +50,14 @@ class BarProperties:
         if record.name == "PBCOMP":
             return read_pbcomp(self.building, record, pid, material, self.materials)
         return _READERS[record.name](self.building, record, pid)
+
+
+def _check_constant(record: Record, section: BeamSection) -> None:
+    """Beams that change along their length, or whose axes lie beside each other, are made by their flexibility."""
+    if section.stations:
+        what = f"the section of {record.name} needs a material with a shear modulus: it changes along the beam, or its "
+        raise record.error("deck.section", what + "neutral axis or mass lies beside the element's axis", at="MID",
+                           hint="give the material G or NU")  # fmt: skip
 
 
 def read_pbar(b: Building, record: Record, pid: int) -> BeamSection:

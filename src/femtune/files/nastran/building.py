@@ -20,8 +20,8 @@ from femtune.files.nastran.record import Record, records_of
 
 T = TypeVar("T")
 
-# products and third powers of values stay numbers
-_LARGEST = 1e60
+# products and third powers of values stay numbers, and so do their inverses
+_LARGEST, _SMALLEST = 1e60, 1e-50
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Building:
         if ref not in self.places:
             self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
         value = record.real(name, default)
-        if abs(value) > _LARGEST:
+        if abs(value) > _LARGEST or 0.0 < abs(value) < _SMALLEST:
             raise record.error("deck.field-value", "a value is beyond all sizes", at=name, hint="correct its exponent")
         return self.values.add(ref, value)
 

@@ -159,6 +159,9 @@ def _scalar_points(building: Building, grids: Mapping[int, Record]) -> NDArray[n
 
 def _spoint_numbers(record: Record, grids: Mapping[int, Record]) -> set[int]:
     numbers = set(listed_numbers(record, record.card.fields))
+    if min(numbers, default=1) <= 0:
+        raise record.error("deck.field-value", "numbers of scalar points are positive",
+                           hint="give numbers from 1 to 99999999")  # fmt: skip
     both = sorted(numbers & set(grids))
     if both:
         raise duplicate(record.card, f"point {both[0]}", grids[both[0]].card)
