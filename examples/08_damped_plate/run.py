@@ -119,14 +119,14 @@ def evidence(quick: bool) -> str:
         "An aluminium plate of 400 × 400 × 3 mm, clamped at one edge; the middle of the opposite edge stands on a "
         f"rubber bush (loss factor .2), one corner on a dashpot. Accelerance at three points by two forces, {lines}.\n",
         "## All modes\n",
-        "4 × 4 shells, every mode kept; each grid point has a little rotary inertia, so that none is without "
-        "mass. Largest difference from the direct solution, relative to its largest value; "
+        "4 × 4 shells, every mode kept; each grid point has a little rotary inertia, so that no motion "
+        "lacks mass. Largest difference from the direct solution, relative to its largest value; "
         f"{_AGREE:.0e} is asserted.\n",
         "| damping | real modes | complex modes |", "|---|---|---|", *rows,
         "\n## Few modes\n",
         f"{n} × {n} shells, loss factors, bush and dashpot. Largest error relative to the largest value, without and "
-        "with residual vectors (the static response to the forces and to the damping of dashpot and bush). Five modes lie below "
-        "150 Hz.\n",
+        "with residual vectors (the static response to the forces and to the damping of dashpot and bush). Five modes "
+        "lie below 150 Hz.\n",
         "| modes | real modes | with residual vectors | complex modes | with residual vectors |",
         "|---|---|---|---|---|",
         *truncated,

@@ -1,0 +1,240 @@
+"""Responses through the whole chain, from decks and studies to records: closed forms, measured functions, journal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femtune import steps
+from femtune.dofs import DofSet
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.files.uff import read_uff, write_uff_frfs
+from femtune.modal import FrfSet, as_kind
+from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
+from femtune.model.response import frf, make_ports
+from femtune.parameters import ParameterSet
+from femtune.study.results_response import ResponseResults
+from femtune.testdata import ModalTest
+from femtune.units import SI
+
+from .conftest import EI, Bench
+
+OSCILLATOR = """SOL 111
+CEND
+BEGIN BULK
+SPOINT  1
+CELAS2  1       1000.   1       0                       .05
+CMASS2  2       2.5     1       0
+CDAMP2  3       4.      1       0
+ENDDATA
+"""
+WAYS = ("real modes", "complex modes", "direct")
+
+
+def _respond(path: Path, **options: Any) -> tuple[ResponseResults, NDArray[np.float64], NDArray[np.complex128]]:
+    """The only record of a deck or study, its lines and values."""
+    arrays: dict[str, NDArray] = {}
+    (found,) = steps.respond(path, arrays=arrays, options=options)
+    assert found.frfs is not None
+    return found, arrays[found.frfs.freq_key], arrays[found.frfs.values_key]
+
+
+@pytest.mark.parametrize("method", WAYS)
+@pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
+def test_one_mass(bench: Bench, method: str, kind: str) -> None:
+    deck = bench.write("one.bdf", OSCILLATOR)
+    found, lines, values = _respond(
+        deck, inputs=("1S+",), from_hz=0.5, to_hz=10.0, step_hz=0.1, method=method, kind=kind
+    )
+    s = 2j * np.pi * lines
+    exact = s ** ("receptance", "mobility", "accelerance").index(kind) / (1000.0 * (1 + 0.05j) + 4 * s + 2.5 * s**2)
+    assert len(lines) == 96
+    np.testing.assert_allclose(values[0, 0], exact, rtol=1e-10)
+    assert found.frfs is not None
+    assert found.frfs.damping == "loss factors of the deck, dashpots of the deck"
+    assert found.frfs.unit == ""
+    (pole,) = found.poles
+    root = np.roots([2.5, 4.0, 1000.0 * (1 + 0.05j)])
+    upper = root[root.imag > 0][0]
+    assert pole.freq_hz == pytest.approx(abs(upper) / (2 * np.pi), rel=1e-10)
+    assert pole.damping_ratio == pytest.approx(-upper.real / abs(upper), rel=1e-9)
+    assert pole.real_freq_hz == pytest.approx(np.sqrt(400.0) / (2 * np.pi), rel=1e-10)
+
+
+def test_ratios_in_place_of_what_the_deck_damps(bench: Bench) -> None:
+    deck = bench.write("one.bdf", OSCILLATOR)
+    asked = {"inputs": ("1S+",), "from_hz": 1.0, "to_hz": 6.0, "lines": 30, "damping": "modal", "kind": "receptance"}
+    omega = np.sqrt(400.0)
+    for method in WAYS:
+        found, lines, values = _respond(deck, ratio=0.02, method=method, **asked)
+        s = 2j * np.pi * lines
+        np.testing.assert_allclose(values[0, 0], 1 / (1000.0 + 2.5 * 0.04 * omega * s + 2.5 * s**2), rtol=1e-10)
+        assert not found.alerts
+    found, lines, values = _respond(deck, **asked)
+    np.testing.assert_allclose(values[0, 0], 1 / (1000.0 - 2.5 * (2 * np.pi * lines) ** 2), rtol=1e-9)
+    assert [a.code for a in found.alerts] == ["response.undamped"]
+    assert not found.poles
+    both, _, _ = _respond(deck, **{**asked, "damping": "deck", "ratios": (0.02,)})
+    assert both.frfs is not None
+    assert both.frfs.damping.endswith("dashpots of the deck, modal damping ratio 0.02")
+
+
+def test_a_free_beam_beside_its_closed_form(bench: Bench) -> None:
+    """Driving-point receptance of the end of a free-free Euler beam with a loss factor.
+
+    Bishop and Johnson: (cos λl sinh λl − sin λl cosh λl)/(EI λ³ (cos λl cosh λl − 1)), λ⁴ = ω² ρA/EI.
+    """
+    n, length = 24, 1.2
+    cards = ["PBAR,1,1,1.-3,2.-7,5.-7,4.-7", "MAT1,1,2.1+11,,.3,7850.,,,0.02", "SPC1,1,1246,1,THRU,25", "ENDDATA"]
+    grids = [f"GRID,{i + 1},,{length * i / n:.9f},0.,0." for i in range(n + 1)]
+    bars = [f"CBAR,{i + 1},1,{i + 1},{i + 2},0.,1.,0." for i in range(n)]
+    text = ["SOL 111", "CEND", "SPC = 1", "BEGIN BULK", "PARAM,COUPMASS,1", *grids, *bars, *cards]
+    deck = bench.write("free.bdf", "\n".join(text) + "\n")
+    found, lines, values = _respond(
+        deck, inputs=("1Z+",), outputs=("25Z+", "1Z+"), from_hz=20.0, to_hz=400.0, step_hz=10.0, kind="receptance"
+    )
+    ei = 2.1e11 * (1 + 0.02j) * 5e-7
+    wave = ((2 * np.pi * lines) ** 2 * 7.85 / ei) ** 0.25
+    x = wave * length
+    below = ei * wave**3 * (np.cos(x) * np.cosh(x) - 1)
+    same = -(np.cos(x) * np.sinh(x) - np.sin(x) * np.cosh(x)) / below
+    far = (np.sin(x) - np.sinh(x)) / below
+    for computed, exact in ((values[1, 0], same), (values[0, 0], far)):
+        np.testing.assert_allclose(computed, exact, atol=2e-3 * np.abs(exact).max())
+    assert found.frfs is not None
+    assert [p.driving_point for p in found.frfs.pairs] == [False, True]
+    assert [p.kind for p in found.poles[:2]] == ["rigid", "rigid"]
+
+
+def _functions(deck: Path, outputs: list[str], inputs: list[str], lines: NDArray) -> FrfSet:
+    """What a test of a deck with 1 % damping measures."""
+    model = parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ())
+    configured = configure(model, Configuration())
+    modes = solve_modes(configured.at(np.zeros(0)), 20)
+    ports = make_ports(configured, inputs, outputs)
+    return frf(modes, ports, lines, "accelerance", "real-modes", damping=constant_damping(0.01))
+
+
+def _with_functions(bench: Bench, frfs: FrfSet) -> ModalTest:
+    """A file with the modes of the true beam and these functions."""
+    test = replace(bench.measure(bench.truth()), frfs=frfs)
+    modes = bench.uff(test).read_text()
+    functions = write_uff_frfs(bench.folder / "frfs-only.uff", test).read_text()
+    (bench.folder / "beam.uff").write_text(modes + functions[functions.index("    -1\n    58\n") :])
+    return test
+
+
+RESPONSE = '\n[response]\nratio = 0.01\n[[load]]\nname = "tip"\nforces = { "5Z-" = 100.0 }\noutputs = ["5Z+", "3Y+"]\n'
+
+
+@pytest.fixture
+def measured(bench: Bench) -> tuple[Bench, FrfSet]:
+    """The cantilever with modes and functions of its true form; 1 is held, and 4RY is no DOF of the modes."""
+    frfs = _functions(bench.truth(), ["5Z+", "3Y-", "4RY+"], ["5Z+", "4Y+"], np.arange(0.0, 300.0, 2.0))
+    _with_functions(bench, frfs)
+    return bench, frfs
+
+
+def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSet]) -> None:
+    bench, frfs = measured
+    arrays: dict[str, NDArray] = {}
+    (found,) = steps.respond(bench.study(EI + RESPONSE), arrays=arrays, options={"kind": "mobility"})
+    record = found.frfs
+    assert record is not None
+    assert (record.outputs, record.inputs) == (("5Z+", "3Y-", "4RY+"), ("5Z+", "4Y+"))
+    assert record.unit == "m/s/N"
+    assert [a.code for a in found.alerts] == ["response.zero-line"]
+    np.testing.assert_array_equal(arrays[record.freq_key], frfs.freq_hz[1:])
+    assert record.test_values_key is not None
+    test = arrays[record.test_values_key]
+    assert np.isnan(test[:, :, 0]).all()
+    wanted = as_kind(frfs, "mobility").values[:, :, 1:]
+    np.testing.assert_allclose(test[:, :, 1:], wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Bench, FrfSet]) -> None:
+    bench, frfs = measured
+    arrays: dict[str, NDArray] = {}
+    options = {"outputs": ("2Z+", "3Y+"), "inputs": ("4Y-",), "from_hz": 10.0, "to_hz": 100.0, "step_hz": 2.0}
+    (found,) = steps.respond(bench.study(EI + RESPONSE), arrays=arrays, options=options)
+    assert found.frfs is not None
+    assert found.frfs.test_values_key is not None
+    test = arrays[found.frfs.test_values_key]
+    assert np.isnan(test[0]).all()
+    np.testing.assert_allclose(test[1, 0], frfs.values[1, 1], atol=1e-9 * np.abs(frfs.values[1, 1]).max())
+
+
+def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) -> None:
+    bench, frfs = measured
+    study = bench.study(EI + RESPONSE)
+    run = steps.run(study)
+    before, after = run.results.responses
+    assert (before.stage, after.stage) == ("before", "after as written")
+    assert before.frfs is not None
+    assert after.frfs is not None
+    pair = {(p.output, p.input): k for k, p in enumerate(after.frfs.pairs)}["3Y-", "4Y+"]
+    first, last = before.frfs.pairs[pair].frac, after.frfs.pairs[pair].frac
+    assert first is not None
+    assert last is not None
+    assert first < 0.9
+    assert last > 0.999
+    values = run.arrays[after.frfs.values_key]
+    assert np.abs(values - frfs.values[:, :, 1:]).max() < 1e-3 * np.abs(frfs.values).max()
+    written = read_uff(bench.folder / "run" / "frfs.uff", units=SI).test.frfs
+    assert written is not None
+    np.testing.assert_allclose(written.values, values, atol=1e-11 * np.abs(values).max())
+    assert "Responses" in (bench.folder / "run" / "report.html").read_text()
+    again = steps.run(study)
+    assert again.results.journal is not None
+    assert again.results.journal.solved == 0
+    counts = {k.kind: k.recalled for k in again.results.journal.kinds}
+    assert (counts["frf"], counts["static"], counts["poles"]) == (2, 2, 2)
+    np.testing.assert_array_equal(again.arrays[after.frfs.values_key], values)
+    other = study.read_text().replace("ratio = 0.01", "ratio = 0.02")
+    study.write_text(other)
+    remarks: list[str] = []
+    assert steps.respond(study, remarks=remarks) != (before,)
+    assert remarks == ["2 of 4 solutions from the journal of an earlier run"]
+
+
+def test_a_tip_load(bench: Bench) -> None:
+    """FL³/3EI with the stiffness of both halves alike, minus the deck's sign conventions."""
+    (found,) = steps.respond(bench.study(RESPONSE.replace("[response]\nratio = 0.01\n", ""), test=None))
+    assert found.frfs is None
+    (load,) = found.loads
+    moved = {d.output: d.value for d in load.displacements}
+    assert moved["5Z+"] == pytest.approx(-100.0 / (3 * 2.1e11 * 5e-7), rel=1e-9)
+    assert abs(moved["3Y+"]) < 1e-15
+    assert load.forces == ("5Z- 100",)
+
+
+def test_a_combination_is_a_sensor(bench: Bench) -> None:
+    """The mean of two points by a pair of forces: a quarter of the sum of four functions."""
+    terms = ", ".join(f'{{ node = {node}, component = "Z", factor = 0.5 }}' for node in (3, 5))
+    mean = f'[[sensor]]\nname = "901Z+"\nterms = [{terms}]\n'
+    lines = {"from_hz": 10.0, "to_hz": 90.0, "lines": 9, "method": "direct"}
+    study = bench.study(mean + "\n[response]\nratio = 0.01\n", test=None)
+    _, _, four = _respond(study, inputs=("3Z+", "5Z+"), outputs=("3Z+", "5Z+"), **lines)
+    found, _, one = _respond(study, inputs=("901Z+",), outputs=("901Z-",), **lines)
+    np.testing.assert_allclose(one[0, 0], -four.sum(axis=(0, 1)) / 4, rtol=1e-9)
+    assert found.frfs is not None
+    assert found.frfs.pairs[0].driving_point
+
+
+def test_a_universal_file_of_each_configuration(bench: Bench) -> None:
+    states = '[[configuration]]\nname = "a"\n[[configuration]]\nname = "b"\nmasses = [{ node = 5, mass = 1.0 }]\n'
+    asked = '[response]\ninputs = ["5Z+"]\nfrom_hz = 1.0\nto_hz = 50.0\nstep_hz = 1.0\nratio = 0.02\n'
+    study = bench.study(states + asked, test=None)
+    found = steps.respond(study, uff=bench.folder / "out.uff")
+    assert [r.configuration for r in found] == ["a", "b"]
+    sets = [read_uff(bench.folder / f"out_{i}.uff", units=SI).test.frfs for i in (1, 2)]
+    assert all(s is not None and s.responses == DofSet.parse(["5Z+"]) for s in sets)
+    assert sets[0] is not None
+    assert sets[1] is not None
+    assert not np.allclose(sets[0].values, sets[1].values)
