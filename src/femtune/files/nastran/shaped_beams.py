@@ -11,8 +11,8 @@ from femtune.files.nastran.building import Building
 from femtune.files.nastran.record import Record
 from femtune.files.nastran.sections import SECTION_ROLES, SHAPES, Shape
 
-# eighth powers of dimensions stay numbers
-_LARGEST = 1e30
+# fourth powers of dimensions, and of their inverses, stay within the sizes that other values may have
+_LARGEST = 1e12
 # the product of inertia and the offset of a symmetric section are rounding
 _ROUNDING = 1e-10
 
