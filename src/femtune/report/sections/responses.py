@@ -25,7 +25,7 @@ _CAPTION = "Magnitude (logarithmic) and phase over frequency. Phases are those o
 def responses(source: Source) -> list[Block]:
     """All of it for the report of a run."""
     if not source.results.responses:
-        return [Paragraph("Responses: not asked for; a study with [response] or [[load]] has them here.", "muted")]
+        return [Paragraph("Responses: not run; a study with [response] or [[load]] has them here.", "muted")]
     parts = (("Complex modes", complex_modes(source)), ("Static loads", static_loads(source)))
     more = [block for title, blocks in parts if blocks for block in (Heading(title), *blocks)]
     return [*frequency_responses(source), *more]
@@ -35,7 +35,7 @@ def frequency_responses(source: Source) -> list[Block]:
     """Alerts, pictures and the table of all functions, each configuration by itself."""
     names = list(dict.fromkeys(r.configuration for r in source.results.responses))
     blocks = [b for name in names for b in _configuration(source, name, len(names) > 1)]
-    return blocks or [Paragraph("Frequency responses: not asked for.", "muted")]
+    return blocks or [Paragraph("Frequency responses: not run, the study has no [response].", "muted")]
 
 
 def stages_of(source: Source, name: str) -> list[ResponseResults]:
