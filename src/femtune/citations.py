@@ -59,6 +59,41 @@ _register(
     year="1988",
 )
 _register(
+    "heylen1996",
+    "inproceedings",
+    author="Heylen, W. and Lammens, S.",
+    title="FRAC: a consistent way of comparing frequency response functions",
+    booktitle="Proceedings of the International Conference on Identification in Engineering Systems, Swansea",
+    year="1996",
+)
+_register(
+    "dvorkin1984",
+    "article",
+    author="Dvorkin, E. N. and Bathe, K.-J.",
+    title="A continuum mechanics based four-node shell element for general nonlinear analysis",
+    journal="Engineering Computations",
+    volume="1",
+    year="1984",
+)
+_register(
+    "pian1984",
+    "article",
+    author="Pian, T. H. H. and Sumihara, K.",
+    title="Rational approach for assumed stress finite elements",
+    journal="International Journal for Numerical Methods in Engineering",
+    volume="20",
+    year="1984",
+)
+_register(
+    "lee2004",
+    "article",
+    author="Lee, P.-S. and Bathe, K.-J.",
+    title="Development of MITC isotropic triangular shell finite elements",
+    journal="Computers and Structures",
+    volume="82",
+    year="2004",
+)
+_register(
     "fox1968",
     "article",
     author="Fox, R. L. and Kapoor, M. P.",

@@ -43,6 +43,18 @@ def citations(keys: Iterable[str]) -> tuple[Citation, ...]:
     return tuple(Citation(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
 
 
+_ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
+_BY_KIND = {"shell-quad": ("dvorkin1984", "pian1984"), "shell-tri": ("lee2004",)}
+
+
+def what_ran(study: Study) -> tuple[Citation, ...]:
+    """Publications of the comparison, of the elements that the deck has, and of the responses where they are asked."""
+    kinds = sorted({batch.kind for batch in study.built.structure.batches})
+    elements = (key for kind in kinds for key in _BY_KIND.get(kind, ()))
+    responses = () if study.file.response is None else ("heylen1996",)
+    return citations((*_ALWAYS, *elements, *responses))
+
+
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
     """The parameters as the study describes them."""
     values = study.parameters.values(np.zeros(len(study.parameters.free)))

@@ -20,7 +20,7 @@ from femtune.study.load import Study, on_deck
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.record_model import alert_of, model_facts, sensor_results
-from femtune.study.record_update import citations, parameter_facts, selection_results, update_results
+from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
@@ -119,7 +119,7 @@ class Run:
             model=model_facts(study),
             sensors=tuple(s for s in (sensor_results(study, c) for c in study.cases) if s is not None),
             parameters=parameter_facts(study),
-            citations=citations(("allemang1982", "lieven1988", "guyan1965")),
+            citations=what_ran(study),
         )
 
     def _stage(self, study: Study, stage: Stage, at: Evaluation) -> StageRecords:
