@@ -72,7 +72,7 @@ def wedge(n: int, stations: int, consistent: bool = True) -> Structure:
 
 
 def test_frequencies_of_a_wedge():
-    """Kirchhoff's sharp wedge: ω = 5.315 √(E I0/ρ A0)/L², then 15.207 (Timoshenko, Vibration Problems, section 5.12)."""
+    """Kirchhoff's sharp wedge: ω = 5.315 √(E I0/ρ A0)/L², then 15.207 (Timoshenko, Vibration Problems, 5.12)."""
     structure = wedge(48, 5)
     held = {*range(6 * 48, 6 * 49), *(6 * i + k for i in range(48) for k in (0, 2, 3, 4))}
     found = 2 * np.pi * dense_modes(structure, held)[:2] / np.sqrt(MATERIAL["E"] * 1e-8 / (MATERIAL["rho"] * 1e-3))

@@ -22,8 +22,8 @@ POINTS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,2.,0.,0.\nGRID,4,,2.,1.,0.
         ("GRID", READ), ("BAROR", READ), ("FORCE", NOT_NEEDED), ("CAERO1", NOT_NEEDED), ("CBARAO", NOT_NEEDED),
         ("CDAMP5", NOT_NEEDED), ("RLOAD1", NOT_NEEDED), ("CQUAD8", MISSING), ("CTETRA", MISSING), ("RBE3", READ),
         ("RSPLINE", MISSING), ("CWELD", MISSING), ("CGAP", MISSING), ("CNEWONE", MISSING), ("GENEL", MISSING),
-        ("CORD3G", IGNORED), ("MATT1", IGNORED), ("DMIG", IGNORED), ("ASET1", READ), ("SUPORT", READ), ("SPCOFF", IGNORED),
-        ("WHATEVER", IGNORED),
+        ("CORD3G", IGNORED), ("MATT1", IGNORED), ("DMIG", IGNORED), ("ASET1", READ), ("SUPORT", READ),
+        ("SPCOFF", IGNORED), ("WHATEVER", IGNORED),
     ],
 )  # fmt: skip
 def test_use(name: str, use: str) -> None:

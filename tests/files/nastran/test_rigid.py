@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from .solving import frequencies, reduced
 
 from femtune.errors import FemtuneError
 from femtune.fem.checks import rigid_body_modes
 from femtune.fem.constraints_average import WeightedPoints, average_rows
 from femtune.fem.structure import ConstraintRows, NodeTable, Structure
 from femtune.files.nastran import Deck, build_structure
+
+from .solving import frequencies, reduced
 
 DeckOf = Callable[..., Deck]
 POINTS = "".join(

@@ -116,7 +116,7 @@ def _bad_support(text: str) -> FemtuneError:
 def field_reference(text: str) -> FieldRef:
     """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR (error ``study.field``)."""
     match = _FIELD.fullmatch(text.strip())
-    if match is None or match[2] is not None and int(match[2]) == 0:
+    if match is None or (match[2] is not None and int(match[2]) == 0):
         hint = 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
         raise FemtuneError("study.field", "this does not name the field of a card", hint=hint)
     return FieldRef(match[1], int(match[2] or 0), match[3])
