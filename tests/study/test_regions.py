@@ -96,6 +96,9 @@ def test_a_card_beyond_the_region_is_left_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("region", "words"),
     [
+        ("", "its region has no condition"),
+        ("elements = [1, 77]", "no element has number 77"),
+        ("near = { point = [1e308, -1e308, 1e308], distance = 1.0 }", "no element lies in its region"),
         ("properties = [3]", "no element has property 3"),
         ("materials = [7, 1]", "no element has material 7"),
         ("set = 8", "the deck has no SET 8"),
@@ -113,6 +116,13 @@ def test_what_a_region_cannot_be(tmp_path: Path, region: str, words: str) -> Non
     assert words in text
     assert "parameter.region" in text
     assert "study.toml:11" in text
+
+
+def test_a_list_that_is_too_short(tmp_path: Path) -> None:
+    with pytest.raises(FemtuneError, match=r"'box' has too few entries\n.*study.toml:11"):
+        study(tmp_path, "box = [[0, 0, 0]]")
+    with pytest.raises(FemtuneError, match=r"entry 2 of entry 1 of 'box' is not a finite number"):
+        study(tmp_path, "box = [[0, nan, 0], [1, 1, 1]]")
 
 
 def test_field_that_no_card_of_the_region_has(tmp_path: Path) -> None:

@@ -24,7 +24,6 @@ class _Asked:
     """A region as one parameter asks for it."""
 
     name: str
-    table: RegionTable
     built: BuiltModel
     where: Where
 
@@ -42,27 +41,35 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
     FemtuneError : ``parameter.region`` for what the deck does not have, and where no element is left
     """
     entry = file.parameter[i]
-    chosen = _listed(built, entry.elements)
+    chosen = _listed(file, i, built)
     if entry.region is None:
         return chosen
-    asked = _Asked(entry.name, entry.region, built, file.where("parameter", i, "region"))
-    for condition in _conditions(asked):
+    asked = _Asked(entry.name, built, file.where("parameter", i, "region"))
+    if entry.region == RegionTable():
+        raise asked.error("its region has no condition", "write one, such as properties = [3], or leave region out")
+    for condition in _conditions(asked, entry.region):
         chosen = condition if chosen is None else chosen & condition
     if not chosen:
         raise asked.error("no element lies in its region", "widen the region, or take a condition out of it")
     return chosen
 
 
-def _listed(built: BuiltModel, elements: str | tuple[int, ...] | None) -> Numbers | None:
-    if elements is None:
+def _listed(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
+    entry = file.parameter[i]
+    if entry.elements is None:
         return None
-    return frozenset(element_list(elements).among(built.structure.element_kinds))
+    return _named(_Asked(entry.name, built, file.where("parameter", i, "elements")), element_list(entry.elements))
 
 
-def _conditions(asked: _Asked) -> Iterable[Numbers]:
-    table, built = asked.table, asked.built
+def _named(asked: _Asked, wanted: IntegerList) -> Numbers:
+    known = asked.built.structure.element_kinds
+    _known(asked, wanted, set(known), "number")
+    return frozenset(wanted.among(known))
+
+
+def _conditions(asked: _Asked, table: RegionTable) -> Iterable[Numbers]:
     if table.elements is not None:
-        yield frozenset(element_list(table.elements).among(built.structure.element_kinds))
+        yield _named(asked, element_list(table.elements))
     if table.properties is not None:
         yield _with_property(asked, element_list(table.properties))
     if table.materials is not None:
@@ -125,8 +132,10 @@ def _in_box(asked: _Asked, corners: Reals) -> Numbers:
 
 def _near(asked: _Asked, near: NearTable) -> Numbers:
     numbers, centres = element_centres(asked.built)
-    reach = np.linalg.norm(centres - _place(asked, near), axis=1) <= near.distance
-    return frozenset(map(int, numbers[reach]))
+    # not squared, which overflows far away
+    x, y, z = (centres - _place(asked, near)).T
+    away = np.hypot(np.hypot(x, y), z)
+    return frozenset(map(int, numbers[away <= near.distance]))
 
 
 def _place(asked: _Asked, near: NearTable) -> Reals:

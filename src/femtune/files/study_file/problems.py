@@ -38,7 +38,6 @@ def _follows(finding: ErrorDetails) -> bool:
 
 def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
     place: Place = tuple(part for part in finding["loc"] if part != "[key]")
-    key = str(place[-1]) if place else ""
     if finding["type"] == "extra_forbidden":
         return _unknown_key(place, source)
     if finding["type"] == "missing":
@@ -46,13 +45,13 @@ def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
     code, what, hint = _judgement(finding)
-    return source.error(place, code, f"{_name(place)} {what}", {key: finding["input"]}, hint)
+    return source.error(place, code, f"{_name(place)} {what}", {_key(place): finding["input"]}, hint)
 
 
 def _name(place: Place) -> str:
     """What a message calls the value: a key, or an entry of a list."""
     last = place[-1] if place else "the file"
-    return f"entry {last + 1} of '{place[-2]}'" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
+    return f"entry {last + 1} of {_name(place[:-1])}" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
 
 
 def _unknown_key(place: Place, source: Source) -> FemtuneError:
@@ -62,6 +61,9 @@ def _unknown_key(place: Place, source: Source) -> FemtuneError:
 
 
 def _missing_key(place: Place, source: Source) -> FemtuneError:
+    if isinstance(place[-1], int):
+        hint = "docs/study-file.md has an example"
+        return source.error(place, "study.value", f"{_name(place[:-1])} has too few entries", {}, hint)
     key, table = str(place[-1]), _table(place[:-1])
     top = len(place) == 1
     hint = f"add the table [{key}]" if top else f"add the line  {key} = …  (docs/study-file.md has an example)"
