@@ -58,6 +58,8 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ('[response]\nratio = 0.1\nratios = [0.1]\n', "study.response-ratios", 10, "both ratio and ratios"),
         (f'[response]\ninputs = ["2Z+"]\nratios = [0.1]\nmodes = 3\n{_LINES}', "damping.too-few-modes", 10, "1 modes"),
         ('[[load]]\nname = "a"\nforces = { "7Z+" = 1.0 }\n', "model.unknown-node", 10, "grid point 7"),
+        ('[[load]]\nname = "a"\nforces = { "2Z+" = 0.0 }\n', "response.zero-load", 10, "zero, or cancel"),
+        ('[response]\nfrom_hz = 1.0\nto_hz = 1e300\nlines = 3\n', "study.value", 10, "less than or equal to 1000"),
         ('[[load]]\nname = "a"\nforces = { "2Z+" = 1.0 }\n' * 2, "study.duplicate-name", 12, "already the name"),
     ],
 )  # fmt: skip
@@ -90,6 +92,46 @@ def test_zero_hertz_of_a_free_structure(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError, match="at 0 Hz the structure moves without resistance") as caught:
         steps.respond(tmp_path / "beam.bdf", options=options)
     assert caught.value.code == "response.free-at-zero"
+
+
+@pytest.mark.parametrize("method", ["direct", "real modes", "complex modes"])
+def test_zero_hertz_of_free_masses_with_modal_damping(tmp_path: Path, method: str) -> None:
+    deck = "SOL 103\nCEND\nBEGIN BULK\nGRID,1,,0.,0.,0.,,23456\nGRID,2,,0.,0.,0.,,23456\nCELAS2,1,800.,1,1,2,1\n"
+    (tmp_path / "free.bdf").write_text(deck + "CMASS2,2,2.,2,1\nCMASS2,5,6.,1,1\nCDAMP2,3,4.,1,1,2,1\nENDDATA\n")
+    options = {"inputs": ("2X+",), "from_hz": 0.0, "to_hz": 2.0, "lines": 3, "ratio": 0.02, "method": method}
+    with pytest.raises(FemtuneError) as caught:
+        steps.respond(tmp_path / "free.bdf", options=options)
+    assert caught.value.code == "response.free-at-zero"
+
+
+def test_two_files_of_one_name(tmp_path: Path) -> None:
+    (tmp_path / "beam.bdf").write_text(_DECK)
+    options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
+    one = tmp_path / "a.uff"
+    with pytest.raises(FemtuneError, match="another one that is to be written") as caught:
+        steps.respond_report(tmp_path / "beam.bdf", one, options=options, uff=one, units="m-kg-s")
+    assert caught.value.code == "write.overwrites-input"
+    assert not one.exists()
+
+
+def test_a_universal_file_without_a_folder(tmp_path: Path) -> None:
+    text = f'[response]\ninputs = ["2Z+"]\n{_LINES}'
+    error = _refused(tmp_path, text, uff=tmp_path / "none" / "a.uff")
+    assert error.code == "uff.cannot-write"
+    assert "folder" in error.hint
+
+
+def test_negative_damping_is_told(tmp_path: Path) -> None:
+    deck = (
+        "SOL 103\nCEND\nBEGIN BULK\nGRID,2,,0.,0.,0.,,23456\nCELAS2,1,800.,2,1\nCMASS2,2,2.,2,1\n"
+        "CDAMP2,3,-4.,2,1\nENDDATA\n"
+    )
+    options = {"inputs": ("2X+",), "from_hz": 1.0, "to_hz": 9.0, "lines": 9}
+    for sign, told in (("-4.", ["response.unstable"]), ("4.", [])):
+        (tmp_path / "one.bdf").write_text(deck.replace("-4.", sign))
+        (found,) = steps.respond(tmp_path / "one.bdf", options=options)
+        assert [a.code for a in found.alerts] == told
+    assert found.poles[0].freq_hz == pytest.approx(20.0 / 6.283185307179586)
 
 
 def test_a_universal_file_of_a_deck_needs_units(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -23,8 +25,9 @@ def write_whole_by(path: Path, write: Callable[[IO[bytes]], object], flush: bool
 
     Raises
     ------
-    OSError : the folder cannot be written
+    OSError : the folder cannot be written, or `path` is a device or a pipe, which must not be replaced
     """
+    _check_replaceable(path)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:40]}.")
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -38,6 +41,14 @@ def write_whole_by(path: Path, write: Callable[[IO[bytes]], object], flush: bool
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def _check_replaceable(path: Path) -> None:
+    mode = os.lstat(path).st_mode if os.path.lexists(path) else stat.S_IFREG
+    if stat.S_ISDIR(mode) or not path.name:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
+        raise OSError(errno.EINVAL, "it is a device or a pipe")
 
 
 def _umask() -> int:

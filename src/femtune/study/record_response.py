@@ -32,6 +32,7 @@ _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 _SAME_LINE = 1e-6
 _LEAST_LINES = 2
 _ROUNDING = 1e-12
+_SHOWN = 6
 
 
 def response_results(
@@ -70,6 +71,7 @@ def _with_frfs(
     damping = damping_words(study, request, point)
     notices = request.notices if damping else (*request.notices, _undamped(request))
     poles, reason = _poles(study, request, point, modes, bool(damping))
+    notices = (*notices, *_unstable(request, poles))
     parts = {
         "frfs": _frf_results(study, request, modes, values, damping, prefix, arrays),
         "poles": () if poles is None else _pole_records(poles),
@@ -89,6 +91,20 @@ def _undamped(request: ResponseRequest) -> Notice:
         "without bound at natural frequencies; give ratio, for example 0.01"
     )
     return Notice("response.undamped", what)
+
+
+def _unstable(request: ResponseRequest, poles: PoleTable | None) -> tuple[Notice, ...]:
+    growing = (
+        [] if poles is None else [f"{f:.6g}" for f, z in zip(poles.freq_hz, poles.damping_ratio) if z < -_ROUNDING]
+    )
+    if not growing:
+        return ()
+    more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
+    what = (
+        f"{request.case.name}: damping is negative at {', '.join(growing[:_SHOWN])} Hz{more}, so the motion grows by "
+        "itself and has no frequency response; look for dashpots and loss factors below zero"
+    )
+    return (Notice("response.unstable", what),)
 
 
 def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> str:

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError
 from femtune.files.study_file import LoadEntry
 from femtune.model import ConfiguredModel, ModelPoint
 from femtune.model.response import Ports, matrix_ports
@@ -29,13 +30,15 @@ def static_results(study: Study, case: StudyCase, point: ModelPoint, default: Ax
 
     Raises
     ------
-    FemtuneError : ``response.static-free``, ``response.held-port``, ``model.unknown-node``, ``model.component``
+    FemtuneError : ``response.static-free``, ``response.zero-load``, ``response.held-port``, ``model.unknown-node``,
+        ``model.component``
     """
     file, loads = study.file, study.file.load
     if not loads:
         return ()
     forces = [named_axis(file, case, tuple(load.forces), "load", k, "forces") for k, load in enumerate(loads)]
     outputs = [_outputs(study, case, k, default, forces[k]) for k in range(len(loads))]
+    _check_loads(study, forces)
     with located(file.where("load")):
         ports = _ports(case.configured, loads, forces, outputs)
         values, relief = solved_static(study, point, ports)
@@ -51,10 +54,26 @@ def _outputs(study: Study, case: StudyCase, k: int, default: Axis | None, forces
     return forces if default is None else default
 
 
+def _check_loads(study: Study, forces: Sequence[Axis]) -> None:
+    for k, (load, axis) in enumerate(zip(study.file.load, forces)):
+        if not np.any(_row(load, axis).data):
+            raise FemtuneError(
+                "response.zero-load",
+                f"the forces of load {load.name} are zero, or cancel each other",
+                where=study.file.where("load", k, "forces"),
+                hint="give it a force, or take the load out",
+            )
+
+
+def _row(load: LoadEntry, axis: Axis) -> sp.csr_array:
+    """(1, n_g) forces of a load."""
+    return sp.csr_array(sp.csr_array(np.array([list(load.forces.values())])) @ axis.rows)
+
+
 def _ports(
     configured: ConfiguredModel, loads: Sequence[LoadEntry], forces: Sequence[Axis], outputs: Sequence[Axis]
 ) -> Ports:
-    cases = [sp.csr_array(np.array([list(load.forces.values())])) @ axis.rows for load, axis in zip(loads, forces)]
+    cases = [_row(load, axis) for load, axis in zip(loads, forces)]
     seen = sp.csr_array(sp.vstack([axis.rows for axis in outputs]))
     names = tuple(load.name for load in loads)
     return matrix_ports(

@@ -127,13 +127,24 @@ def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:
             "response.nothing-asked", "a Universal File is wanted, and the study asks for no FRFs",
             where=Where(str(study.file.path)), hint="add [response] with inputs",
         )  # fmt: skip
-    read = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
+    _check_places(study, files, uff)
+
+
+def _check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
+    """Each file has a folder, and a place of its own that nothing was read from."""
+    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "one that was read")
+    if uff is not None and not (uff.name and uff.parent.is_dir()):
+        raise FemtuneError(
+            "uff.cannot-write", "the file cannot be written: its folder does not exist, or it is a folder",
+            where=Where(str(uff)), hint="name a file in a folder that exists and that you may write to",
+        )  # fmt: skip
     for file in files:
-        if os.path.realpath(file) in read:
+        if (place := os.path.realpath(file)) in taken:
             raise FemtuneError(
-                "write.overwrites-input", "the file would overwrite one that was read",
+                "write.overwrites-input", f"the file would overwrite {taken[place]}",
                 where=Where(str(file)), hint="give it another name",
             )  # fmt: skip
+        taken[place] = "another one that is to be written"
 
 
 def write_frf_files(

@@ -55,8 +55,9 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
         raise FemtuneError(
-            "uff.cannot-write", f"the file cannot be written: {reason}", where=Where(str(path))
-        ) from problem
+            "uff.cannot-write", f"the file cannot be written: {reason}", where=Where(str(path)),
+            hint="name a file in a folder that exists and that you may write to",
+        ) from problem  # fmt: skip
     return Path(path)
 
 

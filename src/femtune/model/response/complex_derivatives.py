@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.model.factorise import SingularMatrixError, factorise
 from femtune.model.response.complex_modes import ComplexModes, gradient_by_pole
-from femtune.model.response.dynamic_stiffness import DynamicStiffness, Solve, low_rank_solver
+from femtune.model.response.dynamic_stiffness import DynamicStiffness, NoSolutionError, Solve, low_rank_solver
 
 _CLOSE, _HELD = 1e-6, 0.5
 _CORRECTIONS, _ENOUGH = 2, 1e-7
@@ -120,10 +120,10 @@ def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
         return lambda b: b
     try:
         factor = factorise(sp.csr_array(stiffness.sparse(pole)[keep][:, keep]))
-    except SingularMatrixError as error:
+        damper = stiffness.damper
+        return factor.solve if damper is None else low_rank_solver(factor, damper.momentum[keep], damper.weights(pole))
+    except (SingularMatrixError, NoSolutionError) as error:
         raise _inaccurate(pole, np.inf) from error
-    damper = stiffness.damper
-    return factor.solve if damper is None else low_rank_solver(factor, damper.momentum[keep], damper.weights(pole))
 
 
 def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray) -> NDArray[np.float64]:

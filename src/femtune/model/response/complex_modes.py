@@ -190,7 +190,7 @@ def _polished(
 def _inverse_step(stiffness: DynamicStiffness, pole: complex, v: NDArray) -> tuple[complex, NDArray]:
     try:
         y = stiffness.rough_solver(pole)(gradient_by_pole(stiffness, pole, v))
-    except SingularMatrixError:
+    except (SingularMatrixError, la.LinAlgError):
         return pole, v
     away = (v @ gradient_by_pole(stiffness, pole, v)) / (gradient_by_pole(stiffness, pole, v) @ y)
     better = pole - complex(away)

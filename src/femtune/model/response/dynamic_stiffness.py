@@ -23,7 +23,7 @@ _NEAR = 1e-2
 Solve = Callable[[NDArray], NDArray]
 
 
-class NoSolutionError(Exception):
+class NoSolutionError(la.LinAlgError):
     """Z(s) is singular to working precision."""
 
 
@@ -146,15 +146,34 @@ def sparse_solver(matrix: sp.csr_array) -> Solve:
 
 
 def low_rank_solver(factor: Factor, columns: NDArray, weights: NDArray) -> Solve:
-    """b -> (A + U diag(w) Uᵀ)⁻¹ b from the factors of A, U (n, m) and w (m,), by Woodbury's formula."""
-    inverse = factor.solve(columns)
-    small = la.lu_factor(np.eye(len(weights)) + weights[:, None] * (columns.T @ inverse))
+    """b -> (A + U diag(w) Uᵀ)⁻¹ b from the factors of A, U (n, m) and w (m,), by Woodbury's formula.
+
+    Raises
+    ------
+    NoSolutionError : a pivot is zero; the function raises it too, where the factors of A give no finite solution
+    """
+    inverse = _finite(factor.solve(columns))
+    small = _small_factor(_finite(np.eye(len(weights)) + weights[:, None] * (columns.T @ inverse)))
 
     def solve(b: NDArray) -> NDArray:
-        x = factor.solve(b)
+        x = _finite(factor.solve(b))
         return np.asarray(x - inverse @ la.lu_solve(small, (weights * (columns.T @ x).T).T))
 
     return solve
+
+
+def _finite(values: NDArray) -> NDArray:
+    if not np.isfinite(values).all():
+        raise NoSolutionError("the factors give no finite solution")
+    return values
+
+
+def _small_factor(matrix: NDArray) -> tuple[NDArray, NDArray]:
+    """As `scipy.linalg.lu_factor`, which only warns of a zero pivot."""
+    lu, pivots, info = la.get_lapack_funcs("getrf", (matrix,))(matrix)
+    if info:
+        raise NoSolutionError("a pivot is zero")
+    return lu, pivots
 
 
 def _refined(rough: Solve, times: Solve, b: NDArray) -> NDArray:
