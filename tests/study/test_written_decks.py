@@ -73,6 +73,16 @@ def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
     assert update.parameters[0].written == ()
 
 
+def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench) -> None:
+    rest = SHARED.replace("clamp", "rest").replace("elements = [1]", "elements = [2]")
+    run = steps.update(clamp.study(SHARED + rest))
+    assert values(run) == pytest.approx({"clamp": 1.4, "rest": 1.0}, rel=1e-3)
+    assert (run.folder / "updated.bdf").read_bytes() == (clamp.folder / "beam.bdf").read_bytes()
+    told = [a.sentence for a in run.results.alerts if a.code == "write.without-field"]
+    assert any(s.startswith("clamp: ") for s in told)
+    assert any("rest: PBAR 1 I1 is shared with elements that another parameter moves" in s for s in told)
+
+
 def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
     found = codes(steps.update(clamp.study(SHARED)))
     assert "write.incomplete" in found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -67,13 +67,19 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     """
     values = study.model.field_values(result.x)
     regions = _regions(study)
-    blocked = {} if study.file.write.split else {r: v for r, v in values.items() if r.region}
+    blocked = {} if study.file.write.split else _shared_fields(values)
     updates = {ref: value for ref, value in values.items() if ref not in blocked}
     plan = plan_edits(study.built, updates, regions, wide)
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
     record = _record(study, plan, deck, folder, values, blocked)
     return WriteBack(record, _written(study, plan), rebuilt)
+
+
+def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
+    """Values that would need a card of their own, and those of other regions that would have kept the shared one."""
+    several = {replace(ref, region="") for ref in values if ref.region}
+    return {ref: value for ref, value in values.items() if replace(ref, region="") in several}
 
 
 def _regions(study: Study) -> dict[str, Iterable[int]]:
@@ -108,7 +114,7 @@ def _record(
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
-        without_field=(*_no_fields(study), *(_shared(ref) for ref in blocked)),
+        without_field=(*_no_fields(study), *(_shared(ref, owners[ref]) for ref in blocked)),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
 
@@ -160,9 +166,10 @@ def _use(parameter: Parameter, study: Study) -> str:
     return f"it acts through {', '.join(users)}" if users else "nothing is written for it"
 
 
-def _shared(ref: FieldRef) -> str:
+def _shared(ref: FieldRef, owner: str) -> str:
+    others = "that are not updated" if ref.region else "that another parameter moves"
     return (
-        f"{ref.region}: {ref.card} {ref.id} {ref.name} is shared with elements that are not updated, so it was not "
+        f"{owner}: {ref.card} {ref.id} {ref.name} is shared with elements {others}, so it was not "
         f"written; split = true in [write] gives the updated elements a card of their own"
     )
 
