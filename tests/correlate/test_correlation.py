@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -164,6 +166,21 @@ def test_an_inaccurate_reduction_is_no_judge() -> None:
     found = correlate(model, model, mass=mass)
     assert isinstance(found.cross_orthogonality, NotTested)
     assert "misses its own frequencies" in found.cross_orthogonality.reason
+
+
+def test_a_mode_that_the_reduction_loses_is_named_without_a_number() -> None:
+    test, model, mass = _case()
+    assert isinstance(mass, ReducedMass)
+    errors = mass.frequency_error.copy()
+    errors[1] = np.nan
+    found = correlate(test, model, mass=replace(mass, frequency_error=errors)).cross_orthogonality
+    assert isinstance(found, NotTested)
+    assert "nan" not in found.reason
+    assert "misses its own frequencies" not in found.reason
+    assert f"the model has no mode with the shape of its mode {mass.labels[1]} any more" in found.reason
+    errors[2] = 0.12
+    both = str(correlate(test, model, mass=replace(mass, frequency_error=errors)).cross_orthogonality)
+    assert f"mode {mass.labels[2]} (+12.0 %), and the model has no mode" in both
 
 
 def test_invisible_model_modes_are_undefined_not_an_error() -> None:

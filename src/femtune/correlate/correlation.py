@@ -189,15 +189,17 @@ def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pai
 
 
 def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
-    errors = mass.frequency_error[list(modes)]
-    bad = [i for i, error in zip(modes, errors) if not abs(error) <= REDUCTION_TOLERANCE]
-    if not bad:
+    """Modes that the reduction misses in frequency, or that none of its modes resembles in shape."""
+    errors = {i: float(mass.frequency_error[i]) for i in modes}
+    lost = [mass.labels[i] for i, error in errors.items() if np.isnan(error)]
+    off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
+    misses = f"the model misses its own frequencies by more than {100 * REDUCTION_TOLERANCE:.0f} %: mode "
+    shapes = f"the model has no mode with the shape of its mode {', '.join(lost)} any more"
+    found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
+    if not found:
         return None
-    names = ", ".join(f"{mass.labels[i]} ({100 * mass.frequency_error[i]:+.1f} %)" for i in bad)
-    return NotTested(
-        f"reduced to the sensors, the model misses its own frequencies by more than "
-        f"{100 * REDUCTION_TOLERANCE:.0f} %: mode {names}; more sensors are needed"
-    )
+    needed = "sensors at more places where these modes move are needed"
+    return NotTested(f"reduced to the sensors, {', and '.join(found)}; {needed}")
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:
