@@ -102,7 +102,7 @@ def read_study(path: Path | str, progress: Progress = silent) -> Study:
             "study.deck-alone",
             "this step needs a study, and this is a deck",
             where=Where(str(path)),
-            hint="write a study (TOML) that names the deck and its test; info and modes also take a deck alone",
+            hint="write a study (TOML) of the deck and its test; info, modes and respond also take a deck alone",
         )
     return load_study(path, progress)
 
