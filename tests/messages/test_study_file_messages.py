@@ -61,7 +61,7 @@ _ON_PAGES = (
     _Case("study.value", "count = 8", "count = 0", 7, "greater than or equal to 1"),
     _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "8 THRU 1"', 12, "does not ascend"),
     _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_added = ["12-123"]', 12, '"12:123"'),
-    _Case("study.field", "PBAR 1 I1", "PBAR-1-I1", 16, '"PBAR 1 I1"'),
+    _Case("study.field", "PBAR 1 I1", "PBAR-1-I1", 16, "PBAR has A, I1, I2"),
     _Case("study.modes", "count = 8", "count = 8\nmax_hz = 200.0", 8, "both count and max_hz"),
     _Case(
         "study.duplicate-name", "[[parameter]]", '[[configuration]]\nname = "empty"\n\n[[parameter]]', 15, "on line 10"
@@ -81,6 +81,9 @@ _ON_PAGES = (
 )  # fmt: skip
 
 _OTHERS = (
+    _Case("study.field", "PBAR 1 I1", "PSHELL 1 thickness", 16, "PSHELL has T, RI, TS, NSM"),
+    _Case("study.field", "PBAR 1 I1", "pshell 1 t", 16, 'in capitals, as in "PSHELL 1 T"'),
+    _Case("study.field", "PBAR 1 I1", "bending of column", 16, 'for example "PBAR 1 I1" or "MAT1 2 E"'),
     _Case("study.unknown-key", "[modes]", "[mode]", 6, "did you mean 'modes'?"),
     _Case("study.unknown-key", "lower = 0.5", "lower = 0.5\nlowr = 1", 18, "did you mean 'lower'?"),
     _Case("study.missing-key", "upper = 2.0\n", "", 14, "lacks 'upper'"),

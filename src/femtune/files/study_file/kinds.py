@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Where
 from femtune.fem.values import FieldRef
+from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.parameters import parse_expression
 from femtune.testdata.convert import place
@@ -117,9 +118,18 @@ def field_reference(text: str) -> FieldRef:
     """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR (error ``study.field``)."""
     match = _FIELD.fullmatch(text.strip())
     if match is None or (match[2] is not None and int(match[2]) == 0):
-        hint = 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
-        raise FemtuneError("study.field", "this does not name the field of a card", hint=hint)
+        raise FemtuneError("study.field", "this does not name the field of a card", hint=_form_of_field(text))
     return FieldRef(match[1], int(match[2] or 0), match[3])
+
+
+def _form_of_field(text: str) -> str:
+    """How a field is written; of a card that is known its own fields."""
+    word = re.match(r"\s*(\w*)", text)
+    card = word[1].upper() if word else ""
+    names = list(CATALOGUE[card].values) if card in CATALOGUE else []
+    if not names:
+        return 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
+    return f'write card, number and field in capitals, as in "{card} 1 {names[0]}"; {card} has {", ".join(names)}'
 
 
 def _frequency_sd(value: object) -> None:
