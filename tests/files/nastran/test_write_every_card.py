@@ -196,14 +196,16 @@ def test_values_are_read_where_they_stand(sample: Sample, tmp_path: Path) -> Non
         assert built.structure.values.values[index] == parse_real(sample.fields[indices[0]].text)
 
 
-def check_variant(sample: Sample, variant: Variant, folder: Path, start: int) -> None:
+def check_variant(sample: Sample, variant: Variant, folder: Path, start: int, every: int = 1) -> None:
     """Odd values in every field of a card, and one good value in one of them."""
     deck = lay_out(sample, [f.text for f in sample.fields], variant, folder)
     built = built_of(deck)
     names = list(sample.values)
     for ref, value in each(itertools.count(start), sample):
         check_value(deck, built, ref, value, sample.values[ref.name])
-    check_written(deck, built, FieldRef(sample.card, sample.number, names[start % len(names)]), folder / "run")
+    if start % every == 0:
+        name = names[start // every % len(names)]
+        check_written(deck, built, FieldRef(sample.card, sample.number, name), folder / "run")
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
@@ -217,7 +219,7 @@ def test_in_every_format(sample: Sample, tmp_path: Path) -> None:
 def test_in_every_combination(sample: Sample, tmp_path: Path) -> None:
     for number, row in enumerate(itertools.product(*AXES)):
         variant = Variant(*row)  # type: ignore[arg-type]
-        check_variant(sample, variant, tmp_path / "one", number)
+        check_variant(sample, variant, tmp_path / "one", number, 5)
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
