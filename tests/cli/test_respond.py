@@ -55,7 +55,9 @@ def test_tables_page_and_universal_file(deck: Path) -> None:
 
 
 def test_json(deck: Path) -> None:
-    result = _run(str(deck), *_ASKED, "--json")
+    (direct,) = json.loads(_run(str(deck), *_ASKED, "--json").stdout)
+    assert direct["poles"] == []
+    result = _run(str(deck), *_ASKED, "--json", "--method", "complex modes")
     (record,) = json.loads(result.stdout)
     assert record["frfs"]["pairs"][0]["driving_point"] is True
     assert record["poles"][0]["damping_ratio"] == pytest.approx(0.004 / (2 * (1000 * 0.0025) ** 0.5), rel=1e-9)

@@ -131,7 +131,7 @@ def test_negative_damping_is_told(tmp_path: Path) -> None:
         (tmp_path / "one.bdf").write_text(deck.replace("-4.", sign))
         (found,) = steps.respond(tmp_path / "one.bdf", options=options)
         assert [a.code for a in found.alerts] == told
-    assert found.poles[0].freq_hz == pytest.approx(20.0 / 6.283185307179586)
+        assert [p.freq_hz for p in found.poles] == ([pytest.approx(20.0 / 6.283185307179586)] if told else [])
 
 
 def test_a_universal_file_of_a_deck_needs_units(tmp_path: Path) -> None:

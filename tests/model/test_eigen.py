@@ -326,3 +326,14 @@ def test_factors_and_inertia(solver: str):
             x = factor.solve(b)
             row = scale if b.ndim == 1 else scale[:, None]
             np.testing.assert_allclose((matrix @ x) / row, b / row, atol=1e-6 * np.abs(b / row).max())
+
+
+def test_complex_matrices_go_to_the_solver_that_keeps_its_ordering():
+    if "PARDISO" not in factorise.available_solvers():
+        pytest.skip("the Math Kernel Library is not installed (extra 'fast')")
+    matrix = point_of(space_frame(5, 7)).stiffness
+    b = np.arange(1.0, matrix.shape[0] + 1.0)
+    factor = factorise.factorise(matrix * (1 + 0.02j))
+    assert factor.name == "PARDISO"
+    assert factorise.factorise(matrix).name == "SuperLU"
+    np.testing.assert_allclose(matrix @ factor.solve(b) * (1 + 0.02j), b, rtol=1e-6, atol=1e-5)

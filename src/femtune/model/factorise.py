@@ -59,8 +59,9 @@ class SuperLuFactor:
         return self.solve(b.real) + 1j * self.solve(b.imag)
 
 
-PARDISO_FROM = 3000
-"""Below this size the start of the threaded library costs more than it gains."""
+PARDISO_FROM, PARDISO_FROM_COMPLEX = 3000, 300
+"""Below these sizes the start of the threaded library costs more than it gains. SuperLU's complex kernels are slower by
+far where their threads wait for one another."""
 
 
 def factorise(matrix: sp.csr_array, solver: str | None = None) -> Factor:
@@ -72,7 +73,8 @@ def factorise(matrix: sp.csr_array, solver: str | None = None) -> Factor:
     FemtuneError : ``solver.unavailable`` for a name that is not at hand
     """
     if solver is None:
-        big = matrix.shape[0] >= PARDISO_FROM and "PARDISO" in available_solvers()
+        least = PARDISO_FROM_COMPLEX if np.iscomplexobj(matrix.data) else PARDISO_FROM
+        big = matrix.shape[0] >= least and "PARDISO" in available_solvers()
         solver = "PARDISO" if big else "SuperLU"
     if solver not in available_solvers():
         raise FemtuneError(

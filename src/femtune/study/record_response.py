@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import Notice
 from femtune.files.study_file import ResponseTable
 from femtune.files.uff import force_unit
 from femtune.modal import frac
@@ -16,14 +17,16 @@ from femtune.model.without_damping import without_element_damping
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study
 from femtune.study.located import located, located_in_deck
+from femtune.study.progress import Progress, silent
 from femtune.study.record_correlation import array_prefix
 from femtune.study.record_model import alert_of
+from femtune.study.record_poles import listed_poles, pole_records, unstable
 from femtune.study.record_static import static_results
 from femtune.study.response_axes import same_motion
 from femtune.study.response_request import ResponseRequest, response_request
-from femtune.study.response_solver import PoleTable, Solve, solved_frfs, solved_poles
+from femtune.study.response_solver import Solve, solved_frfs
 from femtune.study.results_base import Stage
-from femtune.study.results_response import ComplexPole, FrfPair, FrfResults, ResponseResults
+from femtune.study.results_response import FrfPair, FrfResults, ResponseResults
 
 Arrays = dict[str, NDArray]
 Complexes = NDArray[np.complex128]
@@ -32,11 +35,16 @@ _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 _SAME_LINE = 1e-6
 _LEAST_LINES = 2
 _ROUNDING = 1e-12
-_SHOWN = 6
 
 
 def response_results(
-    study: Study, case: StudyCase, stage: Stage, x: NDArray[np.float64], number: int, arrays: Arrays
+    study: Study,
+    case: StudyCase,
+    stage: Stage,
+    x: NDArray[np.float64],
+    number: int,
+    arrays: Arrays,
+    progress: Progress = silent,
 ) -> ResponseResults | None:
     """FRFs, complex modes and static displacements of a configuration; None where the study asks for none.
 
@@ -49,32 +57,48 @@ def response_results(
         return None
     point = case.configured.at(x)
     found = ResponseResults(configuration=case.name, stage=stage)
+    doing = partial(_say, progress, f"{case.name}, {stage}")
     if table is not None:
         request = response_request(study, case, table)
-        found = _with_frfs(study, request, point, found, f"{array_prefix(stage, case.name, number)}/frf", arrays)
-        return found.model_copy(update={"loads": static_results(study, case, point, request.outputs)})
-    return found.model_copy(update={"loads": static_results(study, case, point, None)})
+        key = f"{array_prefix(stage, case.name, number)}/frf"
+        found = _with_frfs(study, request, point, found, key, arrays, doing)
+    doing("static displacements")
+    outputs = None if table is None else request.outputs
+    return found.model_copy(update={"loads": static_results(study, case, point, outputs)})
+
+
+def _say(progress: Progress, subject: str, doing: str, done: int = 0, total: int | None = None) -> None:
+    progress.step(f"{subject}: {doing}", done, total)
 
 
 def _with_frfs(
-    study: Study, request: ResponseRequest, point: ModelPoint, found: ResponseResults, prefix: str, arrays: Arrays
+    study: Study,
+    request: ResponseRequest,
+    point: ModelPoint,
+    found: ResponseResults,
+    prefix: str,
+    arrays: Arrays,
+    doing: Callable[..., None],
 ) -> ResponseResults:
     point = without_element_damping(point) if request.table.damping == "modal" else point
 
     @cache
     def modes() -> EigenSolution:
+        doing("modes")
         with located_in_deck(study.built.deck):
             return study.solver.modes(point, *request.modes)
 
     with located(study.file.where("response", *_about_damping(request.table))):
-        values = solved_frfs(study, request, point, modes)
+        way = "frequency lines, directly" if request.method == "direct" else f"responses by {request.table.method}"
+        values = solved_frfs(study, request, point, modes, partial(doing, way))
     damping = damping_words(study, request, point)
     notices = request.notices if damping else (*request.notices, _undamped(request))
-    poles, reason = _poles(study, request, point, modes, bool(damping))
-    notices = (*notices, *_unstable(request, poles))
+    doing("complex modes")
+    poles, reason = listed_poles(study, request, point, modes, damped=bool(damping))
+    notices = (*notices, *unstable(request, poles))
     parts = {
         "frfs": _frf_results(study, request, modes, values, damping, prefix, arrays),
-        "poles": () if poles is None else _pole_records(poles),
+        "poles": () if poles is None else pole_records(poles),
         "poles_reason": reason,
         "alerts": tuple(map(alert_of, notices)),
     }
@@ -93,20 +117,6 @@ def _undamped(request: ResponseRequest) -> Notice:
     return Notice("response.undamped", what)
 
 
-def _unstable(request: ResponseRequest, poles: PoleTable | None) -> tuple[Notice, ...]:
-    growing = (
-        [] if poles is None else [f"{f:.6g}" for f, z in zip(poles.freq_hz, poles.damping_ratio) if z < -_ROUNDING]
-    )
-    if not growing:
-        return ()
-    more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
-    what = (
-        f"{request.case.name}: damping is negative at {', '.join(growing[:_SHOWN])} Hz{more}, so the motion grows by "
-        "itself and has no frequency response; look for dashpots and loss factors below zero"
-    )
-    return (Notice("response.unstable", what),)
-
-
 def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> str:
     """What damps a model point, in words; "" where nothing does."""
     table, words = request.table, []
@@ -121,32 +131,6 @@ def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> 
     elif request.damping is not None:
         words.append(f"modal damping of the deck (SDAMPING {study.built.deck.case_control.damping})")
     return ", ".join(words)
-
-
-def _poles(
-    study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve, damped: bool
-) -> tuple[PoleTable | None, str]:
-    """Complex modes, or why there are none; where FRFs do without them their failure is no reason to stop."""
-    if not damped:
-        return None, "nothing damps the model"
-    try:
-        return solved_poles(study, request, point, modes), ""
-    except FemtuneError as error:
-        if not error.code.startswith(("complex.", "response.defective")):
-            raise
-        return None, f"{error.what} ({error.code})"
-
-
-def _pole_records(table: PoleTable) -> tuple[ComplexPole, ...]:
-    columns = zip(table.kind_words(), table.freq_hz, table.damping_ratio, table.phase_collinearity,
-                  table.real_mode, table.real_freq_hz)  # fmt: skip
-    return tuple(
-        ComplexPole(
-            kind=kind, freq_hz=float(f), damping_ratio=float(z) if np.isfinite(z) else None, real_mode=int(mode) + 1,
-            phase_collinearity=min(1.0, float(c)), real_freq_hz=float(natural),
-        )
-        for kind, f, z, c, mode, natural in columns
-    )  # fmt: skip
 
 
 def _frf_results(

@@ -105,7 +105,7 @@ def responses_at(
     found = []
     for i, case in enumerate(study.cases):
         progress.step(f"responses, {stage}: {case.name}", i, len(study.cases))
-        found.append(response_results(study, case, stage, x, i + 1, arrays))
+        found.append(response_results(study, case, stage, x, i + 1, arrays, progress))
     return tuple(r for r in found if r is not None)
 
 

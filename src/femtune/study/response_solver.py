@@ -46,8 +46,17 @@ class PoleTable:
         return [_KINDS[k] for k in self.kind]
 
 
-def solved_frfs(study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve) -> NDArray[np.complex128]:
-    """(outputs, inputs, lines) values; `modes` is called where they are needed and the journal has no solution."""
+def solved_frfs(
+    study: Study,
+    request: ResponseRequest,
+    point: ModelPoint,
+    modes: Solve,
+    progress: Callable[[int, int], None] | None = None,
+) -> NDArray[np.complex128]:
+    """(outputs, inputs, lines) values; `modes` is called where they are needed and the journal has no solution.
+
+    `progress` is called with the lines that are done, and with all.
+    """
     table, ports = request.table, request.ports
     shape = (ports.outputs.shape[0], ports.inputs.shape[1], len(request.freq_hz))
 
@@ -55,7 +64,7 @@ def solved_frfs(study: Study, request: ResponseRequest, point: ModelPoint, modes
         model = modes() if request.needs_modes else point
         found = frf(
             model, ports, request.freq_hz, table.kind, request.method, damping=request.damping,
-            residual_vectors=table.residual_vectors,
+            residual_vectors=table.residual_vectors, progress=progress,
         )  # fmt: skip
         return np.ascontiguousarray(found.values)
 
