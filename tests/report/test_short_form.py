@@ -35,10 +35,23 @@ def test_it_fits_two_screens_and_says_each_reason_once(document: Document) -> No
 
 
 @pytest.mark.parametrize(
-    "words", ["I_beam_1 rises while", "Damping was not compared.", "at bound, σ not given", "criteria: cross-orthogon"]
+    "words", ["I_beam_1 rises while", "Damping was not compared.", "at bound, σ not given", "criteria, since"]
 )
 def test_it_says_what_matters(document: Document, words: str) -> None:
     assert words in " ".join(_printed(document).split())
+
+
+def test_criteria_that_were_not_tested_are_grouped_by_reason(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    quantity, reasons = "cross-orthogonality, diagonal", ("no mass", "no mass", "one pair")
+    names = [f"{quantity}, NASA-STD-5002", f"{quantity}, MIL-STD-1540C", "self-orthogonality, NASA-STD-5002"]
+    first = data["correlations"][0]["criteria"][0]
+    changed = {"verdict": "not tested", "measured": None}
+    criteria = [{**first, **changed, "name": n, "remark": r} for n, r in zip(names, reasons, strict=True)]
+    for c in data["correlations"]:
+        c["criteria"] = criteria
+    text = " ".join(_printed(build_report(Results.model_validate(data), arrays)).split())
+    assert "• criteria, since no mass: cross-orthogonality, diagonal (MIL-STD-1540C, NASA-STD-5002) •" in text
+    assert "• criteria, since one pair: self-orthogonality (NASA-STD-5002) •" in text
 
 
 def test_it_draws_no_picture(data: dict[str, Any], arrays: dict[str, Any]) -> None:

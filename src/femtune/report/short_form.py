@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from femtune.report.document import Block, Cell, Heading, Listing, Paragraph, Section, Table, columns, row
-from femtune.report.numbers import NONE, counted, freq, listed, percent, short, signed_percent, unit_fraction, value
+from femtune.report.numbers import (
+    NONE,
+    NOT_TESTED,
+    counted,
+    freq,
+    percent,
+    short,
+    signed_percent,
+    unit_fraction,
+    value,
+)
 from femtune.report.sections.summary import summary
 from femtune.report.source import Source
 from femtune.study.results_correlation import CorrelationResults, PairedMode
@@ -118,9 +128,22 @@ def _not_tested(source: Source) -> list[Block]:
     found = source.results.validation
     if found is None:
         return [Paragraph("Not tested: the model on data that were not used; no validation was run.")]
-    missing = sorted({c.name for s in source.results.correlations for c in s.criteria if c.verdict == "not tested"})
-    lines = [*found.not_tested, *([f"criteria: {listed(missing)}"] if missing else [])]
+    lines = [*_untested_criteria(source), *found.not_tested]
     return [Heading("Not tested"), Listing(tuple(_some(lines, "line")))] if lines else []
+
+
+def _untested_criteria(source: Source) -> list[str]:
+    """A line each reason: what is compared, with the standards that ask for it."""
+    reasons: dict[str, dict[str, set[str]]] = {}
+    for c in (c for s in source.results.correlations for c in s.criteria if c.verdict == NOT_TESTED):
+        quantity, _, standard = c.name.rpartition(", ")
+        reasons.setdefault(c.remark, {}).setdefault(quantity or c.name, set()).add(standard if quantity else "")
+    return [f"criteria{reason and f', since {reason}'}: {_with_standards(names)}" for reason, names in reasons.items()]
+
+
+def _with_standards(names: dict[str, set[str]]) -> str:
+    shown = {name: ", ".join(sorted(filter(None, standards))) for name, standards in names.items()}
+    return "; ".join(f"{name} ({standards})" if standards else name for name, standards in shown.items())
 
 
 def _some(lines: list[str], noun: str) -> list[str]:
