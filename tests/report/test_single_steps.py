@@ -82,6 +82,26 @@ def test_energies_are_shown_only_where_the_check_failed(data: dict[str, Any]) ->
     assert "7Y+ 12.5" in text
 
 
+def test_long_tables_of_a_failed_check_are_cut_and_counted(data: dict[str, Any]) -> None:
+    check = data["model"]["configurations"][1]["rigid_body_check"]
+    check |= {"verdict": "fail", "grounded": True}
+    one = {"card": "CELAS2", "motion": "RZ", "relative_energy": 0.25}
+    check["grounding_elements"] = [{**one, "element": 70 + i} for i in range(10)]
+    check["worst_dofs"] = [{"dof": f"{i}Y+", "force": 0.5} for i in range(1, 7)]
+    text = _flat(_info(data))
+    assert "CELAS2 74 RZ" in text
+    assert "CELAS2 75" not in text
+    assert "and 5 more rows. Elements that strain" in text
+    assert "and 1 more row. Forces and moments left over" in text
+    assert "above 1e−8 the motion" in text
+
+
+def test_a_passed_check_has_no_tables(data: dict[str, Any]) -> None:
+    check = data["model"]["configurations"][1]["rigid_body_check"]
+    check["grounding_elements"] = [{"card": "CELAS2", "element": 71, "motion": "RZ", "relative_energy": 0.25}]
+    assert "tie the model" not in _flat(_info(data))
+
+
 def test_every_held_dof_is_listed(data: dict[str, Any]) -> None:
     held = [{"dof": f"{n}RX+", "reason": "nothing"} for n in range(1, 151)]
     data["model"]["configurations"][0]["held_dofs"] = held

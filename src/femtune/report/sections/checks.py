@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from femtune.fem.checks import STRAIN_FREE
 from femtune.report.document import (
     AlertBox,
     Block,
@@ -113,14 +114,22 @@ def grounding_elements(configurations: Sequence[ModelConfiguration]) -> list[Tab
         for g in c.rigid_body_check.grounding_elements
     ]
     heads = columns("Configuration", "Element", "Rigid motion", ">Relative energy")
-    return [Table("Elements that tie the model to the ground", heads, tuple(rows))] if rows else []
+    note = (
+        "Elements that strain when the model without supports moves as a rigid body, largest first, ten at the most. "
+        "Their strain energy is relative to the sum of the magnitudes of its parts (no unit)."
+    )
+    return [Table("Elements that tie the model to the ground", heads, tuple(rows), note)] if rows else []
 
 
 def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
     """DOFs where a rigid motion meets a force; [] where there are none."""
     rows = [row(c.configuration, g.dof, short(g.force)) for c in configurations for g in c.rigid_body_check.worst_dofs]
-    heads = columns("Configuration", "DOF", ">Force or moment")
-    return [Table("Where rigid motions meet forces", heads, tuple(rows))] if rows else []
+    heads = columns("Configuration", "DOF", ">Relative force")
+    note = (
+        "Forces and moments left over in the worst of six rigid motions, relative to the sum of the magnitudes that "
+        f"cancel there (no unit). Zero is perfect; above {short(STRAIN_FREE)} the motion is not free; ten at the most."
+    )
+    return [Table("Where rigid motions meet forces", heads, tuple(rows), note)] if rows else []
 
 
 def cards(model: ModelFacts) -> list[Block]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from femtune.report.document import (
@@ -40,6 +41,7 @@ _ORDER: tuple[Level, ...] = ("problem", "warning")
 _IN_TABLES = ("deck.ignored-cards", "deck.ignored-param", "deck.dof-set")
 """Notices that repeat the tables of cards, PARAMs and named sets."""
 
+_ROWS = 5
 _AXES = ("x", "y", "z")
 _NOISE = 1e-9
 """Parts of the largest entry below which an entry is rounding."""
@@ -157,11 +159,18 @@ def _rigid_body(c: ModelConfiguration) -> list[Block]:
     check = c.rigid_body_check
     tone: Tone = "good" if check.verdict == "pass" else "poor"
     blocks: list[Block] = [Paragraph(f"Rigid-body check, {check.verdict}: {check.sentence}.", tone)]
-    tables = [*grounding_elements([c]), *grounding_dofs([c])]
-    if check.verdict == "fail":
-        energies = without_column(without_column(rigid_body_table([c]), "Verdict"), "In words")
-        tables.insert(0, energies)
-    return blocks + [without_column(table, "Configuration") for table in tables]
+    if check.verdict == "pass":
+        return blocks
+    energies = [without_column(rigid_body_table([c]), "Verdict")] if check.verdict == "fail" else []
+    tables = [*(without_column(e, "In words") for e in energies), *grounding_elements([c]), *grounding_dofs([c])]
+    return blocks + [_beginning(without_column(table, "Configuration")) for table in tables]
+
+
+def _beginning(table: Table) -> Table:
+    """The first rows of a table, and how many more there are."""
+    more = len(table.rows) - _ROWS
+    rest = f"and {counted(more, 'more row')}. " if more > 0 else ""
+    return replace(table, rows=table.rows[:_ROWS], note=f"{rest}{table.note}")
 
 
 def _held(c: ModelConfiguration) -> list[Block]:
