@@ -120,3 +120,24 @@ def test_tables_of_poles_and_loads() -> None:
     assert isinstance(moved, Table)
     assert [c.text for c in moved.rows[0]] == ["5Z+", "−0.0012345"]
     assert "balanced by inertia" in moved.note
+
+
+def test_displacements_show_the_length_of_the_study() -> None:
+    def heads(output: str, unit: str) -> list[str]:
+        moved = (Displacement(output=output, value=-0.5),)
+        load = StaticResults(load="tip", forces=("5Z- 100",), inertia_relief=False, displacements=moved)
+        (table,) = load_blocks([ResponseResults(configuration="BC", stage="before", loads=(load,))], unit)
+        assert isinstance(table, Table)
+        return [column.title for column in table.columns]
+
+    assert heads("5Z+", "mm") == ["Output", "Displacement, mm"]
+    assert heads("5RZ+", "mm") == ["Output", "Displacement, mm or rad"]
+    assert heads("5Z+", "") == ["Output", "Displacement"]
+
+
+def test_a_test_and_a_model_that_coincide_stay_apart_in_colour() -> None:
+    svg = frfs_svg([FrfPanel("1Z+", "a", (_curve("test"), _curve("after")))])
+    assert "#f2b27e" in svg
+    assert "#1f5a92" in svg
+    assert "opacity" not in svg
+    assert svg.index("#f2b27e") < svg.index("#1f5a92")

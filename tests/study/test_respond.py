@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,10 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     written = read_uff(bench.folder / "run" / "frfs.uff", units=SI).test.frfs
     assert written is not None
     np.testing.assert_allclose(written.values, values, atol=1e-11 * np.abs(values).max())
+    lines = (bench.folder / "run" / "frfs.uff").read_text().splitlines()
+    about = lines[lines.index("    58") + 1 :][:5]
+    assert about[2:4] == ["after as written", tomllib.loads(study.read_text())["study"]["title"]]
+    assert about[4].startswith("configuration ")
     assert "Responses" in (bench.folder / "run" / "report.html").read_text()
     again = steps.run(study)
     assert again.results.journal is not None

@@ -156,8 +156,14 @@ def write_frf_files(
         if response.frfs is not None:
             frfs = frf_set(response.frfs, arrays)
             test = ModalTest(_id_line(case.name), study.file.study.unit_system, _geometry(case, frfs), frfs=frfs)
-            written.append(write_uff_frfs(path, test, (_id_line(f"femtune: {response.frfs.method}"),)))
+            written.append(write_uff_frfs(path, test, tuple(map(_id_line, _about(study, case, response)))))
     return written
+
+
+def _about(study: Study, case: StudyCase, response: ResponseResults) -> tuple[str, ...]:
+    """ID lines: the program and its method, stage, title and configuration."""
+    assert response.frfs is not None
+    return f"femtune: {response.frfs.method}", response.stage, study.file.study.title, f"configuration {case.name}"
 
 
 def frf_set(record: FrfResults, arrays: Mapping[str, NDArray]) -> FrfSet:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.report.figures.canvas import draw_svg
 from femtune.report.figures.labels import cut
-from femtune.report.figures.svg import BLUE, ORANGE, SOFT
+from femtune.report.figures.svg import BLUE, PALE_ORANGE, SOFT
 from femtune.report.numbers import short
 
 if TYPE_CHECKING:
@@ -25,10 +25,11 @@ _DECADES = 1e-6
 _CUT = -165.0
 """Phases begin here: scatter must not throw those about ±180° to and fro."""
 _LOOKS: dict[str, dict[str, Any]] = {
-    "model": {"color": BLUE, "linewidth": 1.2},
-    "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2))},
-    "after": {"color": BLUE, "linewidth": 1.2},
-    "test": {"color": ORANGE, "linewidth": 2.2, "alpha": 0.75},
+    # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
+    "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},
+    "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 2.1},
+    "model": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
+    "after": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
 }
 
 

@@ -12,7 +12,7 @@ from femtune.errors import printable
 
 FONT = "'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 INK, SOFT, PALE, LINE = "#1d2733", "#5b6977", "#9aa7b4", "#d4dae0"
-BLUE, ORANGE = "#1f5a92", "#b4530f"
+BLUE, ORANGE, PALE_ORANGE = "#1f5a92", "#b4530f", "#f2b27e"
 
 Anchor = Literal["start", "middle", "end"]
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"})

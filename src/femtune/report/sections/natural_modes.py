@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from femtune.report.document import Bar, Block, Cell, Column, Heading, Listing, Paragraph, Table, row
-from femtune.report.numbers import NONE, NOT_TESTED, freq, percent, value
+from femtune.report.numbers import NONE, NOT_TESTED, freq, percent, value, with_unit
 from femtune.report.source import Source
 from femtune.study.results_model import EffectiveMasses, ModelModes
 
@@ -24,19 +24,26 @@ def natural_modes(source: Source) -> list[Block]:
     found = source.results.modes
     if not found:
         return [Paragraph("Modes were not solved: not run.")]
-    tables = [block for m in found for block in _configuration(m, len(found) > 1)]
+    units = _units(source.results.study.units)
+    tables = [block for m in found for block in _configuration(m, len(found) > 1, units)]
     note = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
     return [*tables, *note, Heading("Was a mode missed?"), Listing(tuple(map(_sturm, found)))]
 
 
-def _configuration(m: ModelModes, named: bool) -> list[Block]:
+def _units(units: str) -> tuple[str, str]:
+    """Of mass and of inertia; "" where nobody declares any."""
+    length, mass, *_ = (*units.split("-"), "")
+    return (mass, f"{mass}·{length}²") if mass else ("", "")
+
+
+def _configuration(m: ModelModes, named: bool, units: tuple[str, str]) -> list[Block]:
     masses = m.effective_masses
     if masses is None:
         heads: tuple[Column, ...] = (Column("Mode", "right"), Column("Hz", "right"))
         return [Table(m.configuration if named else "", heads, tuple(_rows(m, None)))]
     group = "Modal effective mass, %"
     heads = (Column("Mode", "right"), Column("Hz", "right"), *(Column(d, "right", group) for d in _DIRECTIONS))
-    rows = [*_rows(m, masses), _sum(masses), _total(masses)]
+    rows = [*_rows(m, masses), _sum(masses), _total(masses, units)]
     return [Table(m.configuration if named else "", heads, tuple(rows))]
 
 
@@ -75,8 +82,10 @@ def _sum(masses: EffectiveMasses) -> tuple[Cell, ...]:
     return row("all", Cell("sum", tone="muted"), *(Cell(percent(None if p is None else 100.0 * p)) for p in parts))
 
 
-def _total(masses: EffectiveMasses) -> tuple[Cell, ...]:
-    return row("", Cell("100 % is", tone="muted"), *(value(t) if t else NONE for t in masses.total))
+def _total(masses: EffectiveMasses, units: tuple[str, str]) -> tuple[Cell, ...]:
+    mass, inertia = units
+    shown = zip(masses.total, (mass,) * 3 + (inertia,) * 3)
+    return row("", Cell("100 % is", tone="muted"), *(with_unit(value(t), unit) if t else NONE for t, unit in shown))
 
 
 def _sturm(m: ModelModes) -> str:

@@ -23,7 +23,7 @@ def responses_document(subject: Subject, found: Sequence[ResponseResults]) -> Do
     sections = (
         Section("functions", "Frequency responses", tuple(blocks)),
         Section("poles", "Complex modes", tuple(pole_blocks([r for r in found if r.frfs is not None]))),
-        Section("loads", "Static loads", tuple(load_blocks(list(found)))),
+        Section("loads", "Static loads", tuple(load_blocks(list(found), subject.length_unit))),
     )
     return subject.document(verdict, level, sections)
 
