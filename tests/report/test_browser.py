@@ -68,7 +68,7 @@ def test_hostile_texts_do_nothing(slim: dict[str, Any], arrays: dict[str, Any], 
     assert images.attributes
     assert all(set(a) == {"src", "alt"} for a in images.attributes)
     assert "CONSOLE" not in log
-    assert len(re.findall(r"<section ", dom)) == 15
+    assert len(re.findall(r"<section ", dom)) == 16
     assert not re.findall(r'(?:src|href)="(?!#|data:image/svg\+xml;base64,)[^"]*"', dom)
 
 
