@@ -71,6 +71,8 @@ def modes_report(
     *,
     fresh: bool = False,
     remarks: list[str] | None = None,
+    count: int | None = None,
+    max_hz: float | None = None,
 ) -> Results:
     """Write a page of the natural modes of a study, or of a deck alone, with a picture of each; returns what it shows.
 
@@ -78,7 +80,7 @@ def modes_report(
     ----------
     path : the study file, or the deck
     page : the HTML file to write: one file that loads nothing from elsewhere
-    fresh, remarks : as for `modes`
+    fresh, remarks, count, max_hz : as for `modes`
 
     Raises
     ------
@@ -89,7 +91,9 @@ def modes_report(
 
     page = Path(page)
     check_page(page)
-    results, arrays = modes_results(path, progress, fresh=fresh, remarks=remarks, keep=[page])
+    results, arrays = modes_results(
+        path, progress, fresh=fresh, remarks=remarks, keep=[page], count=count, max_hz=max_hz
+    )
     progress.step("drawing the modes", 0, None)
     write_html(build_modes_page(results, arrays), page)
     return results

@@ -55,15 +55,17 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
 @main.command()
 @click.argument("path", type=_FILE)
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write a page (HTML) with a picture of each mode.")
+@click.option("--count", type=int, help="Number of modes, in place of that of the study or deck.")
+@click.option("--max-hz", type=float, metavar="HZ", help="All modes up to here, in place of --count.")
 @_fresh
 @_json
 @_quiet
-def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
+def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
     """Natural frequencies and modes of each configuration.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
-    _show("modes", path, as_json, quiet, fresh, page)
+    _show("modes", path, as_json, quiet, fresh, page, **asked)
 
 
 @main.command()

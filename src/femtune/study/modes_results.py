@@ -10,6 +10,7 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Where
+from femtune.files.study_file import with_modes
 from femtune.study.load import Study, is_deck, load_study
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Inputs, Stopwatch, input_paths, inputs_of, provenance, study_facts
@@ -33,12 +34,14 @@ def modes_results(
     fresh: bool = False,
     remarks: list[str] | None = None,
     keep: Sequence[Path] = (),
+    count: int | None = None,
+    max_hz: float | None = None,
 ) -> tuple[Results, Arrays]:
     """Modes of a study, or of a deck, at the start values of the parameters, as `modes` finds them.
 
     Parameters
     ----------
-    path, progress, fresh, remarks : as for `modes`
+    path, progress, fresh, remarks, count, max_hz : as for `modes`
     keep : files that will be written with what this returns; none of them may be one that was read
 
     Raises
@@ -49,6 +52,7 @@ def modes_results(
     arrays: Arrays = {}
     with watch.step("read"):
         loaded = load_study(path, progress)
+        loaded = replace(loaded, file=with_modes(loaded.file, count, max_hz))
         _check_kept(loaded, keep)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh, remarks) as study:

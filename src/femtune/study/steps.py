@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
+from femtune.files.study_file import with_modes
 from femtune.modal import ModeSet
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study, load_study, read_study
@@ -34,13 +36,22 @@ def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
 
 
 def modes(
-    path: Path | str, progress: Progress = silent, *, fresh: bool = False, remarks: list[str] | None = None
+    path: Path | str,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
+    count: int | None = None,
+    max_hz: float | None = None,
 ) -> tuple[ModelModes, ...]:
     """Natural frequencies of each configuration of a study, or of a deck, at the start values of the parameters.
 
     Solutions in the journal of the study's run folder are used, not so if `fresh`; `remarks` is told how many.
+    `count` or `max_hz` takes the place of [modes] of the study and of METHOD of the deck.
     """
-    with looking_up(load_study(path, progress), fresh, remarks) as study:
+    loaded = load_study(path, progress)
+    loaded = replace(loaded, file=with_modes(loaded.file, count, max_hz))
+    with looking_up(loaded, fresh, remarks) as study:
         return tuple(modes_of(study, "before", progress))
 
 

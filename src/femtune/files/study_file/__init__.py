@@ -12,7 +12,7 @@ from femtune.files.study_file.configuration import (
     switched_off,
 )
 from femtune.files.study_file.kinds import element_list
-from femtune.files.study_file.options import with_response
+from femtune.files.study_file.options import with_modes, with_response
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.reading import read_study_file, study_from_text
 from femtune.files.study_file.region import NearTable, RegionTable
@@ -62,5 +62,6 @@ __all__ = [
     "study_from_text",
     "supports",
     "switched_off",
+    "with_modes",
     "with_response",
 ]

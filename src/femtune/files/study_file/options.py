@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from femtune.errors import ErrorCollector, FemtuneError
+from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.lines import Place
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.response_rules import response_rules
@@ -39,6 +39,31 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given)}
     copy._source = Source(file._source.file, lines)
     return copy
+
+
+def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> StudyFile:
+    """The study with another number of modes, or another upper frequency, in place of its [modes].
+
+    Raises
+    ------
+    FemtuneError : ``study.*`` as for a file, with the place "command line"; ``study.modes-both``
+    """
+    given = {key: value for key, value in (("count", count), ("max_hz", max_hz)) if value is not None}
+    if not given:
+        return file
+    if len(given) > 1:
+        raise FemtuneError(
+            "study.modes-both", "count and max_hz are both given, and one of them limits the modes",
+            where=Where(_COMMAND_LINE), values=given, hint="leave one of them out",
+        )  # fmt: skip
+    study = file.study.model_dump(exclude_unset=True)
+    try:
+        modes = StudyFile.model_validate({"study": study, "modes": given}).modes
+    except ValidationError as findings:
+        errors = problems(findings, Source(_COMMAND_LINE))
+        ErrorCollector(list(errors)).raise_if_any()
+        raise
+    return file.model_copy(update={"modes": modes})
 
 
 def _replaced(place: Place, given: Mapping[str, Any]) -> bool:
