@@ -184,7 +184,10 @@ def test_modes_on_a_page(invoke: Invoke, steps: Any, study: Path, options: tuple
     """The page is named where it disturbs nothing: after the JSON on standard error."""
     asked: list[tuple[Path, bool]] = []
 
-    def modes_report(path: Path, page: Path, progress: Any, fresh: bool, remarks: list[str]) -> SimpleNamespace:
+    def modes_report(
+        path: Path, page: Path, progress: Any, fresh: bool, remarks: list[str], **limits: Any
+    ) -> SimpleNamespace:
+        assert limits == {"count": None, "max_hz": None}
         asked.append((page, fresh))
         return SimpleNamespace(modes=steps.modes(path, progress))
 
