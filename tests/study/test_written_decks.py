@@ -12,6 +12,9 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
+from femtune.report.document import Cell
+from femtune.report.sections.write_back import write_back
+from femtune.report.source import Source
 from femtune.study import RunFolder, load_study
 from femtune.study.alerts import alerts_of
 
@@ -111,6 +114,39 @@ def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
     assert frequencies(run, "after as written") == pytest.approx(clamp.modes(deck), rel=1e-9)
     assert run.results.update is not None
     assert run.results.update.parameters[0].written[0].value == role(deck, 1, "I1")
+
+
+def test_new_cards_and_the_elements_on_them_are_recorded(clamp: Bench) -> None:
+    run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
+    found = run.results.write_back
+    assert found is not None
+    assert found.edits == ()
+    (card,) = found.new_cards
+    assert (card.card, card.copied_from, card.region, card.elements) == ("PBAR 3", "PBAR 1", "clamp", 1)
+    (value,) = card.values
+    assert (value.field, value.old_text, value.parameter) == ("I1", "2.0-7", "clamp")
+    assert value.value == pytest.approx(2e-7 * values(run)["clamp"], rel=1e-12)
+    assert value.rounded_value == role(run.folder / "updated.bdf", 1, "I1")
+    (moved,) = found.repointed
+    assert (moved.card, moved.field, moved.before, moved.after, moved.elements) == ("CBAR", "PID", "1", "PBAR 3", (1,))
+    page = " ".join(c.text for b in write_back(Source(run.results, run.arrays)) for c in cells(b))
+    assert "1 CBAR now refers to PBAR 3" in page
+    assert "PBAR 3 PBAR 1 1 I1 2.0-7" in page
+
+
+def test_a_copied_material_names_its_new_property(clamp: Bench) -> None:
+    text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\n"
+    run = steps.update(clamp.study(text))
+    found = run.results.write_back
+    assert found is not None
+    by_card = {c.card.split()[0]: c for c in found.new_cards}
+    assert by_card["MAT1"].values[0].rounded_value == role(run.folder / "updated.bdf", 1, "E")
+    assert [(v.field, v.old_text) for v in by_card["PBAR"].values] == [("material", "1")]
+    assert by_card["PBAR"].values[0].value == int(by_card["MAT1"].card.split()[1])
+
+
+def cells(block: object) -> list[Cell]:
+    return [cell for found in getattr(block, "rows", ()) for cell in found]
 
 
 TWO_ON_ONE_REGION = """

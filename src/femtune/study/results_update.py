@@ -215,7 +215,7 @@ class UpdateResults(Record):
 
 
 class EditedField(Record):
-    """A field of the deck that was changed."""
+    """A field of the deck that was changed; references to new cards are in RepointedElements."""
 
     card: str
     """Card and identification: "PBAR 1"."""
@@ -229,12 +229,57 @@ class EditedField(Record):
     """Text before."""
     new_text: str
     """Text after."""
-    value: float
-    """Value of the update, before rounding, in units of the deck."""
-    rounded_value: float
-    """Value that the new text reads as, in units of the deck."""
+    value: float | None
+    """Value of the update, before rounding, in units of the deck; None where the field holds a word."""
+    rounded_value: float | None
+    """Value that the new text reads as, in units of the deck; None where the field holds a word."""
     parameter: str = ""
     """Parameter that sets it."""
+
+
+class NewCardValue(Record):
+    """A field in which a new card differs from the one that it was copied from."""
+
+    field: str
+    """Name of the field: "T"."""
+    old_text: str
+    """Text in the card that was copied, before the update."""
+    value: float
+    """Value of the update, before rounding, in units of the deck; the number of a card where it is a reference."""
+    rounded_value: float
+    """Value that the new card holds, in units of the deck."""
+    parameter: str = ""
+    """Parameter that sets it; "" for a reference to another new card."""
+
+
+class NewCardFacts(Record):
+    """A card that was added to the deck: a copy with other values, for the elements of a region."""
+
+    card: str
+    """Card and identification: "PSHELL 21"."""
+    copied_from: str
+    """Card that it is a copy of: "PSHELL 1"."""
+    region: str
+    """Parameters whose regions it is for."""
+    elements: int
+    """How many elements stand on it."""
+    values: tuple[NewCardValue, ...]
+    """Fields in which it differs, apart from its number."""
+
+
+class RepointedElements(Record):
+    """Elements of one kind that refer to a new card."""
+
+    card: str
+    """Kind of element: "CQUAD4"."""
+    field: str
+    """Field that holds the reference: "PID"."""
+    before: str
+    """What the field said before: "1"; "" where it was blank."""
+    after: str
+    """Card that it refers to now: "PSHELL 21"."""
+    elements: tuple[int, ...]
+    """Numbers of the elements."""
 
 
 class WriteBackResults(Record):
@@ -244,6 +289,10 @@ class WriteBackResults(Record):
     """Files written, relative to the run folder."""
     edits: tuple[EditedField, ...]
     """Changed fields."""
+    new_cards: tuple[NewCardFacts, ...] = ()
+    """Cards that were added for the elements of regions."""
+    repointed: tuple[RepointedElements, ...] = ()
+    """Elements that refer to them now."""
     splits: tuple[str, ...]
     """Cards split because elements that are not updated share them, a sentence each."""
     without_field: tuple[str, ...]

@@ -13,16 +13,15 @@ from femtune.errors import FemtuneError, Where
 from femtune.fem import FieldRef
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
-from femtune.files.nastran.edit import FieldChange
-from femtune.files.nastran.reals import parse_real
 from femtune.files.nastran.write import WrittenDeck, check_overwrites, write_deck
 from femtune.files.nastran.write_plan import WritePlan, plan_edits
 from femtune.parameters import Parameter
 from femtune.study.history import HISTORY_FILE
 from femtune.study.load import Study
-from femtune.study.provenance import input_paths, relative
+from femtune.study.provenance import input_paths
+from femtune.study.record_write_back import edits, new_cards, repointed
 from femtune.study.respond import FRFS_FILE, uff_paths
-from femtune.study.results_update import EditedField, WriteBackResults, WrittenValue
+from femtune.study.results_update import WriteBackResults, WrittenValue
 from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.update import UpdateResult
 
@@ -110,48 +109,15 @@ def _record(
     owners = {ref: name for name, ref in _placed(study)}
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
-        edits=tuple(_edits(study, plan, values, owners)),
+        edits=tuple(edits(study, plan, values, owners)),
+        new_cards=tuple(new_cards(study, plan, values, owners)),
+        repointed=tuple(repointed(study, plan)),
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
         without_field=(*_no_fields(study), *(_shared(ref, owners[ref]) for ref in blocked)),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
-
-
-def _edits(
-    study: Study, plan: WritePlan, values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]
-) -> Iterable[EditedField]:
-    for change in plan.edited.changes:
-        ref = plan.places.get((change.position, change.index))
-        yield _edit(study, change, ref, values, plan, owners)
-
-
-def _edit(
-    study: Study,
-    change: FieldChange,
-    ref: FieldRef | None,
-    values: Mapping[FieldRef, float],
-    plan: WritePlan,
-    owners: Mapping[FieldRef, str],
-) -> EditedField:
-    card = study.built.deck.cards[change.position]
-    value = float(values[ref]) if ref is not None else _number(change.after)
-    return EditedField(
-        card=f"{ref.card} {ref.id}" if ref is not None and ref.id else card.record,
-        field=ref.name if ref is not None else f"field {change.index + 2}",
-        file=relative(Path(change.where.file), study.file.path.parent),
-        line=change.where.line or 1,
-        old_text=change.before.strip(),
-        new_text=change.after.strip(),
-        value=value,
-        rounded_value=float(plan.values.get(ref, value)) if ref is not None else value,
-        parameter=owners.get(ref, "") if ref is not None else "",
-    )
-
-
-def _number(text: str) -> float:
-    return parse_real(text) or 0.0
 
 
 def _no_fields(study: Study) -> Iterable[str]:

@@ -19,12 +19,18 @@ _LARGEST_NUMBER = 99_999_999
 
 @dataclass(frozen=True)
 class Split:
-    """A card that was copied for some elements, which refer to the copy now."""
+    """A card that was copied for some elements, which refer to the copy now.
+
+    `values` has what the copy holds of the updated values, `materials` the (old, new) numbers of materials that it
+    refers to anew.
+    """
 
     source: str
     copy: str
     region: str
     elements: tuple[int, ...]
+    values: Mapping[FieldRef, float] = field(default_factory=dict)
+    materials: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -196,17 +202,20 @@ class _Copying:
     def _write(self, copy: _Copy) -> None:
         record, number = _record(self.planning.built, copy.owner), self.new[copy]
         fields: list[float | int | str | None] = list(_own_fields(record))
-        for ref, value in self._in_place(record).items():
-            self._put(fields, record, ref, value)
         fields[0] = number
         for at in _material_fields(record):
             fields[at] = dict(copy.materials).get(record.card.integer(record.start + at), fields[at])
-        for ref in copy.changes:
-            self._put(fields, record, ref, self.changed[copy.owner][ref])
+        held = {ref: self._put(fields, record, ref, value) for ref, value in self._held(copy, record).items()}
         self.planning.new_cards.append(NewCard(record.card.position, record.name, tuple(fields)))
         regions = ", ".join(sorted({ref.region for ref in copy.changes} or self._regions_of(copy)))
         source, made = f"{copy.owner[0]} {copy.owner[1]}", f"{copy.owner[0]} {number}"
-        self.planning.splits.append(Split(source, made, regions, tuple(self.users[copy])))
+        self.planning.splits.append(Split(source, made, regions, tuple(self.users[copy]), held, copy.materials))
+
+    def _held(self, copy: _Copy, record: Record) -> dict[FieldRef, float]:
+        """New values of a copy: those of its regions, and what else changes on the card itself."""
+        own = {ref: self.changed[copy.owner][ref] for ref in sorted(copy.changes)}
+        of_regions = {replace(ref, region="") for ref in own}
+        return {ref: v for ref, v in self._in_place(record).items() if ref not in of_regions} | own
 
     def _in_place(self, record: Record) -> dict[FieldRef, float]:
         """What changes on the card itself, and so in its copies."""
@@ -220,7 +229,8 @@ class _Copying:
         made = {new for _, new in copy.materials}
         return {ref.region for c, n in self.new.items() if n in made and _is_material(c) for ref in c.changes}
 
-    def _put(self, fields: list[float | int | str | None], record: Record, ref: FieldRef, value: float) -> None:
+    def _put(self, fields: list[float | int | str | None], record: Record, ref: FieldRef, value: float) -> float:
+        """Write a value into the fields of a copy; returns what they hold of it."""
         place = self.planning.built.fields.get(replace(ref, region=""))
         if place is None:
             raise _no_field(ref)
@@ -232,8 +242,10 @@ class _Copying:
             at = index - record.start
             fields += [""] * (at + 1 - len(fields))
             fields[at] = text
+        held = rounded(value, width)
         if ref.region:
-            self.planning.values[ref] = rounded(value, width)
+            self.planning.values[ref] = held
+        return held
 
 
 def _is_material(copy: _Copy) -> bool:
