@@ -17,6 +17,7 @@ from femtune.report.sections.write_back import write_back
 from femtune.report.source import Source
 from femtune.study import RunFolder, load_study
 from femtune.study.alerts import alerts_of
+from femtune.study.record_update import parameter_facts
 
 Bench = Any
 
@@ -143,6 +144,11 @@ def test_a_copied_material_names_its_new_property(clamp: Bench) -> None:
     assert by_card["MAT1"].values[0].rounded_value == role(run.folder / "updated.bdf", 1, "E")
     assert [(v.field, v.old_text) for v in by_card["PBAR"].values] == [("material", "1")]
     assert by_card["PBAR"].values[0].value == int(by_card["MAT1"].card.split()[1])
+
+
+def test_elements_of_a_region_that_do_not_use_the_field_are_not_counted(clamp: Bench) -> None:
+    study = load_study(clamp.study(SHARED.replace("elements = [1]", "elements = [1, 3, 4]")))
+    assert [p.elements for p in parameter_facts(study)] == [1]
 
 
 def cells(block: object) -> list[Cell]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.citations import citation
+from femtune.model import Assignment
 from femtune.residuals import Evaluation
 from femtune.select import Combination as SelectedCombination
 from femtune.select import Identifiability, combination_text, sentences, verdict
@@ -65,7 +66,7 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
             ParameterFacts(
                 name=p.name,
                 fields=tuple(str(a.ref) for a in mine),
-                elements=None if not mine or mine[0].elements is None else len(mine[0].elements),
+                elements=_region_size(study, mine),
                 unit=p.unit,
                 nominal=values[p.name],
                 lower=p.lower if free else None,
@@ -76,6 +77,16 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
             )
         )
     return tuple(out)
+
+
+def _region_size(study: Study, mine: Sequence[Assignment]) -> int | None:
+    """How many elements of a region use one of its fields; None without a region."""
+    if not mine or mine[0].elements is None:
+        return None
+    structure = study.built.structure
+    at = (structure.values.index(a.ref) for a in mine)
+    users = {int(n) for i in at if i is not None for n in structure.users(i)}
+    return len(users & mine[0].elements)
 
 
 def selection_results(
