@@ -60,7 +60,7 @@ def run(
     ------
     FemtuneError : whatever is wrong with the study, its files or the run folder
     """
-    folder = update(path, output, wide, progress, fresh=fresh)
+    folder = update(path, output, wide, progress, fresh=fresh, word="run")
     return replace(folder, report=report(folder.folder, progress))
 
 

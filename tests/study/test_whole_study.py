@@ -74,6 +74,10 @@ def test_history_is_the_way_of_the_update(done: RunFolder) -> None:
     assert lines[-1]["parameters"] == {"root": value(done, "root"), "tip": value(done, "tip")}
 
 
+def test_provenance_names_the_word_that_was_run(done: RunFolder) -> None:
+    assert done.results.provenance.command.startswith("femtune.steps.run(")
+
+
 def test_before_is_the_users_deck(done: RunFolder, own: Bench) -> None:
     assert frequencies(done, "before") == pytest.approx(own.modes(own.folder / "beam.bdf"), rel=1e-9)
 

@@ -109,6 +109,7 @@ def update(
     progress: Progress = silent,
     *,
     fresh: bool = False,
+    word: str = "update",
 ) -> RunFolder:
     """All steps of a study: results and updated deck in its run folder (the report is made of them).
 
@@ -120,13 +121,14 @@ def update(
     output : run folder instead of the study's
     wide : write changed cards in large field; the study decides where None
     fresh : empty the journal and solve everything again
+    word : function of `femtune.steps` that the provenance names: ``run`` where the report follows
 
     Raises
     ------
     FemtuneError : whatever is wrong with the study, its files or the run folder; ``run.locked`` where another run is
         at work there. Once the parameters are found results.json is written, whatever happens to the deck afterwards
     """
-    watch = Stopwatch(f"femtune.update({str(path)!r})")
+    watch = Stopwatch(f"femtune.steps.{word}({str(path)!r})")
     with watch.step("read"):
         study = read_study(path, progress)
         study.problem()
