@@ -53,6 +53,7 @@ class Journal:
     stopped: Notice | None = None
     _damaged: list[tuple[Path, str]] = field(default_factory=list)
     _kept: set[Path] = field(default_factory=set)
+    _recalled: set[Path] = field(default_factory=set)
     _used: int = 0
 
     def path(self, kind: str, key: str) -> Path:
@@ -68,8 +69,7 @@ class Journal:
             except (ValueError, KeyError, TypeError) as error:
                 self._damaged.append((self.path(form.kind, key), str(error)))
             else:
-                # what this run has solved itself is neither solved nor recalled a second time
-                self.recalled[form.kind] += self.path(form.kind, key) not in self._kept
+                self._count_recalled(form.kind, self.path(form.kind, key))
                 return found
         begin = time.perf_counter()
         found = solve()
@@ -77,6 +77,11 @@ class Journal:
         if self.writes:
             self.keep(form.kind, key, form.pack(found), time.perf_counter() - begin > _FLUSHED_S)
         return found
+
+    def _count_recalled(self, kind: str, path: Path) -> None:
+        """Each solution once; what this run has solved itself is not recalled."""
+        self.recalled[kind] += path not in self._kept and path not in self._recalled
+        self._recalled.add(path)
 
     def recall(self, kind: str, key: str) -> Entry | None:
         """The entry of a key, None where there is none that can be used."""
