@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from femtune.report.document import Table
 from femtune.report.sections.checks import named_sets
 from femtune.steps import info

@@ -50,6 +50,7 @@ class TooLongError(Exception):
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
     """Stops the block after so much time of the processor, so that a busy machine makes no failures."""
+
     def stop(number: int, frame: FrameType | None) -> None:
         raise TooLongError
 
