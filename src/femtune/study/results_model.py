@@ -57,7 +57,7 @@ class GroundedDof(Record):
     dof: str
     """Node and direction."""
     force: float
-    """Force or moment left at it in the worst of the six rigid motions, over the sum of what cancels there (no unit)."""
+    """Force left at it in the worst of the six rigid motions, over the sum of what cancels there (no unit)."""
 
 
 class GroundingElement(Record):
