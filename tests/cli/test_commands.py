@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -133,14 +132,12 @@ def test_unknown_command_and_option(invoke: Invoke, study: Path) -> None:
     assert invoke("run", study, "--fast").exit_code == 2
 
 
-def test_help_is_quick() -> None:
-    def seconds() -> float:
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "femtune.cli", "--help"], capture_output=True, check=True)
-        return time.perf_counter() - start
-
-    # the machine may be busy: the best of a few counts
-    assert min(seconds() for _ in range(3)) < 0.3
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, femtune.cli.commands; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True)
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert "click" in loaded
+    assert not loaded & {"numpy", "scipy", "pydantic", "matplotlib", "rich", "jinja2", "pyuff"}
 
 
 @pytest.mark.parametrize("name", ["modes", "correlate", "select"])
