@@ -197,8 +197,7 @@ def _optimum(problem: UpdateProblem, point: _Point) -> Status:
 
 def _at_bound(problem: UpdateProblem, x: Reals) -> NDArray[np.bool_]:
     lower, upper = problem.parameters.bounds
-    # in a wide range a billionth of it would reach far into the inside: x is of the size of one
-    near = 1e-9 * np.minimum(upper - lower, 1.0)
+    near = 1e-9 * (upper - lower)
     return np.asarray((x <= lower + near) | (x >= upper - near))
 
 
