@@ -58,3 +58,13 @@ def test_scalar_point_without_stiffness():
     nodes = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.array([5, 6]))
     K = sp.csr_array(np.diag([0.0, 2.0]))
     np.testing.assert_array_equal(singular_dofs(K, np.arange(2), nodes), [0])
+
+
+def test_one_stiff_spring_does_not_make_its_neighbours_soft():
+    """Beside 1e19 in a model of 1e10 the 1e10 of the same node stays; what is rounding of 1e19 does not."""
+    usual = [scalars("spring", [[6 * p + d, -1] for p in range(4) for d in range(6)], "K", [1e10] * 24)]
+    stiff = scalars("spring", [[0, -1]], "K", [1e19])
+    assert not found(make_structure(np.arange(12.0).reshape(4, 3), [*usual, stiff]))
+    rest = [scalars("spring", [[6 * p + d, -1] for p in range(1, 4) for d in range(6)], "K", [1e10] * 18)]
+    lonely = scalars("spring", [[0, -1], [1, -1]], "K", [1e19, 1e4])
+    assert found(make_structure(np.arange(12.0).reshape(4, 3), [*rest, lonely])) == {1, 2, 3, 4, 5}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.fem.solid_parts import ANISO, lean
 from tests.fem.tapered_parts import tapered
 
 from femtune.fem.contribution import Contribution
@@ -11,6 +12,7 @@ from femtune.fem.elements import KERNELS, contributions
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
 from femtune.testing.shells import Anisotropic, Isotropic, Section, ShellPart, shell_structure
+from femtune.testing.solids import CARDS, solid_mesh, solid_model
 from femtune.testing.structures import Part, bars, bushes, make_structure, masses, rods, scalars
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
@@ -98,7 +100,7 @@ def _terms_of(structure: Structure) -> list[tuple[Contribution, dict[str, np.nda
 
 def test_every_kernel_has_a_case():
     kinds = {part.kind for part in CASES.values()} | {_shell(name, False).batches[0].kind for name in SHELLS}
-    assert kinds == set(KERNELS)
+    assert kinds | set(CARDS) | {"shear-panel"} == set(KERNELS)  # shear panels: tests/fem/elements/test_shear_panel.py
 
 
 @pytest.mark.parametrize("consistent", [False, True])
@@ -119,6 +121,21 @@ def test_terms_of_shells(name: str, consistent: bool):
     assert {term.matrix for term, _ in terms} == {"stiffness", "mass", "hysteretic"}
     # every value that acts is a role of some term, the offset where there is one
     assert ("z0" in {role for term, _ in terms for role in term.roles}) == (SECTIONS[SHELLS[name][2]].z0 is not None)
+
+
+@pytest.mark.parametrize("material", [STEEL, ANISO], ids=["isotropic", "anisotropic"])
+@pytest.mark.parametrize("kind", CARDS)
+def test_terms_of_solids(kind: str, material):
+    mesh = solid_mesh(lean, (1, 1, 1), kind)
+    structure = solid_model(mesh, material, frames=_turned_frames(len(mesh.xyz)), consistent_mass=True, mass_factor=0.5)
+    seen = set()
+    for term, values in _terms_of(structure):
+        # entries of an anisotropic law in several frames are one function
+        name = term.matrix, term.label.rstrip("0123456789-") if term.facts else term.label
+        if name not in seen:
+            check_contribution(term, values)
+        seen.add(name)
+    assert {matrix for matrix, _ in seen} == {"stiffness", "mass", "hysteretic"}
 
 
 def test_shear_flexible_bars_are_rational():

@@ -1,5 +1,6 @@
 """The finite element kernel: structures as arrays, elements as exact terms, constraints, checks."""
 
+from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.contribution import Contribution, product
 from femtune.fem.structure import (
     ConstraintRows,
@@ -13,6 +14,7 @@ from femtune.fem.structure import (
 from femtune.fem.values import Derived, FieldRef, ValueTable, ValueTableBuilder
 
 __all__ = [
+    "AssembledMatrix",
     "ConstraintRows",
     "Contribution",
     "Derived",

@@ -7,9 +7,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.fem.contribution import Contribution, MatrixKind
-from femtune.fem.elements import contributions
+from femtune.fem.elements import pieces
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters import jet
+
+Integers = NDArray[np.int64]
+Reals = NDArray[np.float64]
 
 
 def nominal_matrices(batch: ElementBatch, structure: Structure, term: Contribution) -> NDArray[np.float64]:
@@ -22,16 +25,18 @@ def nominal_matrices(batch: ElementBatch, structure: Structure, term: Contributi
 def assemble(structure: Structure, matrix: MatrixKind) -> sp.csr_array:
     """(n_g, n_g) stiffness or mass matrix before any constraint."""
     n = structure.nodes.n_dofs
-    out = sp.csr_array((n, n))
+    empty = np.zeros(0, np.int64)
+    parts = [(empty, empty, np.zeros(0))]
     for batch in structure.batches:
-        for term in contributions(batch, structure):
+        for term in (part for piece in pieces(batch, structure) for part in piece):
             if term.matrix == matrix:
-                out = out + _scatter(batch.dofs[term.at], nominal_matrices(batch, structure, term), n)
-    return sp.csr_array(out)
+                parts.append(_entries(batch.dofs[term.at], nominal_matrices(batch, structure, term)))
+    rows, cols, values = (np.concatenate(arrays) for arrays in zip(*parts))
+    return sp.csr_array((values, (rows, cols)), shape=(n, n))
 
 
-def _scatter(dofs: NDArray[np.int64], matrices: NDArray[np.float64], n: int) -> sp.csr_array:
+def _entries(dofs: Integers, matrices: Reals) -> tuple[Integers, Integers, Reals]:
     rows = np.broadcast_to(dofs[:, :, None], matrices.shape).ravel()
     cols = np.broadcast_to(dofs[:, None, :], matrices.shape).ravel()
     some = (rows >= 0) & (cols >= 0)
-    return sp.csr_array((matrices.ravel()[some], (rows[some], cols[some])), shape=(n, n))
+    return rows[some], cols[some], matrices.ravel()[some]

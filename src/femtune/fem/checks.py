@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.dofs import DIRECTIONS, Dof
 from femtune.fem.assemble import nominal_matrices
-from femtune.fem.elements import contributions
+from femtune.fem.elements import pieces
 from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import NodeTable, Structure
 
@@ -155,7 +155,7 @@ def grounding_elements(structure: Structure, about: Reals | None = None) -> tupl
     for batch in structure.batches:
         known = np.where(batch.dofs[:, :, None] >= 0, motions[batch.dofs], 0.0)
         energy, scale = np.zeros((2, len(batch), 6))
-        for term in contributions(batch, structure):
+        for term in (part for piece in pieces(batch, structure) for part in piece):
             if term.matrix == "stiffness":
                 m, r = nominal_matrices(batch, structure, term), known[term.at]
                 energy[term.at] += 0.5 * np.einsum("eim,eim->em", r, m @ r)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -63,3 +63,17 @@ def hysteretic(part: Contribution) -> Contribution:
 
     roles = tuple(dict.fromkeys((*part.roles, part.loss)))
     return replace(part, matrix="hysteretic", roles=roles, coefficient=coefficient)
+
+
+def joined(pieces: Iterable[list[Contribution]]) -> list[Contribution]:
+    """Contributions of pieces of a batch as those of the whole; those of one label and coefficient are one."""
+    groups: dict[tuple[str, str, Coefficient], list[Contribution]] = {}
+    for part in (part for piece in pieces for part in piece):
+        groups.setdefault((part.matrix, part.label, part.coefficient), []).append(part)
+    return [_join(group) for group in groups.values()]
+
+
+def _join(group: list[Contribution]) -> Contribution:
+    facts = {name: np.concatenate([p.facts[name] for p in group]) for name in group[0].facts}
+    at, matrices = (np.concatenate([getattr(p, name) for p in group]) for name in ("at", "matrices"))
+    return replace(group[0], at=at, matrices=matrices, facts=facts)

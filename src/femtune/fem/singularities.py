@@ -14,6 +14,9 @@ Reals = NDArray[np.float64]
 
 # smallest principal stiffness of a node, relative to the largest entry of its block (Nastran's EPZERO)
 RATIO = 1e-8
+# a node's block may be so many times stiffer than those of half of the nodes before its size is no measure any more
+_OUTSTANDING = 1e4
+_ROUNDING = 64 * np.finfo(float).eps
 
 
 def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, ratio: float = RATIO) -> Integers:
@@ -24,7 +27,8 @@ def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, rat
     stiffness : (n, n) symmetric, on the free DOFs
     free : (n,) g-set DOFs of its rows
     nodes : to tell a node's translations and rotations
-    ratio : principal stiffness below which a direction counts as free, relative to the block's largest entry
+    ratio : principal stiffness below which a direction counts as free, relative to the block's largest entry, or to
+        what is usual where that entry stands out: beside one very stiff spring others are soft, not missing
 
     A mechanism of several nodes is not found here.
     """
@@ -37,12 +41,26 @@ def singular_dofs(stiffness: sp.csr_array, free: Integers, nodes: NodeTable, rat
     padded = blocks[checked] + np.eye(3) * (~present[checked] * largest[checked, None])[:, None, :]
     values, vectors = np.linalg.eigh(padded)
     # negative stiffness is a fault that the eigen-solution reports, not a missing one that may be held
-    null = np.abs(values) <= ratio * largest[checked, None]
-    for k in np.flatnonzero(null.any(axis=1)):
+    null = np.abs(values) <= np.maximum(ratio * _measure(largest)[checked], _ROUNDING * largest[checked])[:, None]
+    one = null.sum(axis=1) == 1
+    # flat plates have one direction at every grid point
+    only = np.take_along_axis(vectors[one], np.argmax(null[one], axis=1)[:, None, None], axis=2)[:, :, 0]
+    found.append(3 * checked[one] + np.argmax(np.abs(only), axis=1))
+    for k in np.flatnonzero(null.any(axis=1) & ~one):
         found.append(3 * checked[k] + _nearest(vectors[k][:, null[k]]))
     scalar = free >= n_grid
     found.append(free[scalar & (stiffness.diagonal() == 0.0)])
     return np.unique(np.concatenate(found)).astype(np.int64)
+
+
+def _measure(largest: Reals) -> Reals:
+    """(b,) largest entries of the blocks, those that stand out among translations or among rotations made smaller."""
+    out = largest.copy()
+    for kind in (out[0::2], out[1::2]):
+        stiff = kind[kind > 0.0]
+        if stiff.size:
+            np.minimum(kind, _OUTSTANDING * np.quantile(stiff, 0.5, method="lower"), out=kind)
+    return out
 
 
 def _blocks(stiffness: sp.csr_array, free: Integers, n_grid: int) -> tuple[Reals, NDArray[np.bool_]]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Where
+from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.values import ValueTable
 
 Integers = NDArray[np.int64]
@@ -27,6 +28,7 @@ class NodeTable:
     xyz : (n, 3) coordinates in the basic frame
     frames : (n, 3, 3) displacement frames: columns are unit axes in the basic frame, so u_basic = frame @ u
     scalar_points : (s,) ascending numbers of the scalar points
+    located : False where the grid points have no coordinates: `xyz` is zero then, and nothing may be drawn from it
 
     Grid point i has DOFs 6i … 6i+5, scalar point j has DOF 6n + j.
     """
@@ -35,6 +37,7 @@ class NodeTable:
     xyz: Reals
     frames: Reals
     scalar_points: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    located: bool = True
 
     @property
     def n_dofs(self) -> int:
@@ -223,6 +226,7 @@ class Structure:
         times the squared difference of that turn and the membrane's own rotation
     damping : damping of the whole structure (PARAM G, W3, W4)
     dof_sets : g-set DOFs by the name of a set that the deck lists ("ASET", "SUPORT", "USET U1"); they hold nothing
+    assembled : matrices on the g-set that no element made: of another solver, or of DMIG cards
     """
 
     nodes: NodeTable
@@ -241,6 +245,7 @@ class Structure:
     drilling: float = 100.0
     damping: OverallDamping = field(default_factory=OverallDamping)
     dof_sets: Mapping[str, Integers] = field(default_factory=dict)
+    assembled: tuple[AssembledMatrix, ...] = ()
 
     def split(self, index: int, elements: Iterable[int], region: str) -> Structure:
         """The structure with its own copy of a value for some of its elements."""
@@ -250,8 +255,9 @@ class Structure:
         return replace(self, values=values, batches=batches)
 
     def users(self, index: int) -> Integers:
-        """Numbers of the elements whose matrices depend on an entry of the value table."""
+        """Numbers of the elements whose matrices depend on an entry of the value table; 0 for assembled matrices."""
         touched = self.values.dependents([index])
+        whole = np.zeros(int(any(m.depends_on(touched) for m in self.assembled)), np.int64)
         if self.damping.loss_factor in touched:
-            return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.ids for b in self.batches)]))
-        return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.users(touched) for b in self.batches)]))
+            return np.unique(np.concatenate([whole, *(b.ids for b in self.batches)]))
+        return np.unique(np.concatenate([whole, *(b.users(touched) for b in self.batches)]))

@@ -59,6 +59,12 @@ class TableJet:
         rows = self.rows[at]
         return Jet(self.value[at], self.moving.grad[rows], self.moving.hess[rows])
 
+    def without_derivatives(self) -> TableJet:
+        """The values alone: jets of no variables."""
+        return TableJet(
+            self.value, self.rows, Jet(self.moving.value, self.moving.grad[:, :0], self.moving.hess[:, :0, :0])
+        )
+
     def put(self, at: NDArray[np.int64], entries: Jet) -> None:
         """Set entries that move."""
         rows = self.rows[at]

@@ -32,13 +32,14 @@ def check_shells(batch: ElementBatch, structure: Structure) -> None:
     """
     collector = ErrorCollector()
     xyz = structure.nodes.xyz[batch.nodes]
-    bad = _check_thickness(batch, structure, collector) | _check_shapes(batch, xyz, collector)
+    bad = check_thickness(batch, structure, collector) | check_shapes(batch, xyz, collector)
     if not bad.all():
         _check_directions(batch, xyz, ~bad, collector)
     collector.raise_if_any()
 
 
-def _check_thickness(batch: ElementBatch, structure: Structure, collector: ErrorCollector) -> NDArray[np.bool_]:
+def check_thickness(batch: ElementBatch, structure: Structure, collector: ErrorCollector) -> NDArray[np.bool_]:
+    """Refuse thicknesses that are not positive (``element.shell-thickness``); (e,) which elements have them."""
     t = nominal(batch, structure, "t")
     bad = ~(t > 0.0)
     for i in np.flatnonzero(bad)[:SHOWN]:
@@ -48,7 +49,8 @@ def _check_thickness(batch: ElementBatch, structure: Structure, collector: Error
     return bad
 
 
-def _check_shapes(batch: ElementBatch, xyz: Reals, collector: ErrorCollector) -> NDArray[np.bool_]:
+def check_shapes(batch: ElementBatch, xyz: Reals, collector: ErrorCollector) -> NDArray[np.bool_]:
+    """Refuse corners (e, n, 3) that bound no area (``element.shell-shape``); (e,) which elements have them."""
     side = np.linalg.norm(np.roll(xyz, -1, axis=1) - xyz, axis=2)
     longest = side.max(axis=1)
     collapsed = side.min(axis=1) <= COLLAPSED * longest

@@ -1,4 +1,6 @@
-"""Which strain rows of a shell meet which coefficient: membrane D·t, bending D·t³·RI, shear S·t·TS, offset z0, z0².
+"""Which strain rows of a shell meet which coefficient: membrane M·t, bending B·t³·RI, both together C·t², shear S·t·TS.
+
+An offset z0 multiplies the membrane's terms by z0 and z0², and those of membrane and bending together by z0.
 
 Every coefficient is a product of values, so that elements of one property share it; only in-plane bending of a law that
 is not isotropic depends on the element, by the angle between its sides and the material's axes.
@@ -66,12 +68,15 @@ def stiffness_terms(
     membrane = _Law("M", "m", "membrane", ("t",), "GE", batch.facts["has_membrane"])
     bending = _Law("B", "b", "bending", ("t", "t", "t", "RI"), "GEB", batch.facts["has_bending"])
     shear = _Law("S", "s", "shear", ("t", "TS"), "GES", batch.facts["has_bending"])
+    offset = batch.facts["offset_given"]
     flat = [*_plane_law(batch, structure, membrane), *_in_plane_bending(batch, structure, uniaxial)]
-    lifted = [lifted for term in flat for lifted in _offset_terms(term, batch.facts["offset_given"])]
+    lifted = [lifted for term in flat for lifted in _offset_terms(term, offset)]
+    both = list(_coupling_law(batch, structure, _Law("C", "", "coupling", ("t", "t"), "GEC", couples(batch))))
+    lifted += [_lifted_coupling(term, offset) for term in both]
     sheared = list(_shear_law(batch, structure, shear))
     if residual is not None:
         sheared = [part for term in sheared for part in _softened(term, residual, bends(batch, structure))]
-    terms = [*flat, *lifted, *_plane_law(batch, structure, bending), *sheared]
+    terms = [*flat, *both, *lifted, *_plane_law(batch, structure, bending), *sheared]
     return [term for term in terms if len(term.at)]
 
 
@@ -88,6 +93,26 @@ def _plane_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
     yield _term(law, "33", law.has, (both, *drilling))
     yield _term(law, "13", coupled, (one,), (both,))
     yield _term(law, "23", coupled, (two,), (both,))
+
+
+def couples(batch: ElementBatch) -> Flags:
+    """(e,) True where membrane and bending have a common law."""
+    return np.asarray(batch.facts.get("has_coupling", np.zeros(len(batch), bool)))
+
+
+def _coupling_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator[ShellTerm]:
+    """Entries 11 to 33: strain i meets curvature j, and j meets i."""
+    if not law.has.any():
+        return
+    alike = law.has & (batch.roles["C11"] == batch.roles["C22"])
+    sheared = law.has & ~_shared_zero(batch, structure, "C13", "C23")
+    yield _term(law, "11", alike, ("m1", "m2"), ("c1", "c2"))
+    yield _term(law, "11", law.has & ~alike, ("m1",), ("c1",))
+    yield _term(law, "22", law.has & ~alike, ("m2",), ("c2",))
+    yield _term(law, "12", law.has, ("m1", "m2"), ("c2", "c1"))
+    yield _term(law, "33", law.has, ("m12",), ("c12",))
+    yield _term(law, "13", sheared, ("m1", "m12"), ("c12", "c1"))
+    yield _term(law, "23", sheared, ("m2", "m12"), ("c12", "c2"))
 
 
 def _shear_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator[ShellTerm]:
@@ -181,6 +206,12 @@ def _offset_terms(term: ShellTerm, offset: Flags) -> list[ShellTerm]:
         _times_offset(term, at, f"{term.label}-offset", crossed, 1),
         _times_offset(term, at, f"{term.label}-offset²", (left, right), 2),
     ]
+
+
+def _lifted_coupling(term: ShellTerm, offset: Flags) -> ShellTerm:
+    """The term in z0 that goes with one of membrane and bending together."""
+    left = tuple(name + OFFSET for name in term.left)
+    return _times_offset(term, term.at[offset[term.at]], f"{term.label}-offset", (left, term.right), 1)
 
 
 def _times_offset(

@@ -6,64 +6,69 @@ the mass along the normal n: u + z0 θ × n, so that the terms are 1, z0 and z0�
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.fem.contribution import Contribution, product
+from femtune.fem.contribution import Coefficient, Contribution, product
 from femtune.fem.elements.shell_placement import ShellPlane, offset_arms
-from femtune.fem.structure import ElementBatch
 
 Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class ShellMass:
-    """Matrices for a unit mass an area: of all elements, and those that go with z0 and z0² of offset ones."""
+    """Mass of a batch; `offset` are its elements whose mass is offset, `arm` is the value that tells how far."""
 
     offset: NDArray[np.int64]
-    plain: Reals
-    first: Reals
-    second: Reals
+    arm: str = "z0"
 
-    @classmethod
-    def empty(cls, batch: ElementBatch) -> ShellMass:
-        """Room for the matrices of a batch."""
-        at, d = np.flatnonzero(batch.facts["offset_given"]), batch.dofs.shape[1]
-        return cls(at, np.zeros((len(batch), d, d)), *(np.empty((len(at), d, d)) for _ in range(2)))
+    @cached_property
+    def _terms(self) -> list[tuple[str, tuple[str, ...], Coefficient]]:
+        """Label, values and coefficient of ρ·t and NSM, times 1, z0 and z0²."""
+        z = self.arm
+        powers: tuple[tuple[str, tuple[str, ...]], ...] = (("", ()), ("-offset", (z,)), ("-offset²", (z, z)))
+        masses = (("mass", ("rho", "t")), ("added-mass", ("NSM",)))
+        return [(label + tail, f + z, product(*f, *z)) for tail, z in powers for label, f in masses]
 
-    def contributions(self) -> list[Contribution]:
-        """ρ·t and NSM times the matrices, which both share."""
-        every = np.arange(len(self.plain))
-        parts: list[tuple[NDArray[np.int64], Reals, str, tuple[str, ...]]] = [(every, self.plain, "", ())]
-        if len(self.offset):
-            parts += [
-                (self.offset, self.first, "-offset", ("z0",)),
-                (self.offset, self.second, "-offset²", ("z0", "z0")),
-            ]
-        out = []
-        for at, matrices, tail, powers in parts:
-            for label, factors in (("mass", ("rho", "t")), ("added-mass", ("NSM",))):
-                roles = tuple(dict.fromkeys((*factors, *powers)))
-                out.append(Contribution("mass", label + tail, at, matrices, roles, product(*factors, *powers)))
-        return out
+    def contributions(self, plane: ShellPlane, shares: Reals, part: slice) -> Iterator[Contribution]:
+        """Those of a part of the batch; `shares` (m, n, n) are the integrals of Nᵢ Nⱼ."""
+        lo, hi = np.searchsorted(self.offset, [part.start, part.stop])
+        offset = self.offset[lo:hi]
+        found = [(np.arange(part.start, part.stop), plain_mass(plane, shares))]
+        if len(offset):
+            found += [(offset, m) for m in offset_mass(plane, shares, offset - part.start)]
+        # both masses of a power of z0 share its matrices
+        for i, (at, matrices) in enumerate(found):
+            for label, roles, coefficient in self._terms[2 * i : 2 * i + 2]:
+                yield Contribution("mass", label, at, matrices, tuple(dict.fromkeys(roles)), coefficient)
 
 
-def fill_mass(mass: ShellMass, plane: ShellPlane, shares: Reals, part: slice) -> None:
-    """Put the matrices of a part of the batch in place; `shares` (m, n, n) are the integrals of Nᵢ Nⱼ."""
-    still, m = np.zeros((*plane.heights.shape, 3, 6)), len(plane)
-    still[..., :3] = plane.frames
-    spread = np.repeat(np.repeat(shares, 6, axis=1), 6, axis=2)
-    mass.plain[part] = _between(still, still) * spread
-    lo, hi = np.searchsorted(mass.offset, [part.start, part.start + m])
-    if lo == hi:
-        return
-    own = mass.offset[lo:hi] - part.start
-    lifted, spread = offset_arms(plane)[own], spread[own]
-    first = _between(still[own], lifted)
-    mass.first[lo:hi] = (first + np.swapaxes(first, 1, 2)) * spread
-    mass.second[lo:hi] = _between(lifted, lifted) * spread
+def plain_mass(plane: ShellPlane, shares: Reals) -> Reals:
+    """(m, 6n, 6n) for a unit mass an area."""
+    still = _still(plane)
+    return np.asarray(_between(still, still) * _spread(shares))
+
+
+def offset_mass(plane: ShellPlane, shares: Reals, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
+    """What goes with z0 and z0² of some of the elements."""
+    still, lifted, spread = _still(plane)[own], offset_arms(plane)[own], _spread(shares)[own]
+    first = _between(still, lifted)
+    return (first + np.swapaxes(first, 1, 2)) * spread, _between(lifted, lifted) * spread
+
+
+def _still(plane: ShellPlane) -> Reals:
+    """(m, n, 3, 6) basic displacements of each grid point."""
+    out = np.zeros((*plane.heights.shape, 3, 6))
+    out[..., :3] = plane.frames
+    return out
+
+
+def _spread(shares: Reals) -> Reals:
+    return np.repeat(np.repeat(shares, 6, axis=1), 6, axis=2)
 
 
 def _between(a: Reals, b: Reals) -> Reals:

@@ -36,6 +36,7 @@ class ShellStrains:
     drilling : (m, r, n, 6) turn about the normal less the membrane's own rotation
     bending : (m, r, 3, n, 6) curvatures θy,x, −θx,y and θy,y − θx,x
     shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx
+    roots : (m, r) roots of the weights of the curvatures
     """
 
     membrane: Reals
@@ -44,6 +45,15 @@ class ShellStrains:
     drilling: Reals
     bending: Reals
     shear: Reals
+    roots: Reals
+
+    @property
+    def mean_curvature(self) -> Reals:
+        """Curvatures where the membrane's strains are: at the same places, or their mean where those are one mean."""
+        if self.membrane.shape[1] == self.bending.shape[1]:
+            return self.bending
+        shares = self.roots / np.sqrt((self.roots**2).sum(axis=1))[:, None]
+        return np.einsum("mr,mrkna->mkna", shares, self.bending)[:, None]
 
 
 @dataclass(frozen=True)
@@ -64,11 +74,12 @@ class ShellFormulation:
     residual: Callable[[Reals], Reals] | None = None
 
 
-def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool) -> Rows:
+def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling: bool = False) -> Rows:
     """Rows (m, r, 6n) by name on the grid points' displacements, strains along the material's axes.
 
     ``m1 m2 m12`` membrane, ``a1 …`` uniaxial, ``drill``, ``b1 b2 b12`` bending, ``s1 s2`` shear; with `offsets` also
-    those of the membrane that a unit offset adds. The twelfth of t³/12 is within the bending rows.
+    those of the membrane that a unit offset adds, with `coupling` also ``c1 c2 c12``, the curvatures that meet the
+    membrane. The twelfth of t³/12 is within the bending rows.
     """
     c, s = plane.material[:, 0], plane.material[:, 1]
     membrane = _named("m", _turn_strain(strains.membrane, c, s))
@@ -78,6 +89,8 @@ def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool) -> Rows:
     bending = _named("b", _turn_strain(strains.bending * np.sqrt(1.0 / 12.0), c, s))
     sheared = dict(zip(("s1", "s2"), np.moveaxis(_turn_vector(strains.shear, c, s), 2, 0)))
     every = in_plane | bending | sheared
+    if coupling:
+        every |= _named("c", _turn_strain(strains.mean_curvature, c, s))
     if offsets:
         every |= {name + OFFSET: _by_turn(rows) for name, rows in in_plane.items()}
     return {name: _lift(rows, plane) for name, rows in every.items()}

@@ -7,7 +7,7 @@ import numpy as np
 from femtune.fem.elements.shell_placement import ShellPlane
 from femtune.fem.elements.shell_strains import IN_PLANE, Reals, ShellFormulation, ShellStrains, placed
 from femtune.fem.elements.tri_bending import bending_rows, shear_rows
-from femtune.fem.elements.tri_membrane import drilling_rows, mean_square_side, membrane_rows, tri_shares
+from femtune.fem.elements.tri_membrane import drilling_rows, mean_square_side, membrane_rows, tri_area, tri_shares
 
 # h²/15D of shear flexibility stands for the bending that linear rotations cannot show; MacNeal's beam has h²/12D.
 # Chosen by measurement: docs/theory/shell-triangles.md
@@ -24,6 +24,7 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
         drilling_rows(corners, normals),
         bending_rows(corners, normals),
         shear_rows(corners, normals),
+        np.sqrt(tri_area(corners))[:, None],
     )
 
 

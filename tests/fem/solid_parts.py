@@ -1,0 +1,61 @@
+"""Single distorted solids and their laws: what several tests of solids share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femtune.fem.assemble import assemble
+from femtune.fem.elements.hexa8 import CORNERS as HEXA
+from femtune.fem.elements.penta6 import CORNERS as PENTA
+from femtune.fem.elements.tetra4 import CORNERS as TETRA
+from femtune.testing.shells import Isotropic
+from femtune.testing.solids import Law, SolidPart, solid_structure
+
+PYRAMID = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 1.5]])
+CORNERS = {"hexa8": HEXA, "penta6": PENTA, "tetra4": TETRA, "pyram5": PYRAMID}
+KINDS = list(CORNERS)
+ISO = Isotropic(200.0, 0.3, 2.0, 0.02)
+LAW = np.array(
+    [
+        [210.0, 61.0, 55.0, 7.0, -4.0, 3.0],
+        [61.0, 143.0, 47.0, -5.0, 6.0, 2.0],
+        [55.0, 47.0, 99.0, 4.0, 1.0, -8.0],
+        [7.0, -5.0, 4.0, 50.0, 3.0, -2.0],
+        [-4.0, 6.0, 1.0, 3.0, 38.0, 5.0],
+        [3.0, 2.0, -8.0, -2.0, 5.0, 29.0],
+    ]
+)
+ANISO = Law(LAW, 2.0, 0.02)
+
+
+def turned(n: int, seed: int = 5) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    q = np.array([np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(n)])
+    return q * np.linalg.det(q)[:, None, None]
+
+
+def distorted(kind: str, size: float = 0.2, seed: int = 1) -> np.ndarray:
+    xyz = CORNERS[kind]
+    return xyz + np.random.default_rng(seed).uniform(-size, size, xyz.shape)
+
+
+def one(kind: str, xyz, material=ISO, frame=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), **settings):
+    cell = [list(range(len(CORNERS[kind])))]
+    return solid_structure(xyz, [SolidPart(kind, cell, material, frame)], **settings)
+
+
+def translations(n: int) -> np.ndarray:
+    return (6 * np.arange(n)[:, None] + np.arange(3)).ravel()
+
+
+def dense(structure, kind: str = "stiffness") -> np.ndarray:
+    at = translations(len(structure.nodes.ids))
+    return assemble(structure, kind).toarray()[np.ix_(at, at)]
+
+
+def lean(u, v, w):
+    return 2.0 * u + 0.4 * v, 1.5 * v + 0.2 * w, w + 0.3 * u
+
+
+def translations_of(order) -> np.ndarray:
+    return (3 * np.array(order)[:, None] + np.arange(3)).ravel()
