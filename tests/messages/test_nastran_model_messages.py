@@ -20,6 +20,8 @@ _BASE = (
 )
 _BAR = "CBAR,7,3,1,2,0.,1.,0.\n"
 
+_SOLID = _BASE + "GRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\nCTETRA,31,12,1,2,3,4\n"
+
 DECKS = {
     "deck.unknown-grid": _BASE + "CBAR,7,3,1,22,0.,1.,0.\n",
     "deck.unknown-property": _BASE + "CBAR,7,4,1,2,0.,1.,0.\n",
@@ -40,6 +42,8 @@ DECKS = {
     "deck.offset-frame": _BASE + "CBAR,7,3,1,2,0.,1.,0.,EEG\n",
     "deck.shell-section": _BASE + "PSHELL,12,1,.1,-1\nCTRIA3,32,12,1,2,3\n",
     "deck.shell-corners": _BASE + "CQUAD4,31,12,1,2,3,2\nPSHELL,12,1,.1\n",
+    "deck.solid-nodes": _BASE + "CHEXA,31,12,1,2,3,3,5,6\n,7,7\n",
+    "deck.solid-section": _BASE + "PSOLID,12,1,,,,,PFLUID\nCTETRA,31,12,1,2,3,4\n",
     "deck.material-type": _BASE + "MAT8,2,2.,2.,.3,1.\nPROD,9,2,1.\nCROD,3,9,1,2\n",
     "deck.param": _BASE + "PARAM,COUPMASS,MAYBE\n",
 }
@@ -50,6 +54,8 @@ NOTICES = {
     "deck.missing-set": "SOL 103\nCEND\nMPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nENDDATA\n",
     "deck.uneven-thickness": _BASE + "CTRIA3,32,12,1,2,3\n,,,.1,.2,.3\nPSHELL,12,1,,1\nGRID,3,,0.,1.,0.\n",
     "deck.no-warping": _BASE + "PBEAM,4,1,1.-3,2.-6,3.-6\n,,,,,,,,\n,,,,,,,1.-9\nCBEAM,7,4,1,2,0.,1.,0.\n",
+    "deck.solid-integration": _SOLID + "PSOLID,12,1,,TWO\n",
+    "deck.stiff-tetrahedra": _SOLID + "PSOLID,12,1\n",
     "deck.enforced-displacement": _BASE + "SPC,1,2,3,.01\n",
 }
 _W = Where("study.toml", 31, "parameter[2]")

@@ -165,11 +165,10 @@ def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> 
     assert steps[1] < 0.11
 
 
-def test_solids_and_composites_are_refused_by_name(source: Path) -> None:
+def test_composites_are_refused_by_name(source: Path) -> None:
     with pytest.raises(FemtuneError) as error:
         build_structure(read_deck(source / "solid_shell_bar" / "mode_solid_shell_bar.bdf"))
-    text = str(error.value)
-    assert all(name in text for name in ("CHEXA", "CPENTA", "CTETRA", "PCOMP"))
+    assert "PCOMP" in str(error.value)
 
 
 def test_no_output2_file_is_a_plain_error(tmp_path: Path) -> None:

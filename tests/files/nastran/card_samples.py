@@ -64,12 +64,17 @@ BARS = (*GRIDS, STEEL, "CBAR,11,7,1,2,0.,1.,0.", "CBAR,12,7,2,5,0.,1.,0.")
 BEAMS = (*GRIDS, STEEL, "CBEAM,11,7,1,2,0.,1.,0.", "CBEAM,12,7,2,5,0.,1.,0.")
 SHELLS = (*GRIDS, "CQUAD4,11,7,1,2,3,4", "CQUAD4,12,7,2,5,6,3")
 LAMINA = (*SHELLS, "PSHELL,7,9,.1,9,,9")
+PLIES = (*SHELLS, STEEL, "MAT8,9,140.,10.,.3,5.,4.,3.,2.")
 RODS = (*GRIDS, STEEL, "CROD,11,7,1,2", "CROD,12,7,2,5")
 SPRINGS = (*GRIDS, "CELAS1,11,7,1,1", "CELAS1,12,7,2,1,5,1")
 DASHPOTS = (*GRIDS, "CDAMP1,11,7,1,1", "CDAMP1,12,7,2,1,5,1")
 VISCOUS = (*GRIDS, "CVISC,11,7,1,2", "CVISC,12,7,2,5")
 BUSHES = (*GRIDS, "CBUSH,11,7,1,2,,,,0", "CBUSH,12,7,2,5,,,,0")
 MASSES = (*GRIDS, "CMASS1,11,7,1,1", "CMASS1,12,7,2,1")
+SOLIDS = (*GRIDS, "GRID,21,,0.,0.,1.", "GRID,22,,1.,0.,1.", "GRID,23,,1.,1.,1.", "GRID,25,,2.,0.,1.",
+          "CTETRA,11,7,1,2,4,21", "CPENTA,12,7,2,5,3,22,25,23")  # fmt: skip
+LUMPS = (*SOLIDS, "PSOLID,7,9")
+WEBS = (*GRIDS, STEEL, "CSHEAR,11,7,1,2,3,4", "CSHEAR,12,7,2,5,6,3")
 SKINS = (*GRIDS, STEEL, "PSHELL,7,1,.1,1,,1")
 
 SAMPLES = (
@@ -78,7 +83,18 @@ SAMPLES = (
            needed="G11 G22 G33"),
     Sample("MAT8", 9, "9 E1=140. E2=10. NU12=.3 G12=5. G1Z=4. G2Z=3. RHO=2. - - - - - - - - GE=.03", LAMINA,
            needed="E1 E2 NU12 G12 G1Z G2Z"),
+    Sample("MAT9", 9, "9 G11=9. G12=.5 G13=.4 G14=.1 G15=.2 G16=.3 G22=8. G23=.6 G24=.11 G25=.12 G26=.13 G33=7. "
+           "G34=.14 G35=.15 G36=.16 G44=3. G45=.17 G46=.18 G55=2. G56=.19 G66=1. RHO=5. - - - - - - - GE=.04", LUMPS,
+           needed="G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66", beside="RHO"),
+    Sample("MAT11", 9, "9 E1=140. E2=10. E3=12. NU12=.3 NU13=.25 NU23=.2 G12=5. G13=4. G23=3. RHO=2. - - - - GE=.03",
+           LUMPS, needed="E1 E2 E3 G12 G13 G23", beside="RHO GE"),
+    Sample("MAT1", 9, "9 E=2.+11 - NU=.3 RHO=7800. - - GE=.02", LUMPS, needed="E NU"),
+    Sample("PSHEAR", 7, "7 1 T=.1 NSM=.5 F1=.9 F2=30.", WEBS, needed="T"),
     Sample("PSHELL", 7, "7 1 T=.1 1 RI=1.1 1 TS=.8 NSM=.5 .05 -.05", (*SHELLS, STEEL), needed="T"),
+    Sample("PCOMP", 7, "7 Z0=-.1 NSM=.5 - - - GE=.02 - 9 T1=.1 THETA1=30. - 1 T2=.05 20. - 9 T3=.02 THETA3=60.", PLIES,
+           needed="Z0 T1 T2 T3", beside="GE THETA1 THETA3"),
+    Sample("PCOMPG", 7, "7 Z0=-.1 NSM=.5 - - - GE=.02 SYM 101 9 T101=.1 THETA101=30. - - - - 5 9 T5=.05 THETA5=20.",
+           PLIES, needed="Z0 T101 T5", beside="GE THETA101 THETA5"),
     Sample("CQUAD4", 11, "11 7 1 2 3 4 - ZOFFS=.01 - - T1=.1 T2=.11 T3=.12 T4=.13", SKINS, True,
            needed="ZOFFS T1 T2 T3 T4"),
     Sample("CTRIA3", 11, "11 7 1 2 3 - ZOFFS=.01 - - - T1=.1 T2=.11 T3=.12", SKINS, True, needed="ZOFFS T1 T2 T3"),

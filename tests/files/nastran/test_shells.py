@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
+from femtune.fem.assemble import assemble
 from femtune.fem.structure import ElementBatch
 from femtune.fem.values import FieldRef
 from femtune.files.nastran import Deck
@@ -256,7 +257,18 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
         (_SHELL.format("1,.1,-1"), "deck.shell-section", "plane strain (MID2 = -1)"),
         (_SHELL.format(",.1"), "deck.shell-section", "names no material"),
         (_SHELL.format("1,.1,,,1"), "deck.shell-section", "MID3"),
-        (_SHELL.format("1,.1,1,,1,,\n,,,1"), "deck.shell-section", "MID4"),
+        (_SHELL.format("1,.1,,,,,\n,,,1"), "deck.shell-section", "lacks one of them"),
+        (_SHELL.format("1,.1,1,,1,,\n,,,1"), "deck.shell-section", "whose energy is negative"),
+        ("PCOMP,9\n" + QUAD + "\n", "deck.laminate", "PCOMP has no plies"),
+        ("PCOMP,9\n,1,-.1\n" + QUAD + "\n", "deck.laminate", "thickness of a ply should be positive"),
+        ("PCOMP,9\n,1\n" + QUAD + "\n", "deck.blank-field", "a real number"),
+        ("PCOMP,9\n,1,.1,0.,MAYBE\n" + QUAD + "\n", "deck.field-value", "SOUT of a ply"),
+        ("PCOMP,9\n,88,.1\n" + QUAD + "\n", "deck.unknown-material", "material 88"),
+        ("PCOMP,9,,,,,,,SYMEM\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SYMEM"),
+        ("PCOMP,9,0.,,,,,,SMEAR\n,1,.1\n" + QUAD + "\n", "deck.laminate", "Z0 stands beside LAM = SMEAR"),
+        ("PCOMP,9,,,,,,,SMCORE\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SMCORE needs plies"),
+        ("PCOMPG,9\n,4,1,.1\n,4,1,.1\n" + QUAD + "\n", "deck.laminate", "global ply 4 twice"),
+        ("PCOMP,9\n,1,.1\n" + QUAD + ",,,\n,,,.1,.1,.1,.1\n", "deck.shell-section", "whose property is a laminate"),
         (_SHELL.format("1,-.1"), "deck.shell-section", "thickness T"),
         (_SHELL.format("1,.1,1,-1."), "deck.shell-section", "12I/T**3"),
         (_SHELL.format("1,.1,1,,1,0."), "deck.shell-section", "TS/T"),
@@ -270,7 +282,7 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
         (PLATE + "CTRIA3,20,9,1,2,1\n", "deck.shell-corners", "two corners of the element are grid point 1"),
         (PLATE + "CTRIA3,20,9,1,2,99\n", "deck.unknown-grid", "grid point 99"),
         (PLATE + "CTRIA3,20,8,1,2,3\n", "deck.unknown-property", "known: 9"),
-        ("PCOMP,9\n,1,.1\n" + QUAD + "\n", "deck.property-type", "property 9 is a PCOMP; CQUAD4 needs a PSHELL"),
+        ("PROD,9,1,.1\n" + QUAD + "\n", "deck.property-type", "is a PROD; CQUAD4 needs a PSHELL, PCOMP or PCOMPG"),
         (PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.unknown-coordinate-system", "coordinate system 6"),
         ("CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n" + PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.orientation", "normal"),
         ("MAT8,1,2.,2.,.3,1.\n" + PLATE, "deck.duplicate-id", "material 1 is defined twice"),
@@ -292,3 +304,48 @@ def test_errors(deck_of: DeckOf, text: str, code: str, message: str) -> None:
     assert message in str(error.value)
     assert error.value.where is not None
     assert error.value.where.line
+
+
+def test_coupling_by_mid4_counts_below_the_middle(deck_of: DeckOf) -> None:
+    """A plate and a coupling as of an offset: G4 = −G z0/t makes the matrices of ZOFFS, but for z0² in bending."""
+    z0, t = 0.03, 0.1
+    inertia = 1.0 + 12.0 * (z0 / t) ** 2
+    stiff = 2.0 / 0.9375
+    law = [-entry * z0 / t for entry in (stiff, 0.25 * stiff, 0.0, stiff, 0.0, 0.8)]
+    fields = ",".join("" if entry == 0.0 else f"{entry:.14g}" for entry in law)
+    text = f"MAT2,4,{fields}\nPSHELL,9,1,{t},1,{inertia!r},1\n,,,4\n"
+    square = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n"
+    one, other = (
+        build_structure(deck_of(square + STEEL.replace("3.", "") + more)).structure
+        for more in (text + "CQUAD4,20,9,1,2,3,4\n", f"PSHELL,9,1,{t},1,,1\nCQUAD4,20,9,1,2,3,4,,{z0}\n")
+    )
+    a, b = (assemble(structure, "stiffness").toarray() for structure in (one, other))
+    x, y = one.nodes.xyz[:, 0], one.nodes.xyz[:, 1]
+    # stretching by e and bending by κ, both constant
+    u = np.zeros((4, 6))
+    u[:, 0], u[:, 2], u[:, 4] = 0.7 * x, -0.5 * 0.4 * x**2, 0.4 * x
+    v = np.zeros((4, 6))
+    v[:, 0], v[:, 1], v[:, 4], v[:, 3] = 0.3 * y, 0.3 * x, 0.2 * y, -0.2 * x
+    v[:, 2] = -0.2 * x * y
+    for field in (u.ravel(), v.ravel()):
+        assert field @ a @ field == pytest.approx(field @ b @ field, rel=1e-12)
+
+
+def test_a_laminate_says_that_ply_damping_has_no_effect(deck_of: DeckOf) -> None:
+    for text, told in (("PCOMP,9\n,1,.1\n", True), ("PCOMP,9,,,,,,0.\n,1,.1\n", False)):
+        model, one = batch(deck_of, STEEL + text + QUAD + "\n")
+        assert ("deck.ply-damping" in {notice.code for notice in model.notices}) is told
+        assert values(model, one)["GE"] == 0.0
+
+
+def test_plies_follow_the_one_before(deck_of: DeckOf) -> None:
+    lamina = "MAT8,2,2.,2.,.3,1.\n"
+    text = lamina + "PCOMP,9,,,,,,.01\n,1,.1,,,2,,45.,YES\n,,,,,2,.3,,NO\n,,,30.\n"
+    model, _ = batch(deck_of, STEEL + text + QUAD + "\n")
+    table = model.structure.values
+    names = {ref.name: table.values[table.index(ref)] for ref in model.fields if ref.card == "PCOMP"}
+    # the blank group is no ply; the third ply stands behind it
+    assert {k: v for k, v in names.items() if k[0] == "T" and k[1] != "H"} == {"T1": 0.1, "T3": 0.3}
+    assert {k: v for k, v in names.items() if k[:2] == "TH"} == {"THETA1": 0, "THETA2": 45, "THETA3": 0, "THETA4": 30}
+    height = next(value for ref, value in zip(table.refs, table.values) if ref.name == "mass")
+    assert height == pytest.approx(0.1 * 3.0)

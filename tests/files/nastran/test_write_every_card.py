@@ -314,7 +314,7 @@ def check_split_bytes(deck: WrittenDeck, plan: WritePlan) -> None:
         before = re.escape(old[:at])
         before = re.sub(rb"(?i)(C[A-Z0-9]*,11),7(?=,)", rb"\1,\\d+", before)
         before = re.sub(
-            rb"(?i)(\r?\\\n)(PSHELL,7,9,[^\n]*?)(?=\\\r|\\\n)", rb"\1\2(?:\\r?\\nPSHELL,[^$\\r\\n]*)", before
+            rb"(?i)(\r?\\\n)((PSHELL|PSOLID),7,9[^\n]*?)(?=\\\r|\\\n)", rb"\1\2(?:\\r?\\n\3,[^$\\r\\n]*)", before
         )
         after = new_lines if path == deck.target else b""
         assert re.fullmatch(before + after + re.escape(old[at:]), new, re.IGNORECASE), (old, new)

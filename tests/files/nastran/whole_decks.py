@@ -199,6 +199,60 @@ SPC1    1       123456  1       4
 ENDDATA
 """
 
+SOLIDS = """SOL 103
+CEND
+METHOD = 10
+SPC = 1
+BEGIN BULK
+EIGRL   10                      6
+CORD2C  5               0.      0.      0.      0.      0.      1.
+        1.      0.      0.
+GRID    1               0.      0.      0.
+GRID    2               1.      0.      0.
+GRID    3               1.      1.      0.
+GRID    4               0.      1.      0.
+GRID    5               0.      0.      1.
+GRID    6               1.      0.      1.
+GRID    7               1.      1.      1.1
+GRID    8               0.      1.      1.
+GRID    9               2.      0.      0.
+GRID    10              2.      0.      1.
+GRID    11              .5      .5      2.      5
+GRID    12              -1.     .5      .5
+GRID    13              1.05    .5      .0
+GRID    14              1.      0.      .5
+GRID    15              1.      2.      0.
+GRID    16              2.      2.      0.
+GRID    17              2.      1.      .1
+MAT1    1       2.+11           .3      7800.                   .01     $ steel
+MAT9    2       2.5+11  1.+11   1.+11                           2.5+11
+        1.+11                           2.5+11
+        8.+10                   8.+10           8.+10   7000.
+                                                        .02
+MAT11*                 3           1.+11           1.+10           2.+10
+*                     .3             .25              .2            5.+9
+*                   4.+9            3.+9           1600.
+*
+PSOLID,11,1
+PSOLID  12      2       5       TWO     GRID
+PSOLID,13,3,-1
+PSHEAR  14      1       .01     .5      .9      30.
+CHEXA   1       11      1       2       3       4       5       6
+        7       8
+CPENTA  2       12      2       9       3       6       10      7
+CPYRAM  3       11      5       6       7       8       11
+CTETRA  4       11      1       5       4       12
+CTETRA,5,12,1,2,3,6,,13
+,,,14
+CHEXA   6       13      1       2       3       4       5       6       +
++       7       8
+CSHEAR  7       14      3       15      16      17
+CSHEAR  8       14      2       9       17      3
+SPC1    1       123456  1       4       5       8
+SPC1    1       3       15      16      17
+ENDDATA
+"""
+
 SPRINGS = (
     """SOL 111
 CEND
@@ -280,5 +334,6 @@ DECKS = {
     "frame": {"deck.bdf": FRAME, "more.inc": MORE},
     "beams": {"deck.bdf": BEAMS},
     "shells": {"deck.bdf": SHELLS},
+    "solids": {"deck.bdf": SOLIDS},
     "springs": {"deck.bdf": SPRINGS},
 }

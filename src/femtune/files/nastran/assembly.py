@@ -7,13 +7,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
-from femtune.files.nastran.card import Card, line_starts
+from femtune.files.nastran.card import Card, fields_of
 from femtune.files.nastran.fields import FieldLine, beyond_last_column, split_line
 from femtune.files.nastran.replication import is_replication, replicate
 from femtune.files.nastran.source import SourceLine
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
 _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d{0,9})", re.IGNORECASE)
+# data in columns 9 to 72 without commas, tabs and comments; at the most a lone + in columns 73 to 80
+_PLAIN_COLUMNS = re.compile(r"[^,\t$\r\n]{0,64}(?: {0,7}\+)? *(?:\r\n?|\n)?")
+_PLAIN_HEAD = re.compile(r" *[A-Z][A-Z0-9_]* *", re.IGNORECASE)
+_PLAIN_CONTINUATIONS = ("        ", "+       ")
 _MOST_ERRORS = 20
 
 
@@ -35,9 +39,10 @@ def read_bulk(lines: Iterable[SourceLine]) -> Bulk:
     """
     assembly = _Assembly()
     for line in lines:
-        body = line.body
-        if body and not body.isspace():
-            assembly.take(line, body)
+        if not assembly.take_plain(line):
+            body = line.body
+            if body and not body.isspace():
+                assembly.take(line, body)
     assembly.finish()
     return Bulk(tuple(assembly.cards), tuple(assembly.notices))
 
@@ -50,7 +55,27 @@ class _Assembly:
         self.notices: list[Notice] = []
         self.problems = ErrorCollector()
         self.open: list[FieldLine] = []
+        self.plain: list[SourceLine] = []
+        self.names: dict[str, str] = {}
         self.superelement = 0
+
+    def take_plain(self, line: SourceLine) -> bool:
+        """Take a line in plain columns of small fields, which stays uncut; whether it is one."""
+        text = line[2]
+        head = text[:8]
+        name = self.names.get(head)
+        if name is None:
+            name = self.names[head] = _plain_name(head)
+        if name:
+            if _PLAIN_COLUMNS.fullmatch(text, 8) is None:
+                return False
+            self._close()
+            self.plain = [line]
+            return True
+        if self.plain and head in _PLAIN_CONTINUATIONS and _PLAIN_COLUMNS.fullmatch(text, 8) and not text.isspace():
+            self.plain.append(line)
+            return True
+        return False
 
     def take(self, line: SourceLine, body: str) -> None:
         with self.problems.catch():
@@ -77,6 +102,7 @@ class _Assembly:
             self._close()
             self._replicate(cut)
         elif cut.continues:
+            self._cut_plain()
             self._continue(cut)
         else:
             self._close()
@@ -91,7 +117,19 @@ class _Assembly:
             what = f"the card above asks for continuation '{asked}', but '{given}' follows"
             raise _continuation(cut, what, "put a card's continuations right below it, in order")
 
+    def _cut_plain(self) -> None:
+        """Cut up the card that is being read, to go on with lines that are not plain."""
+        if self.plain:
+            lines, self.plain = self.plain, []
+            self.open = [split_line(line, line.body) for line in lines]
+
     def _close(self) -> None:
+        if self.plain:
+            lines_as_they_are, self.plain = tuple(self.plain), []
+            name = self.names[lines_as_they_are[0][2][:8]]
+            self.cards.append(
+                Card(name, None, lines_as_they_are, "small", len(self.cards), self.superelement, plain=True)
+            )
         if not self.open:
             return
         lines, self.open = self.open, []
@@ -124,15 +162,17 @@ class _Assembly:
 
 
 def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
-    fields: list[str] = []
-    for line, start in zip(lines, line_starts([line.large for line in lines])):
-        fields += [""] * (start - len(fields))
-        fields += line.data
-    while fields and not fields[-1]:
-        fields.pop()
     sources = tuple(line.source for line in lines)
     name = lines[0].head.removesuffix("*").rstrip()
-    return Card(name, tuple(fields), sources, lines[0].format, position, superelement)
+    return Card(name, fields_of(lines), sources, lines[0].format, position, superelement)
+
+
+def _plain_name(head: str) -> str:
+    """Name of a card whose first line has this in its first eight columns; nothing where the line is not plain."""
+    if len(head) < 8 or not _PLAIN_HEAD.fullmatch(head):
+        return ""
+    name = head.strip().upper()
+    return "" if name == "BEGIN" else name
 
 
 def _checked_name(cut: FieldLine) -> FieldLine:

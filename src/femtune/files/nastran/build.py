@@ -12,6 +12,7 @@ from femtune.files.nastran.bars import read_bars
 from femtune.files.nastran.building import Building, FieldPlace, duplicate
 from femtune.files.nastran.bushes import read_bushes
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT
+from femtune.files.nastran.columns import plain_numbers
 from femtune.files.nastran.control import (
     EigenMethod,
     check_selected,
@@ -28,6 +29,7 @@ from femtune.files.nastran.dampers import read_dampers
 from femtune.files.nastran.damping import damping_notices, overall_damping
 from femtune.files.nastran.damping_tables import damping_tables, modal_damping
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.direct_matrices import read_direct_matrices
 from femtune.files.nastran.dof_sets import read_dof_sets
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
@@ -45,7 +47,9 @@ from femtune.files.nastran.multipoint import read_multipoint_sets
 from femtune.files.nastran.nonstructural import add_nonstructural_mass
 from femtune.files.nastran.rigid import read_rigid
 from femtune.files.nastran.rods import read_rods
+from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
+from femtune.files.nastran.solids import read_solids
 from femtune.files.nastran.springs import read_scalars
 from femtune.files.nastran.supports import read_supports
 from femtune.model.damping import ModalDamping
@@ -126,6 +130,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
     grids = read_grids(building)
     batches = add_nonstructural_mass(building, grids.table, _batches(building, grids))
     damping = overall_damping(building)
+    direct = read_direct_matrices(building, grids)
     supports = read_supports(building, grids)
     multipoint = read_multipoint_sets(building, grids)
     case = deck.case_control
@@ -147,6 +152,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         dof_sets=read_dof_sets(building, grids),
         drilling=drilling_factor(building),
         damping=damping,
+        assembled=direct,
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},
     )
 
@@ -157,6 +163,8 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
         *read_bars(building, grids, materials),
         *read_rods(building, grids, materials),
         *read_shells(building, grids, materials),
+        *read_shear_panels(building, grids, materials),
+        *read_solids(building, grids, materials),
         *read_scalars(building, grids),
         *read_bushes(building, grids),
         *read_dampers(building, grids),
@@ -167,13 +175,23 @@ def _batches(building: Building, grids: Grids) -> list[ElementBatch]:
 def _element_cards(building: Building) -> dict[int, int]:
     """Card of each element; element numbers are unique over all kinds of elements."""
     found: dict[int, int] = {}
-    for record in building.records(*(k.name for k in CATALOGUE.values() if k.role == ELEMENT)):
+    for name in (kind.name for kind in CATALOGUE.values() if kind.role == ELEMENT):
+        cards = building.deck.by_name(name)
+        numbers = plain_numbers(cards)
+        if numbers is not None and found.keys().isdisjoint(numbers):
+            found.update(zip(numbers, (card.position for card in cards)))
+        else:
+            _add_one_by_one(building, name, found)
+    return found
+
+
+def _add_one_by_one(building: Building, name: str, found: dict[int, int]) -> None:
+    for record in building.records(name):
         with building.errors.catch():
             number = record.integer("EID")
             if number in found:
                 raise duplicate(record.card, f"element {number}", building.deck.cards[found[number]])
             found[number] = record.card.position
-    return found
 
 
 def _eigen_method(building: Building) -> EigenMethod | None:

@@ -124,7 +124,8 @@ class Library(Generic[T]):
                 self._known[number] = error
         found = self._known[number]
         if isinstance(found, FemtuneError):
-            raise found
+            # or the traceback would grow with each of the cards that ask for it
+            raise found.with_traceback(None)
         return found
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import EllipsisType
 from typing import Any, overload
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.nastran.fields import Format, split_line
+from femtune.files.nastran.fields import FieldLine, Format, split_line
 from femtune.files.nastran.reals import parse_integer, parse_real
 from femtune.files.nastran.source import SourceLine
 
@@ -17,19 +17,30 @@ from femtune.files.nastran.source import SourceLine
 class Card:
     """One card of the bulk data.
 
-    `fields[0]` is field 2 of the first line (what follows the name), `fields[8]` field 2 of the first
-    continuation; blank fields at the end are left off and read as blank. `position` is the index in
-    `Deck.cards`; `superelement` is 0 for the residual structure; `replicated` marks a card that a replication
-    line (``=``) made.
+    `position` is the index in `Deck.cards`; `superelement` is 0 for the residual structure; `replicated` marks a
+    card that a replication line (``=``) made; `plain` tells that all its lines are plain columns of small
+    fields, and `given` are its fields, None until such lines are cut up.
     """
 
     name: str
-    fields: tuple[str, ...]
+    given: tuple[str, ...] | None = field(repr=False, compare=False)
     lines: tuple[SourceLine, ...]
     format: Format
     position: int = 0
     superelement: int = 0
     replicated: bool = False
+    plain: bool = False
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """`fields[0]` is field 2 of the first line (what follows the name), `fields[8]` field 2 of the first
+        continuation; blank fields at the end are left off and read as blank.
+        """
+        if self.given is None:
+            # most cards of a large deck are read by whole columns and never cut up
+            object.__setattr__(self, "given", fields_of([split_line(line, line.body) for line in self.lines]))
+        assert self.given is not None
+        return self.given
 
     @property
     def record(self) -> str:
@@ -47,7 +58,8 @@ class Card:
 
     def text(self, index: int, default: str = "") -> str:
         """Field `index` in upper case; `default` where it is blank."""
-        return (self.fields[index].upper() if index < len(self.fields) else "") or default
+        fields = self.fields
+        return (fields[index].upper() if index < len(fields) else "") or default
 
     def is_integer(self, index: int) -> bool:
         """Whether field `index` holds an integer."""
@@ -143,6 +155,17 @@ class Card:
         starts = line_starts(large)
         line = max(number for number, start in enumerate(starts) if start <= index)
         return line, index - starts[line]
+
+
+def fields_of(lines: Sequence[FieldLine]) -> tuple[str, ...]:
+    """All fields of a card from its lines; blank ones at the end are left off."""
+    fields: list[str] = []
+    for line, start in zip(lines, line_starts([line.large for line in lines])):
+        fields += [""] * (start - len(fields))
+        fields += line.data
+    while fields and not fields[-1]:
+        fields.pop()
+    return tuple(fields)
 
 
 def line_starts(large: Sequence[bool]) -> list[int]:

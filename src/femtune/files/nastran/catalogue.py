@@ -16,7 +16,7 @@ class CardKind:
     name : card name
     role : "element", "property", "material" or "other"
     fields : field names by position from the first field after the card's name; "-" where there is none
-    values : names of the fields that element matrices are functions of
+    values : names of the fields that element matrices are functions of; of fields that repeat with a number, the first
     starts : positions at which the sequence of names starts (a PELAS card holds two properties)
     """
 
@@ -26,6 +26,14 @@ class CardKind:
     values: tuple[str, ...] = ()
     starts: tuple[int, ...] = (0,)
 
+    def holds(self, name: str) -> bool:
+        """Whether it has a value of that name; plies have any number."""
+        base = name.rstrip("0123456789")
+        return name in self.values or (self.name in PLY_CARDS and base != name and f"{base}1" in self.values)
+
+
+PLY_CARDS = ("PCOMP", "PCOMPG")
+"""Cards whose values are those of plies, as many as there are: T1, THETA1, T2 …"""
 
 _LAYOUT = """
 GRID      other     ID CP X1 X2 X3 CD PS SEID
@@ -40,9 +48,21 @@ CORD2S    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 MAT1      material  MID E G NU RHO A TREF GE
 MAT2      material  MID G11 G12 G13 G22 G23 G33 RHO A1 A2 A3 TREF GE
 MAT8      material  MID E1 E2 NU12 G12 G1Z G2Z RHO A1 A2 TREF XT XC YT YC S GE
+MAT9      material  MID G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO \
+A1 A2 A3 A4 A5 A6 TREF GE
+MAT11     material  MID E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO A1 A2 A3 TREF GE
 CQUAD4    element   EID PID G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4
 CTRIA3    element   EID PID G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3
+CHEXA     element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15 G16 G17 G18 G19 G20
+CPENTA    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15
+CTETRA    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10
+CPYRAM    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13
+PSOLID    property  PID MID CORDM IN STRESS ISOP FCTN
+CSHEAR    element   EID PID G1 G2 G3 G4
+PSHEAR    property  PID MID T NSM F1 F2
 PSHELL    property  PID MID1 T MID2 RI MID3 TS NSM Z1 Z2 MID4
+PCOMP     property  PID Z0 NSM SB FT TREF GE LAM
+PCOMPG    property  PID Z0 NSM SB FT TREF GE LAM
 CBAR      element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B
 CBEAM     element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B SA SB
 BAROR     other     - PID - - X1 X2 X3 OFFT
@@ -126,9 +146,14 @@ _VALUES = {
     "MAT1": "E G NU RHO GE",
     "MAT2": "G11 G12 G13 G22 G23 G33 RHO GE",
     "MAT8": "E1 E2 NU12 G12 G1Z G2Z RHO GE",
+    "MAT9": "G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO GE",
+    "MAT11": "E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO GE",
     "CQUAD4": "ZOFFS T1 T2 T3 T4",
     "CTRIA3": "ZOFFS T1 T2 T3",
     "PSHELL": "T RI TS NSM",
+    "PCOMP": "Z0 NSM GE T1 THETA1",
+    "PCOMPG": "Z0 NSM GE T1 THETA1",
+    "PSHEAR": "T NSM F1 F2",
     "PBAR": "A I1 I2 J NSM K1 K2 I12",
     "PBEAM": "A I1 I2 I12 J NSM AB I1B I2B I12B JB NSMB K1 K2 NSIA NSIB M1A M2A M1B M2B N1A N2A N1B N2B",
     "PBARL": f"{_DIMENSIONS} NSM",
@@ -167,5 +192,5 @@ def _kind(line: str) -> CardKind:
 CATALOGUE: dict[str, CardKind] = {kind.name: kind for kind in map(_kind, _LAYOUT.strip().splitlines())}
 """Understood cards by name."""
 
-NODE_FIELDS = frozenset({"GA", "GB", "G1", "G2", "G3", "G4", "G"})
+NODE_FIELDS = frozenset({"GA", "GB", "G", *(f"G{i}" for i in range(1, 21))})
 """Names of the fields of elements that refer to grid points."""

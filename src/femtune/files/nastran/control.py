@@ -11,7 +11,8 @@ from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.reals import parse_integer, parse_real
 from femtune.files.nastran.record import Record
 
-UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP")
+UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP", "CK2", "CM2", "CB2",
+    "CK42")  # fmt: skip
 
 _PROPORTIONAL = ": damping in proportion to mass and stiffness is not modelled"
 _WHY_IGNORED = {

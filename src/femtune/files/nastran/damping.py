@@ -10,7 +10,7 @@ from femtune.files.nastran.control import real_param
 from femtune.files.nastran.deck import Deck
 
 _LARGEST_LOSS = 2.0
-_MATRICES = ("B2GG", "B2PP", "K42GG")
+_MATRICES = ("B2PP",)
 
 
 def overall_damping(building: Building) -> OverallDamping:

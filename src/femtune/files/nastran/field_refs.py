@@ -5,7 +5,7 @@ from __future__ import annotations
 from femtune.errors import FemtuneError, Where, did_you_mean
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
-from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
 from femtune.files.nastran.reals import parse_integer
 from femtune.files.nastran.record import records_of
 from femtune.files.nastran.sections import SECTION_ROLES
@@ -15,12 +15,17 @@ UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 # what the Nastran manuals call them, and what a study may write too
 _OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
 _SHELLS = ("CQUAD4", "CTRIA3")
+_MOST_NAMED = 12
 _OF_DIMENSIONS = "it follows from the dimensions; update DIM1 …"
 _OF_CORNERS = "a shell's thickness is that of its PSHELL or the mean of its corners; update T of the PSHELL, or T1 …"
 _FOLLOWING = {
     **{(card, name): _OF_DIMENSIONS for card in ("PBARL", "PBEAML") for name in SECTION_ROLES},
     **{(card, "T"): _OF_CORNERS for card in _SHELLS},
 }
+
+
+OF_MATRICES = ("MATRIX", "VARIABLE")
+"""``MATRIX FRAME`` is the factor of a matrix that no element made, ``VARIABLE T`` what sets of matrices depend on."""
 
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
@@ -33,6 +38,8 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
     words = text.upper().split()
     if words[:1] == ["PARAM"]:
         return _param(text, words, where)
+    if len(words) == 2 and words[0] in OF_MATRICES:
+        return FieldRef(words[0], 0, words[1])
     number = parse_integer(words[1]) if len(words) == 3 else None
     if number is None:
         raise _unknown(f"'{text}' is not a field", "write card, number and field, as in PBAR 3 I1", where)
@@ -41,7 +48,7 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
         raise _unknown(f"'{card}' has no field that can be updated", did_you_mean(card, UPDATABLE), where)
     if (card, name) in _FOLLOWING:
         raise _derived(FieldRef(card, number, name), _FOLLOWING[card, name], where)
-    if name not in CATALOGUE[card].values:
+    if not CATALOGUE[card].holds(name):
         hint = did_you_mean(name, CATALOGUE[card].values)
         raise _unknown(f"{card} has no field '{name}' that can be updated", hint, where)
     return FieldRef(card, number, name)
@@ -65,6 +72,9 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
     index = table.index(ref)
     if ref.card == "PARAM" and ref not in built.fields:
         raise _unknown(f"the bulk data have no {ref}", "add PARAM,G,0.0 behind BEGIN BULK", where)
+    if index is None and ref.card in OF_MATRICES:
+        known = [r.name for r in table.refs if r.card == ref.card]
+        raise _unknown(f"the model has no {ref}", did_you_mean(ref.name, known) or "it has no matrices", where)
     if index is None:
         raise _not_in_table(built, ref, where)
     if table.is_derived(index):
@@ -91,7 +101,16 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
         return _unknown(f"the section of {ref.card} {ref.id} has no {ref.name}", "name one of its dimensions", where)
     if ref.card in _SHELLS:
         return _blank(ref, where)
+    if ref.card in PLY_CARDS:
+        return _no_ply(built, ref, where)
     return _untouched(ref, where)
+
+
+def _no_ply(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
+    """Plies that are not there, or whose thickness is that of the ply before."""
+    known = [r.name for r in built.fields if (r.card, r.id) == (ref.card, ref.id)]
+    hint = f"it has {', '.join(known[:_MOST_NAMED])}" if known else "no element uses it"
+    return _unknown(f"{ref.card} {ref.id} has no value {ref.name} of its own", hint, where)
 
 
 def _unknown(what: str, hint: str, where: Where | None) -> FemtuneError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +14,7 @@ from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable
 from femtune.files.nastran.building import Building, Library, duplicate, listed_numbers
 from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
+from femtune.files.nastran.grid_columns import PlainGrids, plain_grids
 from femtune.files.nastran.record import Record
 
 
@@ -22,6 +24,7 @@ class Grids:
 
     records: Mapping[int, Record]
     system_records: Mapping[int, Record]
+    plain: PlainGrids | None = None
     systems: CoordinateSystems = field(init=False)
     _locations: Library[NDArray[np.float64]] = field(init=False)
     table: NodeTable = field(init=False)
@@ -62,8 +65,21 @@ class Grids:
 
     def row(self, number: int, user: Record) -> int:
         """Row of the node table (error ``deck.unknown-grid``, or what is wrong with the grid point)."""
-        self.location(number, user)
-        return self.table.position(number)
+        if not self.table.has_grid(number):
+            raise unknown_grid(number, user)
+        row = self.table.position(number)
+        if math.isnan(self.table.xyz[row, 0]):
+            self.location(number, user)
+        return row
+
+    def rows(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the node table of many grid points, −1 where there is none or something is wrong with it."""
+        ids = self.table.ids
+        if not len(ids):
+            return np.full(numbers.shape, -1)
+        at = np.minimum(np.searchsorted(ids, numbers), len(ids) - 1)
+        known = (ids[at] == numbers) & ~np.isnan(self.table.xyz[at, 0])
+        return np.where(known, at, -1)
 
     def dofs(self, row: int) -> list[int]:
         """The six g-set DOFs of a row of the node table, −1 for ground."""
@@ -92,8 +108,10 @@ def unknown_grid(number: int, user: Record) -> FemtuneError:
 def read_grids(building: Building) -> Grids:
     """Grid points, scalar points and coordinate systems of the deck."""
     systems = building.records("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
-    records = _grid_records(building)
-    grids = Grids(records, building.by_number(systems, "coordinate system"))
+    # GRDSET gives defaults that whole columns don't know
+    plain = None if building.deck.by_name("GRDSET") else plain_grids(building.deck.by_name("GRID"))
+    records = _grid_records(building) if plain is None else plain.records
+    grids = Grids(records, building.by_number(systems, "coordinate system"), plain)
     _check_systems(building, grids)
     grids.table = _node_table(building, grids)
     return grids
@@ -142,7 +160,11 @@ def _node_table(building: Building, grids: Grids) -> NodeTable:
     ids = np.array(sorted(grids.records), dtype=np.int64)
     xyz = np.full((len(ids), 3), np.nan)
     frames = np.tile(np.eye(3), (len(ids), 1, 1))
-    for row, number in enumerate(ids.tolist()):
+    left = np.arange(len(ids))
+    if grids.plain is not None:
+        xyz[grids.plain.simple] = grids.plain.xyz[grids.plain.simple]
+        left = np.flatnonzero(~grids.plain.simple)
+    for row, number in zip(left.tolist(), ids[left].tolist()):
         with building.errors.catch():
             xyz[row] = grids.location(number, grids.records[number])
             frames[row] = grids.displacement_system(number).frame(xyz[row])
@@ -191,8 +213,10 @@ def _no_component(record: Record, end: str) -> bool:
 def permanent_constraints(building: Building, grids: Grids) -> NDArray[np.int64]:
     """g-set DOFs held by field PS of GRID and GRDSET."""
     held = []
-    for number, record in grids.records.items():
+    plain = grids.plain
+    supported = list(grids.records) if plain is None else grids.table.ids[plain.supported].tolist()
+    for number in supported:
         with building.errors.catch():
-            row = grids.table.position(number)
+            row, record = grids.table.position(number), grids.records[number]
             held += [6 * row + int(c) - 1 for c in record.component("PS") if c != "0"]
     return np.array(sorted(held), dtype=np.int64)

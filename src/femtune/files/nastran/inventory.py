@@ -43,7 +43,7 @@ _REMARKS = {
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
     "DMIG": "matrices that are read in count only where case control selects them",
 }
-_MATRIX_INPUT = ("K2GG", "M2GG", "K2PP", "M2PP")
+_MATRIX_INPUT = ("K2PP", "M2PP")
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
 _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CLOAD", "CSPLIN")
 
@@ -61,8 +61,14 @@ class CardCount:
 def take_inventory(deck: Deck) -> tuple[CardCount, ...]:
     """Every card name of the deck, in the order in which they occur."""
     return tuple(
-        CardCount(name, len(cards), cards[0].where(), use_of(name)) for name, cards in deck.names.items()
-    )  # fmt: skip
+        CardCount(name, len(cards), cards[0].where(), READ if name == "DMIG" and _selected(deck) else use_of(name))
+        for name, cards in deck.names.items()
+    )
+
+
+def _selected(deck: Deck) -> bool:
+    """Whether case control adds matrices of DMIG cards."""
+    return any(command.name in ("K2GG", "M2GG", "B2GG", "K42GG") for command in deck.case_control.others)
 
 
 def use_of(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Materials by number: MAT1, MAT2, MAT8. The isotropic one, MAT1, has any two of E, G and ν; the third is derived."""
+"""Materials by number. The isotropic one, MAT1, has any two of E, G and ν; the third is derived."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def poisson_ratio(young: Jet, shear: Jet) -> Jet:
 class Materials:
     """Materials by number; positions of "E", "G", "rho" and "GE" of MAT1 in the value table.
 
-    All material cards share their numbers. `plane_laws` has what shells make of them.
+    All material cards share their numbers. `plane_laws` has what shells make of them, `solid_laws` what solids do.
     """
 
     building: Building
@@ -92,7 +92,9 @@ class Materials:
 
 def read_materials(building: Building) -> Materials:
     """The materials of the deck; each is checked when an element uses it."""
-    return Materials(building, building.by_number(building.records("MAT1", "MAT2", "MAT8"), "material"))
+    return Materials(
+        building, building.by_number(building.records("MAT1", "MAT2", "MAT8", "MAT9", "MAT11"), "material")
+    )
 
 
 def _check(record: Record) -> None:

@@ -30,7 +30,7 @@ _BARS, _BEAMS = ("PBAR", "PBARL"), ("PBEAM", "PBEAML", "PBCOMP")
 _FAMILIES = {
     **dict.fromkeys(_BARS, _BARS),
     **dict.fromkeys(_BEAMS, _BEAMS),
-    **{name: (name,) for name in ("PROD", "CONROD", "PSHELL")},
+    **{name: (name,) for name in ("PROD", "CONROD", "PSHELL", "PCOMP", "PCOMPG", "PSHEAR")},
     "ELEMENT": (),
 }
 _MOST_NAMED = 5

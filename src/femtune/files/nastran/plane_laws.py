@@ -86,13 +86,29 @@ class PlaneLaws:
         ------
         FemtuneError : ``deck.unknown-material``, ``deck.material``
         """
-        self.materials.find(mid, user, at)
+        self._check_name(mid, user, at)
         return self._plane.get(mid, user)
+
+    def coupling(self, mid: int, user: Record, at: str) -> PlaneLaw:
+        """Law that couples membrane and bending; a MAT2 need not resist every strain for that."""
+        self._check_name(mid, user, at)
+        record = self.materials.records[mid]
+        if record.name != "MAT2":
+            return self._plane.get(mid, user)
+        law = tuple(self.building.value(record, mid, name) for name in _PLANE_FIELDS)
+        return PlaneLaw(law, self.building.value(record, mid, "RHO"), self.loss(mid), False)
 
     def shear(self, mid: int, user: Record, at: str) -> Entries:
         """Positions of the transverse shear law 11 12 22, asked for by field `at` of a card."""
-        self.materials.find(mid, user, at)
+        self._check_name(mid, user, at)
         return self._shear.get(mid, user)
+
+    def _check_name(self, mid: int, user: Record, at: str) -> None:
+        name = self.materials.find(mid, user, at).name
+        if name not in _LAWS:
+            what = f"material {mid} is a {name}; shells need a MAT1, MAT2 or MAT8"
+            raise user.error("deck.material-type", what, at=at,
+                             hint="refer to a MAT1, MAT2 or MAT8 card")  # fmt: skip
 
     def rigid(self, mid: int, user: Record, at: str) -> Entries:
         """Transverse shear law 11 12 22 of a shell that bends by a material and is rigid in transverse shear."""

@@ -22,8 +22,9 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CBUSH": ("PBUSH",),
     "CMASS1": ("PMASS",),
     "CMASS3": ("PMASS",),
-    "CQUAD4": ("PSHELL",),
-    "CTRIA3": ("PSHELL",),
+    **dict.fromkeys(("CHEXA", "CPENTA", "CTETRA", "CPYRAM"), ("PSOLID",)),
+    "CSHEAR": ("PSHEAR",),
+    **dict.fromkeys(("CQUAD4", "CTRIA3"), ("PSHELL", "PCOMP", "PCOMPG")),
 }
 """Property cards that an element may refer to."""
 
@@ -46,7 +47,8 @@ class Properties:
         """
         if pid in self.own:
             return self.own[pid]
-        expected = " or ".join(FAMILIES[user.name])
+        *others, last = FAMILIES[user.name]
+        expected = f"{', '.join(others)} or {last}" if others else last
         if pid in self.others:
             raise user.error(
                 "deck.property-type",

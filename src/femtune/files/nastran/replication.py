@@ -64,7 +64,7 @@ def _next(previous: Card, rule: FieldLine, cut: FieldLine, position: int, supere
         fields.append(_field(before[index], text, cut))
     while fields and not fields[-1]:
         fields.pop()
-    card = replace(previous, fields=tuple(fields), lines=(cut.source,), position=position)
+    card = replace(previous, given=tuple(fields), lines=(cut.source,), position=position, plain=False)
     return replace(card, replicated=True, superelement=superelement, format=cut.format)
 
 

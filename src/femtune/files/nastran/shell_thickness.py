@@ -34,6 +34,9 @@ class Thicknesses:
         if len(record.card.fields) <= record.at("TFLAG"):
             return self._of_property(record, section)
         given = [name for name in self.corners if not record.blank(name)]
+        if given and section.layered:
+            raise record.error("deck.shell-section", f"{self._names} stand on an element whose property is a laminate",
+                               at=given[0], hint="leave them blank: the plies have the thickness")  # fmt: skip
         relative = self._relative(record)
         if not given:
             return self._of_property(record, section)

@@ -1,9 +1,10 @@
-"""Shells: CQUAD4 and CTRIA3 with PSHELL."""
+"""Shells: CQUAD4 and CTRIA3 with PSHELL, PCOMP or PCOMPG."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +14,13 @@ from femtune.fem.structure import ElementBatch
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.coordinates import cross, length
+from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
 from femtune.files.nastran.materials import Materials
 from femtune.files.nastran.plane_laws import PlaneLaws
 from femtune.files.nastran.properties import read_properties
 from femtune.files.nastran.record import Record
-from femtune.files.nastran.shell_properties import ShellProperties, ShellSection
+from femtune.files.nastran.shell_properties import COUPLING, ShellProperties, ShellSection
 from femtune.files.nastran.shell_thickness import Thicknesses
 
 Reals = NDArray[np.float64]
@@ -36,25 +38,24 @@ def read_shells(building: Building, grids: Grids, materials: Materials) -> list[
 
 
 def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[ElementBatch]:
-    records = building.records(card)
-    if not records:
+    if not building.deck.by_name(card):
         return []
     reading = _Reading(building, grids, ShellProperties(building, read_properties(building, card), laws), card)
-    for record in records:
-        with building.errors.catch():
-            reading.add(record)
+    sizes = (len(_CORNERS[card]),)
+    read_elements(building, grids, card, sizes, reading.properties.get, reading.add_plain, reading.add)
     building.notices += reading.thicknesses.notices(card)
     return reading.batches()
 
 
 class _Row(NamedTuple):
-    """One element: its number, rows of its nodes, positions of thickness and offset, material direction."""
+    """One element: its number, rows of its nodes, positions of thickness and offsets, material direction."""
 
     id: int
     nodes: list[int]
     section: ShellSection
     thickness: int
     offset: int
+    mass_offset: int
     offset_given: bool
     theta: float
     direction: Reals
@@ -76,25 +77,47 @@ class _Reading:
         self.thicknesses = Thicknesses(self.building, tuple(f"T{name[1]}" for name in _CORNERS[self.card]))
         self.none = self.building.values.add(FieldRef(self.card, 0, "none"), 0.0)
 
+    def add_plain(self, eid: int, section: ShellSection, nodes: list[int]) -> bool:
+        """An element with nothing but grid points; False where its PSHELL has no thickness."""
+        if section.thickness is None:
+            return False
+        off = section.offset is not None
+        offset = self.none if section.offset is None else section.offset
+        row = _Row(eid, nodes, section, section.thickness, offset, self.none, off, 0.0, _NO_DIRECTION)
+        self.rows.append(row)
+        return True
+
     def add(self, record: Record) -> None:
+        """Any element."""
         eid = record.integer("EID")
         section = self.properties.get(record.integer("PID", eid), record)
         nodes = _nodes(record, self.grids)
         thickness = self.thicknesses.get(record, eid, section)
-        given = not record.blank("ZOFFS")
-        offset = self.building.value(record, eid, "ZOFFS") if given else self.none
+        lift, offset = self._offsets(record, eid, section)
+        given = not record.blank("ZOFFS") or section.offset is not None
         theta, direction = _material_axis(record, self.grids, nodes)
-        self.rows.append(_Row(eid, nodes, section, thickness, offset, given, theta, direction))
+        self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction))
+
+    def _offsets(self, record: Record, eid: int, section: ShellSection) -> tuple[int, int]:
+        """Positions of the offsets of the mass (ZOFFS) and of the stiffness (with that of a laminate's middle)."""
+        if record.blank("ZOFFS"):
+            return self.none, self.none if section.offset is None else section.offset
+        lift = self.building.value(record, eid, "ZOFFS")
+        if section.offset is None:
+            return lift, lift
+        ref = FieldRef(record.name, eid, "offset")
+        return lift, self.building.values.derive(ref, add, lift, section.offset)
 
     def batches(self) -> list[ElementBatch]:
         """The batch, or nothing where no element was added."""
         if not self.rows:
             return []
-        ids, nodes, sections, thickness, offset, offset_given, theta, direction = zip(*self.rows)
+        ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction = zip(*self.rows)
         at = np.array(nodes, dtype=np.int64)
         dofs = (6 * at[:, :, None] + np.arange(6)).reshape(len(at), -1)
         roles, facts = _section_columns(sections)
         roles |= {"t": np.array(thickness, np.int64), "z0": np.array(offset, np.int64)}
+        roles["zm"] = roles["z0"] if lift == offset else np.array(lift, np.int64)
         facts |= {"offset_given": np.array(offset_given), "theta": np.array(theta), "direction": np.array(direction)}
         return [ElementBatch(_KINDS[self.card], self.card, np.array(ids, np.int64), at, dofs, roles, facts)]
 
@@ -110,8 +133,10 @@ def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDAr
         return np.array([one[name] for one in of], dtype=kind)[at]
 
     roles, facts = [s.roles for s in each], [s.facts for s in each]
+    couple = any(flags["has_coupling"] for flags in facts)
+    names = [name for name in each[0].roles if couple or name not in (*COUPLING, "GEC")]
     return (
-        {name: column(roles, name, np.int64) for name in each[0].roles},
+        {name: column(roles, name, np.int64) for name in names},
         {name: column(facts, name, np.bool_) for name in each[0].facts},
     )
 

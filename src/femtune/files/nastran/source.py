@@ -19,6 +19,7 @@ ENCODING = "latin-1"
 _BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"  # the UTF-8 mark as Latin-1 shows it
 _PHYSICAL_LINE = re.compile(r"[^\r\n]*(?:\r\n|\n|\r)|[^\r\n]+")
 _INCLUDE = re.compile(r"\s*INCLUDE(?=[\s'\"=])\s*=?\s*(.*)", re.IGNORECASE)
+_FIRST_LETTERS = frozenset("iIeE")
 _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CONTROL = re.compile(r"[\x01-\x08\x0b\x0e-\x19\x1b-\x1f]")
 
@@ -146,7 +147,11 @@ class _Expansion:
         number = 0
         while number < len(source.lines) and not self.ended:
             line = source.lines[number]
-            match = _INCLUDE.match(line.text) if line.text.lstrip()[:1] in "iI" else None
+            if line.text.lstrip()[:1] not in _FIRST_LETTERS:
+                self.lines.append(line)
+                number += 1
+                continue
+            match = _INCLUDE.match(line.text)
             if match is None:
                 self.lines.append(line)
                 self.ended = _ENDDATA.match(line.text) is not None

@@ -1,0 +1,104 @@
+"""Whole columns of many cards at once: what a large deck repeats a hundred thousand times.
+
+Only what is plainly spelled is converted here: integers of digits, reals of digits and one decimal point. Every other
+field is told apart, so that its card is read by itself, with its own message where it is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.files.nastran.card import Card
+
+Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+_WIDTH, _FIRST, _LAST = 8, 8, 72
+# below so many cards one by one is as fast
+_WORTH = 100
+_LINE, _TOO_LONG = 8, 8 * "?"
+_BLANK, _POINT, _ZERO = ord(" "), ord("."), ord("0")
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Fields of n cards in plain columns of small fields: `text` is (n, fields, 8) characters."""
+
+    text: Bytes
+
+    def blank(self, start: int, stop: int | None = None) -> Mask:
+        """(n,) whether field `start`, or all fields from it up to `stop`, are blank."""
+        part = self.text[:, start : start + 1 if stop is None else stop]
+        return np.asarray((part == _BLANK).all(axis=(1, 2)))
+
+    def integers(self, index: int) -> tuple[NDArray[np.int64], Mask]:
+        """(n,) integers of a field and whether each is plainly one; 0 where not."""
+        field = self._field(index)
+        if field is None:
+            return np.zeros(len(self.text), np.int64), np.zeros(len(self.text), bool)
+        digit = (field >= _ZERO) & (field <= _ZERO + 9)
+        value = np.zeros(len(field), np.int64)
+        for column in range(_WIDTH):
+            value = np.where(digit[:, column], 10 * value + field[:, column] - _ZERO, value)
+        plain = digit.any(axis=1) & _together(field != _BLANK, digit)
+        return np.where(plain, value, 0), plain
+
+    def reals(self, index: int) -> tuple[NDArray[np.float64], Mask]:
+        """(n,) reals of a field and whether each is plainly one; a blank one is 0, and what is not is 0 too."""
+        field = self._field(index)
+        if field is None:
+            return np.zeros(len(self.text)), np.ones(len(self.text), bool)
+        digit = (field >= _ZERO) & (field <= _ZERO + 9)
+        point, given = field == _POINT, field != _BLANK
+        first = given & ~np.pad(given, ((0, 0), (1, 0)))[:, :-1]
+        sign = first & ((field == ord("-")) | (field == ord("+")))
+        plain = digit.any(axis=1) & (point.sum(axis=1) == 1) & _together(given, digit | point | sign)
+        out = np.zeros(len(field))
+        out[plain] = np.ascontiguousarray(field[plain]).view("S8")[:, 0].astype(float)
+        return out, plain | ~given.any(axis=1)
+
+    def _field(self, index: int) -> Bytes | None:
+        return self.text[:, index] if index < self.text.shape[1] else None
+
+
+def _together(given: Mask, allowed: Mask) -> Mask:
+    """(n,) whether what is given is allowed and has no blank inside."""
+    starts = given[:, 0].astype(int) + (given[:, 1:] & ~given[:, :-1]).sum(axis=1)
+    return np.asarray((starts <= 1) & (~given | allowed).all(axis=1))
+
+
+def columns_of(cards: Sequence[Card]) -> Columns | None:
+    """Columns of cards of one name; None where they are few."""
+    if len(cards) < _WORTH:
+        return None
+    most = max(_lines(card) for card in cards)
+    text = "".join([_data(card, most) for card in cards])
+    raw = np.frombuffer(text.encode("latin-1"), np.uint8)
+    return Columns(raw.reshape(len(cards), most * (_LAST - _FIRST) // _WIDTH, _WIDTH))
+
+
+def _lines(card: Card) -> int:
+    return len(card.lines) if card.plain else max(-(-len(card.fields) // _LINE), 1)
+
+
+def _data(card: Card, lines: int) -> str:
+    """Columns 9 to 72 of all lines of a card, and blank ones up to a number of lines."""
+    width = _LAST - _FIRST
+    if not card.plain:
+        fields = [field.ljust(_WIDTH) if len(field) <= _WIDTH else _TOO_LONG for field in card.fields]
+        return "".join(fields).ljust(lines * width)
+    data = [line[2][_FIRST:_LAST].rstrip("\r\n").ljust(width) for line in card.lines]
+    return "".join(data).ljust(lines * width)
+
+
+def plain_numbers(cards: Sequence[Card]) -> list[int] | None:
+    """The numbers in the first fields of cards; None where they are not plain, or one stands twice."""
+    columns = columns_of(cards)
+    if columns is None:
+        return None
+    numbers, plain = columns.integers(0)
+    return numbers.tolist() if plain.all() and len(np.unique(numbers)) == len(numbers) else None

@@ -1,0 +1,256 @@
+"""Solids: CHEXA, CPENTA, CTETRA and CPYRAM with PSOLID."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Notice
+from femtune.fem.structure import ElementBatch
+from femtune.fem.values import FieldRef
+from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.element_columns import read_elements
+from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.materials import Materials, Roles
+from femtune.files.nastran.properties import Properties, read_properties
+from femtune.files.nastran.record import Record
+from femtune.files.nastran.solid_laws import SolidLaws
+
+Reals = NDArray[np.float64]
+
+
+class _Shape(NamedTuple):
+    """Corners and most grid points of a card, and the kinds of its batches without and with mid-side points."""
+
+    corners: int
+    most: int
+    plain: str
+    curved: str
+
+
+_SHAPES = {
+    "CHEXA": _Shape(8, 20, "hexa8", "hexa20"),
+    "CPENTA": _Shape(6, 15, "penta6", "penta15"),
+    "CTETRA": _Shape(4, 10, "tetra4", "tetra10"),
+    "CPYRAM": _Shape(5, 13, "pyram5", "pyram13"),
+}
+_FIRST = 2
+_ELEMENT_AXES = -1
+# faces opposite to each other, by corner: their centres give the element's axes
+_FACES = (((0, 3, 4, 7), (1, 2, 5, 6)), ((0, 1, 4, 5), (2, 3, 6, 7)), ((0, 1, 2, 3), (4, 5, 6, 7)))
+
+
+@dataclass(frozen=True)
+class SolidSection:
+    """One PSOLID: positions of its material's values, and the system of the material axes (−1 the element's own)."""
+
+    number: int
+    roles: Roles
+    isotropic: bool
+    axes: int
+
+
+def read_solids(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
+    """Batches of solids, those of a card without mid-side points apart."""
+    if not any(building.deck.by_name(card) for card in _SHAPES):
+        return []
+    laws = SolidLaws(building, materials)
+    properties = read_properties(building, "CHEXA")
+    sections = Library(lambda pid, user: _section(building, properties, laws, grids, pid, user))
+    batches = [batch for card in _SHAPES for batch in _read(card, building, grids, properties, sections)]
+    building.notices += [*_unused_fields(properties), *_stiff_tetrahedra(batches, building)]
+    return batches
+
+
+def _section(
+    building: Building, properties: Properties, laws: SolidLaws, grids: Grids, pid: int, user: Record
+) -> SolidSection:
+    record = properties.find(pid, user)
+    kind = record.text("FCTN", "SMECH")
+    if kind != "SMECH":
+        raise record.error("deck.solid-section", f"solids of FCTN = {kind} are not read: structures are", at="FCTN",
+                           hint="leave FCTN blank, or take the fluid out of the deck")  # fmt: skip
+    law = laws.get(record.integer("MID"), record)
+    axes = record.integer("CORDM", 0)
+    if axes > 0:
+        grids.systems.get(axes, record)
+    elif axes < _ELEMENT_AXES:
+        raise record.error("deck.solid-section", "CORDM is the number of a coordinate system, 0 or -1", at="CORDM",
+                           hint="0 or blank: the basic system; -1: the element's own axes")  # fmt: skip
+    # no value of a PSOLID counts, but writing back has to know which one an element refers to
+    own = building.values.add(FieldRef(record.name, pid, "none"), 0.0)
+    return SolidSection(pid, {**law.roles, "section": own}, law.isotropic, axes)
+
+
+def _read(
+    card: str, building: Building, grids: Grids, properties: Properties, sections: Library[SolidSection]
+) -> list[ElementBatch]:
+    shape = _SHAPES[card]
+    plain, curved = _Rows(shape.plain, card), _Rows(shape.curved, card)
+
+    def section_of(pid: int, record: Record) -> SolidSection:
+        properties.find(pid, record)
+        return sections.get(pid, record)
+
+    def add_plain(eid: int, section: SolidSection, nodes: list[int]) -> bool:
+        if not section.isotropic and section.axes != 0:
+            return False
+        (curved if len(nodes) > shape.corners else plain).add(eid, nodes, section, _BASIC)
+        return True
+
+    def add(record: Record) -> None:
+        numbers = node_numbers(record)
+        rows = curved if len(numbers) > shape.corners else plain
+        section = section_of(record.integer("PID", record.integer("EID")), record)
+        nodes = [grids.row(number, record) if number else -1 for number in numbers]
+        rows.add(record.integer("EID"), nodes, section, _axes(record, section, nodes, grids))
+
+    read_elements(building, grids, card, (shape.corners, shape.most), section_of, add_plain, add)
+    return [*plain.batches(), *curved.batches()]
+
+
+def node_numbers(record: Record) -> list[int]:
+    """Grid points of a solid: its corners, or all places of its mid-side points too, 0 where one is left out.
+
+    Raises
+    ------
+    FemtuneError : ``deck.solid-nodes``
+    """
+    shape = _SHAPES[record.name]
+    _check_length(record, shape)
+    numbers = [record.integer(name, 0) for name in record.names[_FIRST : _FIRST + shape.most]]
+    for i, number in enumerate(numbers):
+        if number < 0 or (number == 0 and i < shape.corners):
+            what = "numbers of grid points are positive" if number else f"corner G{i + 1} of the element is missing"
+            raise _wrong(record, what, i, f"a {record.name} has {shape.corners} corners: fill their fields")
+    given = [number for number in numbers if number]
+    if len(set(given)) < len(given):
+        i = next(i for i, number in enumerate(numbers) if number and number in numbers[:i])
+        raise _wrong(record, f"grid point {numbers[i]} stands twice in the element", i, _other_shape(record, numbers))
+    return numbers if len(given) > shape.corners else numbers[: shape.corners]
+
+
+def _check_length(record: Record, shape: _Shape) -> None:
+    if len(record.card.fields) > _FIRST + shape.most:
+        at = next(i for i in range(_FIRST + shape.most, len(record.card.fields)) if not record.card.blank(i))
+        raise record.card.error(
+            "deck.solid-nodes",
+            f"a {record.name} has {shape.most} grid points at the most",
+            index=at,
+            hint="take the fields behind them away, or correct the name of the card",
+        )
+
+
+def _wrong(record: Record, what: str, i: int, hint: str) -> FemtuneError:
+    return record.error("deck.solid-nodes", what, at=f"G{i + 1}", hint=hint)
+
+
+def _other_shape(record: Record, numbers: Sequence[int]) -> str:
+    """What a collapsed element should have been."""
+    corners = len(set(numbers[: _SHAPES[record.name].corners]))
+    fits = [name for name, shape in _SHAPES.items() if shape.corners == corners and name != record.name]
+    return f"write a collapsed element as a {fits[0]}" if fits else "correct the grid points, or remove the element"
+
+
+def _axes(record: Record, section: SolidSection, nodes: Sequence[int], grids: Grids) -> Reals:
+    """(3, 3) material axes, as columns in the basic frame, at the centre of an element."""
+    if section.isotropic or section.axes == 0:
+        return _BASIC
+    corners = grids.table.xyz[list(nodes[: _SHAPES[record.name].corners])]
+    if section.axes > 0:
+        return grids.systems.get(section.axes, record).frame(corners.mean(axis=0))
+    if record.name != "CHEXA":
+        raise record.error(
+            "deck.solid-section",
+            f"the element's own axes (CORDM = -1 of PSOLID {section.number}) are material axes of a CHEXA only",
+            hint=f"give the {record.name} a PSOLID whose CORDM names a coordinate system",
+        )
+    return element_axes(corners)
+
+
+_BASIC = np.eye(3)
+
+
+def element_axes(corners: Reals) -> Reals:
+    """(3, 3) axes of a hexahedron from its corners (8, 3): the rotation that is nearest to the lines between its faces.
+
+    It is the orthogonal factor of the polar decomposition of these three vectors, as in Nastran.
+    """
+    lines = np.column_stack([corners[list(b)].mean(axis=0) - corners[list(a)].mean(axis=0) for a, b in _FACES])
+    left, _, right = np.linalg.svd(lines)
+    return np.asarray(left @ right)
+
+
+@dataclass
+class _Rows:
+    """Elements of one kind, row by row."""
+
+    kind: str
+    card: str
+    ids: list[int] = field(default_factory=list)
+    nodes: list[list[int]] = field(default_factory=list)
+    sections: list[SolidSection] = field(default_factory=list)
+    axes: list[Reals] = field(default_factory=list)
+
+    def add(self, id: int, nodes: list[int], section: SolidSection, axes: Reals) -> None:
+        """One element more."""
+        self.ids.append(id)
+        self.nodes.append(nodes)
+        self.sections.append(section)
+        self.axes.append(axes)
+
+    def batches(self) -> list[ElementBatch]:
+        """The batch, or nothing where no element was added."""
+        if not self.ids:
+            return []
+        nodes = np.array(self.nodes, dtype=np.int64)
+        at = 6 * nodes[:, :, None] + np.arange(3)
+        dofs = np.where(nodes[:, :, None] >= 0, at, -1).reshape(len(nodes), -1)
+        roles, isotropic = _columns(self.sections)
+        frames = np.broadcast_to(_BASIC, (len(nodes), 3, 3)) if isotropic.all() else np.array(self.axes)
+        facts = {"isotropic": isotropic, "material_frame": frames}
+        return [ElementBatch(self.kind, self.card, np.array(self.ids, np.int64), nodes, dofs, roles, facts)]
+
+
+def _columns(sections: Sequence[SolidSection]) -> tuple[dict[str, NDArray[np.int64]], NDArray[np.bool_]]:
+    """Roles of the sections, element by element (one array for values that are one entry), and who is isotropic."""
+    known = {section.number: section for section in sections}
+    row = {number: i for i, number in enumerate(known)}
+    at = np.array([row[section.number] for section in sections])
+    shared: dict[tuple[int, ...], NDArray[np.int64]] = {}
+    roles = {}
+    for name in sections[0].roles:
+        positions = tuple(section.roles[name] for section in known.values())
+        if positions not in shared:
+            shared[positions] = np.array(positions, np.int64)[at]
+        roles[name] = shared[positions]
+    return roles, np.array([section.isotropic for section in known.values()])[at]
+
+
+def _unused_fields(properties: Properties) -> list[Notice]:
+    """A remark where a PSOLID asks for another integration than the elements have."""
+    asking = [r for r in properties.own.values() if any(not r.blank(name) for name in ("IN", "STRESS", "ISOP"))]
+    if not asking:
+        return []
+    what = (
+        f"IN, STRESS and ISOP of {_count(len(asking), 'PSOLID')} have no effect: solids have one formulation, which"
+        " does not lock"
+    )
+    return [Notice("deck.solid-integration", what, asking[0].where, level="info")]
+
+
+def _stiff_tetrahedra(batches: Sequence[ElementBatch], building: Building) -> list[Notice]:
+    found = next((batch for batch in batches if batch.kind == "tetra4"), None)
+    if found is None:
+        return []
+    first = next(card for card in building.deck.by_name("CTETRA") if card.integer(0, 0) == found.ids[0])
+    what = f"{_count(len(found), 'CTETRA')} with 4 grid points: their constant strain makes a structure too stiff"
+    return [Notice("deck.stiff-tetrahedra", what, first.where())]
+
+
+def _count(number: int, name: str) -> str:
+    return f"{number} {name} card{'s' if number > 1 else ''}"

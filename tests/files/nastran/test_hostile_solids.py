@@ -1,0 +1,95 @@
+"""Decks of solids and shear panels with any field changed at random: a structure, or an error that names the place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from femtune.errors import FemtuneError
+from femtune.files.nastran import build_structure, read_deck
+from femtune.files.nastran.write_plan import plan_edits
+
+CARDS = (
+    "CORD2C,5,,0.,0.,0.,0.,0.,1.",
+    ",1.,0.,0.",
+    "GRID,1,,0.,0.,0.",
+    "GRID,2,,1.,0.,0.",
+    "GRID,3,,1.,1.,0.",
+    "GRID,4,,0.,1.,0.,5",
+    "GRID,5,,0.,0.,1.",
+    "GRID,6,,1.,0.,1.",
+    "GRID,7,,1.,1.,1.",
+    "GRID,8,,0.,1.,1.",
+    "GRID,9,,.5,.5,2.",
+    "MAT1,1,2.+5,,.25,3.,,,.01",
+    "MAT9,2,9.,1.,1.,,,,9.",
+    ",1.,,,,9.,,,",
+    ",4.,,,4.,,4.,7.",
+    "MAT11,3,140.,10.,12.,.3,.25,.2,5.",
+    ",4.,3.,2.,,,,,.02",
+    "PSOLID,11,1",
+    "PSOLID,12,2,5,TWO,GRID,FULL,SMECH",
+    "PSOLID,13,3,-1",
+    "PSHEAR,14,1,.1,.5,.9,30.",
+    "CHEXA,21,13,1,2,3,4,5,6",
+    ",7,8",
+    "CPENTA,22,12,1,2,3,5,6,7",
+    "CPYRAM,23,11,5,6,7,8,9",
+    "CTETRA,24,12,1,2,4,5,,9",
+    "CSHEAR,25,14,1,2,3,4",
+)
+VALUES = ("", "0", "-1.", "1", "2", "5", "11", ".5", "1.-30", "-1.+30", "1.+200", "1.7+308", "999999999999", "'<b>'")
+PLACES = [(line, field) for line, text in enumerate(CARDS) for field in range(1, 10) if field <= text.count(",") + 1]
+Changes = list[tuple[tuple[int, int], str]]
+
+
+def changed(changes: Changes) -> str:
+    lines = [text.split(",") for text in CARDS]
+    for (line, field), value in changes:
+        lines[line] += [""] * (field + 1 - len(lines[line]))
+        lines[line][field] = value
+    return "".join(",".join(line) + "\n" for line in lines)
+
+
+def check(path: Path, text: str) -> None:
+    path.write_text(text)
+    try:
+        model = build_structure(read_deck(path))
+    except FemtuneError:
+        return
+    assert np.isfinite(model.structure.values.values).all()
+    for ref in model.fields:
+        index = model.structure.values.index(ref)
+        assert index is not None
+    plan_edits(model, dict.fromkeys(model.fields, 0.125))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "deck.bdf"
+
+
+def test_the_deck_is_sound(path: Path) -> None:
+    path.write_text(changed([]))
+    structure = build_structure(read_deck(path)).structure
+    assert [batch.kind for batch in structure.batches] == [
+        "shear-panel", "hexa8", "penta6", "tetra10", "pyram5"
+    ]  # fmt: skip
+    assert all(len(batch) == 1 for batch in structure.batches)
+
+
+@pytest.mark.parametrize("line", range(len(CARDS)))
+def test_each_value_in_each_field(path: Path, line: int) -> None:
+    for place in (place for place in PLACES if place[0] == line):
+        for value in VALUES:
+            check(path, changed([(place, value)]))
+
+
+@given(changes=st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=2, max_size=5))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_fields_changed_at_random(path: Path, changes: Changes) -> None:
+    check(path, changed(changes))
