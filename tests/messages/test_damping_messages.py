@@ -25,7 +25,7 @@ ERRORS = {
 }
 NOTICES = {
     "deck.large-loss-factor": _BASE + "PARAM,G,3.\n",
-    "deck.damping-matrix": f"SOL 108\nCEND\nB2GG = EXTRA\nBEGIN BULK\n{_BASE}ENDDATA\n",
+    "deck.damping-matrix": f"SOL 108\nCEND\nB2PP = EXTRA\nBEGIN BULK\n{_BASE}ENDDATA\n",
     "deck.nonlinear-damper": _BASE + "PBUSH1D,4,1.,2.\n,SHOCKA,TABLE,.5\nCBUSH1D,1,4,1,2\n",
 }
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef, Structure
@@ -21,10 +22,12 @@ from femtune.model import (
     eigenpairs,
     factorise,
     parametric_model,
-    pardiso,
     solve_modes,
+    sturm,
     subspace_derivative,
 )
+from femtune.model.krylov import iteration
+from femtune.model.solvers import pardiso
 from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ResidualRules, UpdateProblem
 from femtune.residuals.aligned import align
@@ -75,13 +78,19 @@ def _held() -> object:
     return solve_modes(configure(parametric_model(held, ParameterSet(()), ()), Configuration("BC")).at(np.zeros(0)))
 
 
-def _rough(K: object, M: object, factor: object, shift: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    values, shapes = DENSE(K, M, factor, shift, count)
+def _rough(pencil: object, shift: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    values, shapes = DENSE(pencil, shift, count)
     return values, shapes + 1e-3 * np.arange(shapes.size).reshape(shapes.shape)
 
 
-def _fails(*arguments: object, **more: object) -> None:
-    raise eigenpairs.spla.ArpackError(-9999)
+def _counts(number: int | None) -> Callable[..., sturm.Count]:
+    return lambda pencil, value: sturm.Count(value, number)
+
+
+def _other_start() -> object:
+    model = factor_model(_structure(), {"a": [1]})
+    modes = solve_modes(model.at(np.zeros(1)), 2)
+    return solve_modes(model.at(np.ones(1)), 2, start=replace(modes, shapes=modes.shapes[:3]))
 
 
 def _derivative() -> object:
@@ -103,12 +112,10 @@ def _unseen() -> object:
 
 
 def _pardiso_fails() -> object:
-    factor = pardiso.PardisoFactor.__new__(pardiso.PardisoFactor)
-    factor._n, factor._values = 50000, np.zeros(700000)
-    raise factor._error(-2)
+    raise pardiso.failure(-3, 50000, 700000, 60_000_000)
 
 
-DENSE = eigenpairs._dense
+DENSE = eigenpairs.dense
 K1 = FieldRef("CELAS2", 1, "K")
 CASES: dict[str, Callable[[], object]] = {
     "configuration.unknown-element": _configured(elements_off=frozenset({3, 1234})),
@@ -125,17 +132,20 @@ CASES: dict[str, Callable[[], object]] = {
     "eigen.no-dofs": _held,
     "eigen.no-mass": _modes([(-1, 0, 1.0)], [0.0]),
     "eigen.negative": _modes([(-1, 0, -20.0), (0, 1, 10.0)], [1.0, 1.0]),
-    "eigen.inaccurate": _patched(_modes(CHAIN, [1.0] * 5), (eigenpairs, "_dense", _rough)),
-    "eigen.missed-modes": _patched(_modes(CHAIN, [1.0] * 5, count=2), (eigen, "_count_below", lambda *a: 7)),
-    "eigen.uncounted": _patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "_count_below", lambda *a: None)),
+    "eigen.inaccurate": _patched(_modes(CHAIN, [1.0] * 5), (eigenpairs, "dense", _rough)),
+    "eigen.missed-modes": _patched(_modes(CHAIN, [1.0] * 5, count=2), (eigen, "count_below", _counts(7))),
+    "eigen.uncounted": _patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "count_below", _counts(None))),
     "eigen.no-convergence": _patched(
-        _modes([(i - 1, i, 1e3) for i in range(500)], [1.0] * 500), (eigenpairs.spla, "eigsh", _fails)
+        _modes([(i - 1, i, 1e3) for i in range(500)], [1.0] * 500),
+        (iteration, "_most", lambda operator, count, block: count + 3 * block),
+        (iteration, "_MOST_RESTARTS", 1),
     ),
+    "eigen.other-start": _other_start,
     "derivative.not-converged": _patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
     "residual.no-scatter": _no_scatter,
     "residual.unseen-mode": _unseen,
     "solver.unavailable": _patched(
-        lambda: factorise.factorise(eigenpairs.sp.eye_array(3, format="csr"), "PARDISO"),
+        lambda: factorise.factorise(sp.eye_array(3, format="csr"), "PARDISO"),
         (factorise, "available_solvers", lambda: ("SuperLU",)),
     ),
     "solver.failed": _pardiso_fails,
@@ -157,6 +167,6 @@ def test_message_is_the_example_of_its_page(code: str):
 
 
 def test_notice_of_uncounted_modes_is_the_example_of_its_page():
-    act = _patched(_modes(CHAIN, [1.0] * 5), (eigen, "_count_below", lambda *a: None))
+    act = _patched(_modes(CHAIN, [1.0] * 5), (eigen, "count_below", _counts(None)))
     (notice,) = act().notices  # type: ignore[attr-defined]
     assert str(notice) in (_PAGES / "eigen.not-counted.md").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable, Structure
-from femtune.model.terms import Term
+from femtune.model.term import Term, constant_term
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def mass_terms(nodes: NodeTable, masses: tuple[AddedMass, ...]) -> list[Term]:
     matrices = np.stack([_mass_matrix(m, nodes.frames[i]) for m, i in zip(masses, at)])
     zeros = np.zeros(len(masses), np.int64)
     dofs = 6 * at[:, None] + np.arange(6)
-    return [Term("mass", "added mass", zeros, dofs, matrices, zeros, 1, None)]
+    return [constant_term("mass", "added mass", zeros, dofs, matrices)]
 
 
 def _mass_matrix(added: AddedMass, frame: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
 from femtune.model.configured import ModelPoint
-from femtune.model.eigenpairs import DENSE_UP_TO, lowest
-from femtune.model.factorise import Factor, SingularMatrixError, factorise
-from femtune.model.shift import spectral_shift
+from femtune.model.eigen_slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
+from femtune.model.eigenpairs import DENSE_UP_TO, Pairs, Search, is_iterative, lowest
+from femtune.model.factorise import Factor, factorise
+from femtune.model.pencil import Pencil, indefinite_mass
+from femtune.model.shift import near_shift, negative_stiffness, spectral_shift
+from femtune.model.sparse_products import row_major
+from femtune.model.sturm import Count, Cut, count_below, cut_above, missed, not_counted, separates, with_repeats
 
 __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 
 _DEFAULT_COUNT = 10
 _EXTRA_MODES, _MOST_EXTRA = 6, 400
-_REPEATED = 1e-6
-"""Neighbours whose λ − σ differ by less than this fraction are one repeated mode."""
+_ONE_FACTOR_FROM = 60_000
+"""From this size on, factors are forgotten before others are made: two at a time would fill the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,7 @@ class EigenSolution:
     shift : σ below the spectrum, at which the eigenproblem was inverted
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
         counted from the inertia of K − σM; −1 where it could not be counted
+    sturm_factor : factors of K − σM at `sturm_shift`, kept for large models in place of those at `shift`
     """
 
     point: ModelPoint = field(repr=False)
@@ -47,13 +51,25 @@ class EigenSolution:
     sturm_count: int
     notices: tuple[Notice, ...] = ()
     known_factor: Factor | None = field(default=None, repr=False)
+    sturm_factor: Factor | None = field(default=None, repr=False)
 
     @cached_property
     def factor(self) -> Factor:
         """Factors of K − σM, made again where the solution came without them."""
         if self.known_factor is not None:
             return self.known_factor
-        return factorise(sp.csr_array(self.point.stiffness - self.shift * self.point.mass))
+        return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
+
+    @property
+    def factor_at_hand(self) -> tuple[float, Factor]:
+        """A shift τ and factors of K − τM, made already where possible.
+
+        K − τM is positive definite on the M-orthogonal complement of the modes, if not everywhere: all eigenvalues
+        below τ are among those found.
+        """
+        if self.known_factor is None and "factor" not in self.__dict__ and self.sturm_factor is not None:
+            return self.sturm_shift, self.sturm_factor
+        return self.shift, self.factor
 
     @property
     def freq_hz(self) -> NDArray[np.float64]:
@@ -61,107 +77,153 @@ class EigenSolution:
         return np.sqrt(np.maximum(self.eigenvalues[: self.wanted], 0.0)) / (2.0 * np.pi)
 
 
-def solve_modes(point: ModelPoint, count: int | None = None, max_hz: float | None = None) -> EigenSolution:
+def solve_modes(
+    point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
+) -> EigenSolution:
     """The `count` lowest modes (ten where nothing is said), or all up to `max_hz` but at least one.
 
     That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
+
+    Parameters
+    ----------
+    start : modes of the same configured model at other values of its parameters; they shorten the way
 
     Raises
     ------
     FemtuneError : ``eigen.mechanism`` (a motion without stiffness and mass, naming the DOFs), ``eigen.no-mass``,
         ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate``, ``eigen.negative``, ``eigen.no-convergence``,
-        ``eigen.uncounted``
+        ``eigen.uncounted``, ``eigen.other-start``
     """
-    K, M = point.stiffness, point.mass
-    _check_matrices(point, M)
-    shift, factor = spectral_shift(point, K, M)
-    possible = int((np.abs(M).sum(axis=1) > 0).sum())
-    wanted = min(_wanted(K, M, count, max_hz), possible)
-    extra = _EXTRA_MODES
+    _check_start(point, start)
+    pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
+    _check_matrices(point, pencil)
+    if goes_to_slepc(pencil.M, count):
+        return _by_slepc(point, count, max_hz)
+    limit = None if max_hz is None else replace(count_below(pencil, (2.0 * np.pi * max_hz) ** 2), factor=None)
+    wanted = _wanted(count, limit)
+    search = _search(point, pencil, wanted, start)
+    if limit is not None and limit.below is None:
+        raise _uncounted(max_hz)
+    return _proven(point, search, wanted, limit)
+
+
+def _search(point: ModelPoint, pencil: Pencil, wanted: int, start: EigenSolution | None) -> Search:
+    if start is not None:
+        return near_shift(point, pencil, start.eigenvalues, start.shift, start.shapes)
+    return spectral_shift(point, pencil, wanted + _EXTRA_MODES)
+
+
+def _proven(point: ModelPoint, search: Search, wanted: int, limit: Count | None) -> EigenSolution:
+    """Modes until their number is that of the inertia."""
+    possible, extra = search.pencil.heavy.size, _EXTRA_MODES
+    wanted, known = min(wanted, possible), None
     while True:
         asked = min(wanted + extra, possible)
-        values, shapes, known = lowest(K, M, factor, shift, asked, wanted)
-        whole = _with_repeats(values, min(wanted, known), shift)
-        cut = _cut(values, whole, known, shift, asked == possible or len(values) < asked)
-        below = None if cut is None else _count_below(K, M, cut[0])
-        if cut is not None and below in (None, cut[1]):
-            break
+        values, shapes, accurate = lowest(search, asked, wanted, known)
+        search = replace(search, start=None, basis=None)
+        whole = with_repeats(values, min(wanted, accurate), search.shift)
+        complete = asked == possible or len(values) < asked
+        cut, found = _counted(search, values, (whole, accurate), complete, limit)
+        if cut is not None and found.below in (None, cut[1]):
+            return _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, found))
         if asked == possible or extra > _MOST_EXTRA:
-            raise _missed(cut, below)
+            raise missed(cut, found.below)
+        known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, found.below)
         extra *= 4
-    notices = (_not_counted(),) if below is None else ()
-    counted = -1 if below is None else below
+
+
+def _counted(
+    search: Search, values: NDArray, sizes: tuple[int, int], complete: bool, limit: Count | None
+) -> tuple[Cut | None, Count]:
+    """Where to count, and the count: that at the limit of frequency where it serves, to spare a factorisation."""
+    whole, accurate = sizes
+    if limit is not None and separates(values, whole, accurate, search.shift, limit):
+        return (limit.value, whole), limit
+    cut = cut_above(values, whole, accurate, search.shift, complete)
+    if cut is None:
+        return None, Count(0.0, None)
+    if search.pencil.n >= _ONE_FACTOR_FROM:
+        search.inverse.forget()
+    return cut, count_below(search.pencil, cut[0])
+
+
+def _to_keep(search: Search, values: NDArray, shapes: NDArray, cut: Cut | None, below: int | None) -> Pairs | None:
+    """The pairs beside which missing ones are sought; none where there are too many."""
+    too_many = cut is not None and below is not None and below < cut[1]
+    return None if too_many or not is_iterative(search.pencil, len(values) + 1) else (values, shapes)
+
+
+def _solution(
+    point: ModelPoint, search: Search, values: NDArray, shapes: NDArray, proof: tuple[int, Cut, Count]
+) -> EigenSolution:
+    whole, cut, found = proof
+    notices = (*((not_counted(),) if found.below is None else ()), *small_for_slepc(search.pencil.M))
+    counted = -1 if found.below is None else found.below
     # one order in memory, so that what follows is the same to the last bit whoever computed or kept the shapes
-    shapes = np.ascontiguousarray(shapes[:, :known])
-    return EigenSolution(point, values[:known], shapes, whole, shift, cut[0], counted, notices, factor)
+    kept = row_major(shapes)
+    own = search.inverse.at_hand
+    # what exchanges no pivots is not accurate where the matrix is indefinite
+    is_accurate = found.factor is not None and found.factor.name != "SuperLU"
+    sturm = found.factor if own is None and is_accurate else None
+    return EigenSolution(point, values, kept, whole, search.shift, cut[0], counted, notices, own, sturm)
 
 
-def _check_matrices(point: ModelPoint, M: sp.csr_array) -> None:
+def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    number = _DEFAULT_COUNT if count is None else count
+    found = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, number, max_hz, _end)
+    notices = (not_counted(),) if found.sturm_count < 0 else ()
+    return EigenSolution(
+        point,
+        found.values,
+        np.ascontiguousarray(found.shapes),
+        found.wanted,
+        found.shift,
+        found.sturm_shift,
+        found.sturm_count,
+        notices,
+    )
+
+
+def _end(
+    values: NDArray, wanted: int, known: int, shift: float, complete: bool
+) -> tuple[int, tuple[float, int] | None]:
+    whole = with_repeats(values, wanted, shift)
+    return whole, cut_above(values, whole, known, shift, complete)
+
+
+def _check_matrices(point: ModelPoint, pencil: Pencil) -> None:
     name = point.configured.configuration.name
     if not point.configured.n_free:
         raise FemtuneError(
             "eigen.no-dofs", f"configuration {name}: every DOF is held", hint="remove supports; femtune info lists them"
         )
-    if not np.abs(M.data).sum():
+    if not pencil.M.data.any():
         raise FemtuneError(
             "eigen.no-mass", f"configuration {name}: the model has no mass", hint="give the materials a density"
         )
+    if indefinite_mass(pencil.M):
+        raise negative_stiffness(point)
 
 
-def _wanted(K: sp.csr_array, M: sp.csr_array, count: int | None, max_hz: float | None) -> int:
-    if max_hz is None:
-        return _DEFAULT_COUNT if count is None else max(count, 1)
-    below = _count_below(K, M, (2.0 * np.pi * max_hz) ** 2)
-    if below is None:
+def _check_start(point: ModelPoint, start: EigenSolution | None) -> None:
+    if start is not None and len(start.shapes) != point.configured.n_free:
         raise FemtuneError(
-            "eigen.uncounted",
-            f"the modes up to {max_hz:g} Hz could not be counted: the factorisation's pivots hide the inertia",
-            hint="give the number of modes (count) instead, or another max_hz",
+            "eigen.other-start",
+            "the modes to start from belong to another model",
+            values={"DOFs of the model": point.configured.n_free, "DOFs of the modes": len(start.shapes)},
+            hint="start from modes of the same configuration",
         )
-    return max(below, 1)
 
 
-def _with_repeats(values: NDArray, wanted: int, shift: float) -> int:
-    """The number of modes that keeps a repeated mode at the end whole."""
-    while wanted < len(values) and values[wanted] - values[wanted - 1] <= _REPEATED * (values[wanted] - shift):
-        wanted += 1
-    return wanted
+def _wanted(count: int | None, limit: Count | None) -> int:
+    if limit is not None:
+        return max(limit.below or 0, 1)
+    return _DEFAULT_COUNT if count is None else max(count, 1)
 
 
-def _cut(values: NDArray, wanted: int, known: int, shift: float, complete: bool) -> tuple[float, int] | None:
-    """A shift in the widest relative gap above the wanted modes and the number of modes below it; None without one.
-
-    Gaps are relative to λ − σ: among rigid-body modes, whose λ are rounding, there is none.
-    """
-    ends = values[wanted - 1 : min(known + 1, len(values))]
-    if wanted > known:
-        return None
-    if len(ends) < 2:
-        return (float(values[-1] + 0.01 * (values[-1] - shift)), len(values)) if complete else None
-    gaps = np.diff(ends) / (ends[1:] - shift)
-    i = int(np.argmax(gaps))
-    return (0.5 * float(ends[i] + ends[i + 1]), wanted + i) if gaps[i] > _REPEATED else None
-
-
-def _count_below(K: sp.csr_array, M: sp.csr_array, eigenvalue: float) -> int | None:
-    """Number of eigenvalues below a value: negative pivots of K − λM."""
-    for nudge in (1.0, 1.0 + 1e-7, 1.0 + 1e-5):
-        try:
-            count = factorise(sp.csr_array(K - nudge * eigenvalue * M)).negative_pivots
-        except SingularMatrixError:
-            continue
-        if count is not None:
-            return count
-    return None
-
-
-def _missed(cut: tuple[float, int] | None, below: int | None) -> FemtuneError:
-    if cut is None:
-        text = "the modes do not end: no gap above the wanted ones could be found to count them at"
-    else:
-        text = f"{below} eigenvalues lie below {cut[0]:.6g} rad²/s², but {cut[1]} were found"
-    return FemtuneError("eigen.missed-modes", text, hint="ask for a few modes more")
-
-
-def _not_counted() -> Notice:
-    return Notice("eigen.not-counted", "the modes could not be counted: the factorisation's pivots hide the inertia")
+def _uncounted(max_hz: float | None) -> FemtuneError:
+    return FemtuneError(
+        "eigen.uncounted",
+        f"the modes up to {max_hz:g} Hz could not be counted: the factorisation's pivots hide the inertia",
+        hint="give the number of modes (count) instead, or another max_hz",
+    )

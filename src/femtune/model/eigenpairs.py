@@ -1,17 +1,19 @@
-"""The lowest eigenpairs through (K − σM)⁻¹, densely or by Lanczos, and how accurate they are."""
+"""The lowest eigenpairs through (K − σM)⁻¹, densely or by block Lanczos, and how accurate they are."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.factorise import Factor
+from femtune.model.dense_pairs import condensed, dense, finite
+from femtune.model.krylov import Basis, Krylov, begin, beside, iterate
+from femtune.model.pencil import Inverse, Pencil, pieces
+from femtune.model.residuals import energy_residuals
+from femtune.model.symmetric import SymmetricMatrix
 
 Reals = NDArray[np.float64]
 Pairs = tuple[Reals, Reals]
@@ -19,54 +21,106 @@ Pairs = tuple[Reals, Reals]
 DENSE_UP_TO = 400
 _MOST_ENTRIES = 20_000_000
 _ACCURACY = 1e-5
-_INFINITE = 1e-14
-"""θ below this fraction of the largest are directions without mass."""
-_POLLUTED = 1e-7
-"""θ below this fraction of the largest have lost digits to the large ones."""
+_NEGATIVE = -1e-8
+_FAR = 1e-3
+"""Residuals of an iteration that has stopped short; nearer ones are left to the check of accuracy."""
 
 
-def lowest(
-    K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int, wanted: int
-) -> tuple[Reals, Reals, int]:
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What is asked of one eigenproblem, and what helps.
+
+    Parameters
+    ----------
+    inverse : (K − σM)⁻¹ for a σ below the spectrum
+    start : (n, c) shapes that are nearly those wanted
+    basis : a basis that was begun with this factor
+    """
+
+    inverse: Inverse
+    start: Reals | None = None
+    basis: Basis | None = None
+
+    @property
+    def pencil(self) -> Pencil:
+        """K and M."""
+        return self.inverse.pencil
+
+    @property
+    def shift(self) -> float:
+        """σ."""
+        return self.inverse.shift
+
+
+def lowest(search: Search, count: int, wanted: int, known: Pairs | None = None) -> tuple[Reals, Reals, int]:
     """At most `count` lowest eigenvalues (ascending) and mass-normalised shapes, and how many of them are accurate.
+
+    `known` are eigenvalues and shapes that were found before: others are sought beside them.
 
     Raises
     ------
     FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
     """
     try:
-        values, shapes = _way(M, count)(K, M, factor, shift, count)
+        values, shapes = _pairs(search, count, wanted, known)
     except la.LinAlgError as broken:
         raise _indefinite() from broken
-    order = np.argsort(values)
-    values, shapes = values[order], shapes[:, order]
-    _check_negative(K, values, shapes)
-    error = _errors(K, M, factor, shift, values, shapes)
+    if (np.diff(values) < 0.0).any():
+        order = np.argsort(values)
+        values, shapes = values[order], shapes[:, order]
+    _check_negative(search.pencil, values, shapes)
+    error = energy_residuals(search.inverse, values, shapes, min(wanted, len(values)))
     bad = np.flatnonzero(~(error <= _ACCURACY))
-    known = int(bad[0]) if bad.size else len(values)
-    if known < min(wanted, len(values)):
-        raise _inaccurate(known, float(values[known]), float(error[known]))
-    return values, shapes, known
+    accurate = int(bad[0]) if bad.size else len(values)
+    if accurate < min(wanted, len(values)):
+        raise _inaccurate(accurate, float(values[accurate]), float(error[accurate]))
+    return values, shapes, accurate
 
 
-def _way(M: sp.csr_array, count: int) -> Callable[..., Pairs]:
+def _pairs(search: Search, count: int, wanted: int, known: Pairs | None) -> Pairs:
     """Dense for small models, condensed where few DOFs have mass or most modes are wanted, Lanczos else."""
-    n, heavy = M.shape[0], _with_mass(M).size
-    if n <= DENSE_UP_TO:
-        return _dense
-    few = heavy <= DENSE_UP_TO and n * heavy <= _MOST_ENTRIES
-    return _condensed if few or 2 * count >= heavy else _iterative
+    pencil = search.pencil
+    if pencil.n <= DENSE_UP_TO:
+        return dense(pencil, search.shift, count)
+    if not is_iterative(pencil, count):
+        return condensed(search.inverse, count)
+    return iterative(search, count, wanted, known)
 
 
-def _with_mass(M: sp.csr_array) -> NDArray[np.int64]:
-    return np.flatnonzero(np.abs(M).sum(axis=1) > 0.0)
+def is_iterative(pencil: Pencil, count: int) -> bool:
+    """True where the iteration is the way."""
+    heavy = pencil.heavy.size
+    few = heavy <= DENSE_UP_TO and pencil.n * heavy <= _MOST_ENTRIES
+    return pencil.n > DENSE_UP_TO and not few and 2 * count < heavy
 
 
-def _errors(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, values: Reals, shapes: Reals) -> Reals:
-    """Relative residuals Kφ − λMφ of all modes, measured as energy in (K − σM)⁻¹."""
-    residual = K @ shapes - (M @ shapes) * values
-    energy = np.einsum("ij,ij->j", residual, factor.solve(residual))
-    return np.asarray(np.sqrt(np.abs(energy) / (values - shift)))
+def iterative(search: Search, count: int, wanted: int, known: Pairs | None = None) -> Pairs:
+    """By block Lanczos on (K − σM)⁻¹M."""
+    operator = krylov_operator(search.inverse)
+    if known is not None:
+        missing = count - len(known[0])
+        basis = beside(operator, count, 1.0 / (known[0] - search.shift), known[1], missing)
+    else:
+        basis = search.basis or begin(operator, count, search.start)
+    found = iterate(operator, basis, count, wanted)
+    left = float(found.error[:wanted].max(initial=0.0))
+    if left > _FAR:
+        raise _not_converged(count, left)
+    theta, shapes = finite(found.theta, found.shapes)
+    return search.shift + 1.0 / theta, shapes
+
+
+def krylov_operator(inverse: Inverse) -> Krylov:
+    """S = (K − σM)⁻¹M."""
+    return Krylov(inverse.solve, inverse.pencil.mass, inverse.pencil.heavy.size)
+
+
+def _not_converged(count: int, error: float) -> FemtuneError:
+    return FemtuneError(
+        "eigen.no-convergence",
+        f"the iteration for {count} modes did not converge: its largest relative residual is {error:.1e}",
+        hint="ask for fewer modes; look for nearly loose parts",
+    )
 
 
 def _inaccurate(mode: int, value: float, error: float) -> FemtuneError:
@@ -87,76 +141,18 @@ def _indefinite() -> FemtuneError:
     )
 
 
-def _check_negative(K: sp.csr_array, values: Reals, shapes: Reals) -> None:
+def _check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
     """Refuse modes of negative strain energy; that of a rigid-body mode is rounding of large parts."""
-    below = np.flatnonzero(values < 0.0)
-    strain = np.einsum("ij,ij->j", shapes[:, below], K @ shapes[:, below])
-    parts = np.einsum("ij,ij->j", np.abs(shapes[:, below]), np.abs(K) @ np.abs(shapes[:, below]))
-    if (strain < -1e-8 * parts).any():
+    below = shapes[:, values < 0.0]
+    if not below.shape[1]:
+        return
+    strain = np.einsum("ij,ij->j", below, pencil.stiffness @ below)
+    K = pencil.K
+    size = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
+    parts = [np.einsum("ij,ij->j", u, size @ u) for u in (np.abs(below[:, p]) for p in pieces(0, below.shape[1]))]
+    if (strain < _NEGATIVE * np.concatenate(parts)).any():
         raise FemtuneError(
             "eigen.negative",
             f"a mode has negative strain energy: λ = {values[0]:.6g} rad²/s²",
             hint="look for negative stiffness or moduli",
         )
-
-
-def _dense(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int) -> Pairs:
-    """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
-    L = la.cholesky((K - shift * M).toarray(), lower=True)
-    half = la.solve_triangular(L, M.toarray(), lower=True)
-    inverse = la.solve_triangular(L, half.T, lower=True)
-    n = K.shape[0]
-    theta, y = la.eigh(0.5 * (inverse + inverse.T), subset_by_index=[max(0, n - count), n - 1])
-    theta, y = _finite(theta, y)
-    shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
-    return _polished(K, M, shift, theta, shapes)
-
-
-def _finite(theta: Reals, vectors: Reals) -> Pairs:
-    finite = theta > _INFINITE * theta.max()
-    return theta[finite], vectors[:, finite]
-
-
-def _polished(K: sp.csr_array, M: sp.csr_array, shift: float, theta: Reals, shapes: Reals) -> Pairs:
-    """Modes far above the lowest, freed of these and solved once more among themselves."""
-    values, shapes = shift + 1.0 / theta, shapes.copy()
-    high = theta < _POLLUTED * theta.max()
-    if not high.any():
-        return values, shapes
-    good, X = shapes[:, ~high], shapes[:, high]
-    for _ in range(2):
-        X = X - good @ (good.T @ (M @ X))
-    values[high], y = la.eigh(X.T @ (K @ X), X.T @ (M @ X))
-    shapes[:, high] = X @ y
-    return values, shapes
-
-
-def _condensed(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int) -> Pairs:
-    """All modes from the flexibility G of the DOFs with mass: θ of LᵀML with G = LLᵀ."""
-    heavy = _with_mass(M)
-    unit = np.zeros((M.shape[0], heavy.size))
-    unit[heavy, np.arange(heavy.size)] = 1.0
-    X = factor.solve(unit)
-    G, m = X[heavy], M[heavy][:, heavy].toarray()
-    L = la.cholesky(0.5 * (G + G.T), lower=True)
-    first = max(0, heavy.size - count)
-    theta, y = _finite(*la.eigh(L.T @ m @ L, subset_by_index=[first, heavy.size - 1]))
-    return _polished(K, M, shift, theta, X @ (m @ (L @ y)) / theta**1.5)
-
-
-def _iterative(K: sp.csr_array, M: sp.csr_array, factor: Factor, shift: float, count: int) -> Pairs:
-    n = K.shape[0]
-    inverse = spla.LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
-    start = factor.solve(M @ np.random.default_rng(1).standard_normal(n))
-    mass = M.copy()
-    mass.eliminate_zeros()
-    try:
-        values, shapes = spla.eigsh(K, k=count, M=mass, sigma=shift, OPinv=inverse, v0=start, tol=0.0)
-    except spla.ArpackError as error:
-        raise FemtuneError(
-            "eigen.no-convergence",
-            f"the iteration for {count} modes did not converge: {error}",
-            hint="ask for fewer modes; look for nearly loose parts",
-        ) from error
-    theta, shapes = _finite(1.0 / (values - shift), shapes)
-    return shift + 1.0 / theta, shapes / np.sqrt(np.einsum("ij,ij->j", shapes, mass @ shapes))

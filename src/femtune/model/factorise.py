@@ -2,91 +2,131 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+from collections import OrderedDict
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError
-from femtune.model import pardiso
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.model.solvers import cholmod, mumps, pardiso
+from femtune.model.solvers.cholmod import CholmodAnalysis
+from femtune.model.solvers.interface import Analysis, Factor, SingularMatrixError
+from femtune.model.solvers.mumps import MumpsAnalysis
+from femtune.model.solvers.pardiso import PardisoAnalysis
+from femtune.model.solvers.superlu import SuperLuAnalysis
+from femtune.model.symmetric import SymmetricMatrix, symmetric
 
-
-class Factor(Protocol):
-    """LDLᵀ or LU factors of a real or complex symmetric matrix (A = Aᵀ, not Hermitian)."""
-
-    name: str
-
-    @property
-    def negative_pivots(self) -> int | None:
-        """Number of negative eigenvalues (Sylvester's law), None where the pivoting hides it or A is complex."""
-
-    def solve(self, b: NDArray) -> NDArray:
-        """A⁻¹ b for b of shape (n,) or (n, k)."""
-
-
-class SingularMatrixError(Exception):
-    """The factorisation met a pivot that is exactly zero."""
-
-
-class SuperLuFactor:
-    """SciPy's SuperLU in symmetric mode: diagonal pivots, so their signs are the inertia."""
-
-    name = "SuperLU"
-
-    def __init__(self, matrix: sp.csr_array) -> None:
-        options = {"SymmetricMode": True, "Equil": False}
-        try:
-            self._lu = spla.splu(
-                sp.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-            )
-        except RuntimeError as error:
-            raise SingularMatrixError(str(error)) from error
-
-    @property
-    def negative_pivots(self) -> int | None:
-        """Count of negative diagonal entries of U, where rows and columns were permuted alike."""
-        if self._lu.U.dtype == complex or (self._lu.perm_r != self._lu.perm_c).any():
-            return None
-        return int((self._lu.U.diagonal() < 0).sum())
-
-    def solve(self, b: NDArray) -> NDArray:
-        """A⁻¹ b; real where A and b are."""
-        if self._lu.U.dtype == complex or not np.iscomplexobj(b):
-            return self._lu.solve(np.ascontiguousarray(b, dtype=self._lu.U.dtype))
-        return self.solve(b.real) + 1j * self.solve(b.imag)
-
+__all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise"]
 
 PARDISO_FROM, PARDISO_FROM_COMPLEX = 3000, 300
 """Below these sizes the start of the threaded library costs more than it gains. SuperLU's complex kernels are slower by
 far where their threads wait for one another."""
 
+SOLVER_VARIABLE = "FEMTUNE_SOLVER"
+_KEPT: OrderedDict[tuple[str, bool, bytes], tuple[Analysis, int]] = OrderedDict()
+_MOST_KEPT, _MOST_ENTRIES = 8, 50_000_000
 
-def factorise(matrix: sp.csr_array, solver: str | None = None) -> Factor:
-    """Factorise a real or complex symmetric matrix with the fastest solver at hand, or with the one named.
+
+def factorise(matrix: sp.csr_array | SymmetricMatrix, solver: str | None = None) -> Factor:
+    """Factorise a real or complex symmetric matrix; a pattern that was met before is not analysed again.
+
+    Parameters
+    ----------
+    solver : a name of `available_solvers`; without one that of the environment variable FEMTUNE_SOLVER, or else the
+        fastest at hand for this size
 
     Raises
     ------
     SingularMatrixError : a pivot is exactly zero
-    FemtuneError : ``solver.unavailable`` for a name that is not at hand
+    FemtuneError : ``solver.unavailable``, ``solver.failed``, ``model.memory``
     """
-    if solver is None:
-        least = PARDISO_FROM_COMPLEX if np.iscomplexobj(matrix.data) else PARDISO_FROM
-        big = matrix.shape[0] >= least and "PARDISO" in available_solvers()
-        solver = "PARDISO" if big else "SuperLU"
-    if solver not in available_solvers():
-        raise FemtuneError(
-            "solver.unavailable",
-            f"the solver '{solver}' is not at hand",
-            values={"available": ", ".join(available_solvers())},
-            hint='pip install "femtune[fast]"',
-        )
-    return pardiso.PardisoFactor(matrix) if solver == "PARDISO" else SuperLuFactor(matrix)
+    upper = matrix if isinstance(matrix, SymmetricMatrix) else symmetric(matrix)
+    return analyse(upper, solver).factorise(upper)
+
+
+def analyse(matrix: SymmetricMatrix, solver: str | None = None) -> Analysis:
+    """The symbolic factorisation of a pattern, for numbers of the kind (real or complex) that the matrix has.
+
+    Only indices and the type of the numbers are read. `solver` and errors as in `factorise`.
+    """
+    name = _chosen(matrix, solver)
+    key = (name, bool(np.iscomplexobj(matrix.data)), _digest(matrix))
+    if key not in _KEPT:
+        _KEPT[key] = _ANALYSES[name](matrix), len(matrix.indices)
+    _KEPT.move_to_end(key)
+    analysis = _KEPT[key][0]
+    while len(_KEPT) > _MOST_KEPT or (len(_KEPT) > 1 and sum(n for _, n in _KEPT.values()) > _MOST_ENTRIES):
+        _KEPT.popitem(last=False)
+    return analysis
+
+
+def _digest(matrix: SymmetricMatrix) -> bytes:
+    found = hashlib.blake2b(matrix.indptr.data)
+    found.update(matrix.indices.data)
+    return found.digest()
+
+
+def _chosen(matrix: SymmetricMatrix, solver: str | None) -> str:
+    """The solver that is named, or the fastest one at hand for this size."""
+    asked = solver or os.environ.get(SOLVER_VARIABLE, "").strip()
+    imaginary = bool(np.iscomplexobj(matrix.data))
+    if asked and asked.lower() != "automatic":
+        name = _named(asked)
+        # what it factorises is Hermitian
+        return _indefinite() if imaginary and name == "CHOLMOD" else name
+    least = PARDISO_FROM_COMPLEX if imaginary else PARDISO_FROM
+    if matrix.shape[0] < least:
+        return "SuperLU"
+    return _indefinite() if imaginary else available_solvers()[0]
+
+
+def _named(asked: str) -> str:
+    by_name = {name.lower(): name for name in available_solvers()}
+    if asked.lower() in by_name:
+        return by_name[asked.lower()]
+    known = {name.lower(): name for name in _ANALYSES}
+    raise FemtuneError(
+        "solver.unavailable",
+        f"the solver '{asked}' is not at hand",
+        values={"available": ", ".join(available_solvers())},
+        hint=INSTALLATION[known[asked.lower()]] if asked.lower() in known else did_you_mean(asked, known.values()),
+    )
+
+
+def _indefinite() -> str:
+    """The fastest solver at hand that takes indefinite, or complex, matrices."""
+    return next(name for name in available_solvers() if name != "CHOLMOD")
+
+
+def _otherwise(matrix: SymmetricMatrix) -> Analysis:
+    return analyse(matrix, _indefinite())
+
+
+_ANALYSES: dict[str, Callable[[SymmetricMatrix], Analysis]] = {
+    "PARDISO": PardisoAnalysis,
+    "MUMPS": MumpsAnalysis,
+    "CHOLMOD": lambda matrix: CholmodAnalysis(matrix, _otherwise),
+    "SuperLU": SuperLuAnalysis,
+}
+INSTALLATION = {
+    "PARDISO": 'pip install "femtune[fast]"',
+    "MUMPS": "pip install python-mumps (needs the library, libmumps-seq-dev of Debian, or conda-forge)",
+    "CHOLMOD": 'pip install "scikit-sparse<0.5" (needs the library, libsuitesparse-dev of Debian)',
+    "SuperLU": "comes with SciPy",
+}
+"""How each solver is installed."""
 
 
 @lru_cache(maxsize=1)
 def available_solvers() -> tuple[str, ...]:
     """Names of the sparse solvers that can be used here, the fastest first."""
-    return ("PARDISO", "SuperLU") if pardiso.library() is not None else ("SuperLU",)
+    missing = {
+        "PARDISO": pardiso.library() is None,
+        "MUMPS": isinstance(mumps.library(), str),
+        "CHOLMOD": isinstance(cholmod.library(), str),
+    }
+    return tuple(name for name in _ANALYSES if not missing.get(name))

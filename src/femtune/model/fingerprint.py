@@ -2,14 +2,57 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
 from femtune.fem.contribution import MatrixKind
 from femtune.model.configured import ModelPoint
 from femtune.model.digest import Part, digest
+from femtune.model.imported_terms import factor_at
 
 
 def matrices_digest(point: ModelPoint, *kinds: MatrixKind) -> str:
-    """Digest of assembled matrices; how they depend on the parameters is no part of it."""
-    return digest(*(part for kind in kinds for part in (kind, getattr(point, kind))))
+    """Digest of all that the matrices of some kinds are made of, without making them.
+
+    How they depend on the parameters is no part of it: another choice of parameters splits the same sums in another
+    way, and the last bits of the matrices may differ.
+    """
+    wanted = set(kinds)
+    overall: Part = None
+    if "hysteretic" in wanted and point.loss_factor is not None:
+        # the whole structure's loss multiplies its stiffness
+        wanted.add("stiffness")
+        overall = np.asarray(point.loss_factor.value)
+    names = sorted(wanted)
+    return digest(
+        *names, point.configured.identity.elements, *_values(point, wanted), *_assembled(point, wanted), overall
+    )
+
+
+def _values(point: ModelPoint, kinds: set[MatrixKind]) -> Iterator[Part]:
+    """Of every element: the values at the point that its matrices need, and in the deck, which kernels look at."""
+    model = point.configured.model
+    needed, other = _used(point, kinds), _used(point, set(model.used) - kinds)
+    here = np.where(needed, point.table, 0.0)
+    # what no matrix needs may have decided that
+    deck = np.where(needed | ~other, model.structure.values.values, 0.0)
+    for batch in model.structure.batches:
+        for at in batch.roles.values():
+            yield from (here[at], deck[at])
+
+
+def _used(point: ModelPoint, kinds: set[MatrixKind]) -> NDArray[np.bool_]:
+    """(n,) True for entries of the value table that matrices of some kinds need."""
+    model = point.configured.model
+    return np.any([np.zeros(len(point.table), bool), *(model.used[kind] for kind in kinds)], axis=0)
+
+
+def _assembled(point: ModelPoint, kinds: set[MatrixKind]) -> Iterator[Part]:
+    for matrix, own in zip(point.configured.model.structure.assembled, point.configured.identity.assembled):
+        if matrix.kind in kinds:
+            yield from (matrix.kind, own, factor_at(matrix, point.table))
 
 
 def derivatives_digest(point: ModelPoint) -> str:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.factorise import Factor, factorise
+from femtune.model.symmetric import SymmetricMatrix
 
 _SUSPECT, _NOTHING = 1e-9, 1e-12
 
 
-def check_mechanisms(point: ModelPoint, shifted: sp.csr_array, factor: Factor | None) -> None:
+def check_mechanisms(point: ModelPoint, shifted: SymmetricMatrix, factor: Factor | None) -> None:
     """Refuse K − σM (σ < 0) when it is singular to working precision, naming the DOFs that move.
 
     `factor` is None where the factorisation itself met a zero pivot.
@@ -34,9 +34,11 @@ def check_mechanisms(point: ModelPoint, shifted: sp.csr_array, factor: Factor | 
         raise _mechanism(point, _largest(motion))
 
 
-def _nearly(shifted: sp.csr_array, diagonal: NDArray) -> Factor:
+def _nearly(shifted: SymmetricMatrix, diagonal: NDArray) -> Factor:
     """Factors of a matrix that misses the singular one by rounding."""
-    return factorise(sp.csr_array(shifted + sp.diags_array(1e-13 * diagonal)))
+    data = shifted.data.copy()
+    data[shifted.indptr[:-1]] += 1e-13 * diagonal
+    return factorise(SymmetricMatrix(data, shifted.indices, shifted.indptr))
 
 
 def _smallest(factor: Factor, scale: NDArray) -> tuple[float, NDArray]:
@@ -52,9 +54,9 @@ def _smallest(factor: Factor, scale: NDArray) -> tuple[float, NDArray]:
 
 def _is_massless_mechanism(point: ModelPoint, v: NDArray) -> bool:
     """True where a motion has no energy of either kind; a rigid-body motion has kinetic energy."""
-    K, M = point.stiffness, point.mass
+    K, M = point.symmetric_stiffness, point.symmetric_mass
     u = np.abs(v)
-    strain, strain_parts = v @ (K @ v), u @ (np.abs(K) @ u)
+    strain, strain_parts = v @ (K @ v), u @ (SymmetricMatrix(np.abs(K.data), K.indices, K.indptr) @ u)
     kinetic, kinetic_size = v @ (M @ v), (u.max() ** 2) * M.diagonal().max()
     return bool(strain <= _NOTHING * strain_parts and kinetic <= _NOTHING * kinetic_size)
 

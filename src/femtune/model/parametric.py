@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +11,16 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
+from femtune.fem.contribution import MatrixKind
 from femtune.fem.values import TableJet
-from femtune.model.terms import CompiledTerms, Term, compile_terms
+from femtune.model.imported_terms import with_assembled
+from femtune.model.term import TermFunction
+from femtune.model.terms import CompiledTerms, compile_terms
 from femtune.parameters import ParameterSet
+
+# points of the parameters at which coefficients are compared, and how far around the nominal one they are
+SAMPLES = 6
+AROUND = 0.1
 
 
 @dataclass(frozen=True)
@@ -33,14 +40,16 @@ class Assignment:
 class ParametricModel:
     """K(p) = Σ a_i(p) K_i and M(p) = Σ b_i(p) M_i on all grid DOFs, with exact derivatives.
 
-    `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively.
+    `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
+    says for each kind of matrix which entries of the table (n,) it needs.
     """
 
     structure: Structure
     parameters: ParameterSet
     assignments: tuple[Assignment, ...]
     placed: tuple[tuple[str, int, bool], ...]
-    terms: tuple[Term, ...] = field(repr=False)
+    terms: tuple[TermFunction, ...] = field(repr=False)
+    used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
 
     def table(self, x: NDArray) -> TableJet:
         """The value table with derivatives by the normalised free parameters x."""
@@ -87,9 +96,31 @@ def parametric_model(
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    compiled = compile_terms(structure, structure.values.dependents(placed))
+    bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), ())
+    touched = structure.values.dependents(placed)
+    compiled = with_assembled(compile_terms(structure, touched, _samples(bare)), structure, touched)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    return ParametricModel(structure, parameters, assignments, tuple(placed.values()), compiled.terms)
+    return replace(bare, terms=compiled.terms, used=compiled.used)
+
+
+def _samples(model: ParametricModel) -> NDArray[np.float64]:
+    """(SAMPLES, n) value tables at the nominal point and at random ones around it, the same ones every time.
+
+    The bounds do not matter, so that the same matrices are split alike whatever they are. A point where a tie has no
+    value is moved towards the nominal one, where all have.
+    """
+    random, n = np.random.default_rng(2026), len(model.parameters.free)
+    around = random.uniform(-AROUND, AROUND, (SAMPLES - 1, n))
+    return np.array([_sample(model, x) for x in (np.zeros(n), *around)])
+
+
+def _sample(model: ParametricModel, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    for _ in range(10):
+        try:
+            return np.asarray(model.table(x).value)
+        except FemtuneError:
+            x = 0.5 * x
+    return np.asarray(model.table(np.zeros_like(x)).value)
 
 
 def _place(
@@ -144,7 +175,9 @@ def _check_effect(
 
 def _has_effect(structure: Structure, index: int, compiled: CompiledTerms) -> bool:
     reached = structure.values.dependents([index])
-    return structure.damping.loss_factor in reached or any(compiled.used[i] for i in reached)
+    return structure.damping.loss_factor in reached or any(
+        flags[list(reached)].any() for flags in compiled.used.values()
+    )
 
 
 _TWICE = "is set by two parameters, in some elements at least"

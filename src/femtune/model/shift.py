@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
-from femtune.model.factorise import Factor, SingularMatrixError, factorise
+from femtune.model.eigenpairs import Search, krylov_operator
+from femtune.model.factorise import Factor, SingularMatrixError
+from femtune.model.krylov import Basis, begin
 from femtune.model.mechanisms import check_mechanisms
+from femtune.model.pencil import Inverse, Pencil
 
-# a start this far below the stiffest single DOFs is below the lowest elastic modes of ordinary meshes
-_START = 1e-4
+Reals = NDArray[np.float64]
+
+# a start this far below the stiffness of single DOFs has the size of the lowest elastic modes of meshes of a thousand
+# DOFs; in finer ones single DOFs grow stiffer, and shells (exponent 2) more so than solids (2/3)
+_START, _DOFS, _EXPONENT = 1e-4, 1000.0, 1.0
 _FARTHER, _TRIES = 1e3, 4
+_LEAST, _MOST = 5e-3, 1e3
+"""A shift so many times the lowest elastic eigenvalue is good enough: another factorisation would cost more."""
+_BEST, _ZERO = 1.0, 1e-6
+_FAR, _FALLING, _NEARER = 0.02, 0.7, 1e-2
 
 
-def spectral_shift(point: ModelPoint, K: sp.csr_array, M: sp.csr_array) -> tuple[float, Factor]:
-    """A shift below zero of the size of the lowest elastic eigenvalues, and the factors of K − σM.
+def spectral_shift(point: ModelPoint, pencil: Pencil, count: int) -> Search:
+    """A shift below zero of the size of the lowest elastic eigenvalues, the factors of K − σM, and a basis begun.
 
     A shift much nearer to zero loses digits of the higher modes to the rigid-body ones; one much further away
     slows the iteration.
@@ -27,22 +36,42 @@ def spectral_shift(point: ModelPoint, K: sp.csr_array, M: sp.csr_array) -> tuple
     ------
     FemtuneError : ``eigen.mechanism``, ``eigen.negative``
     """
-    k, m = K.diagonal(), M.diagonal()
+    size = first_guess(pencil)
+    for _ in range(_TRIES):
+        size, factor = _factor_below(point, pencil, size)
+        inverse = Inverse(pencil, -size, factor)
+        better, basis = _better_size(inverse, count)
+        if better == size:
+            return Search(inverse, None, basis)
+        start, size = np.array(basis.vectors), better
+        del basis, inverse, factor
+    size, factor = _factor_below(point, pencil, size)
+    return Search(Inverse(pencil, -size, factor), start)
+
+
+def near_shift(point: ModelPoint, pencil: Pencil, known: Reals, shift: float, start: Reals) -> Search:
+    """The same from eigenvalues and shapes of a model nearby, and the shift that they were found with."""
+    elastic = known[known > _ZERO * known.max(initial=0.0)]
+    best = _BEST * float(elastic.min()) if elastic.size else -shift
+    size = -shift if _LEAST < -shift / best < _MOST else best
+    size, factor = _factor_below(point, pencil, size)
+    return Search(Inverse(pencil, -size, factor), start)
+
+
+def first_guess(pencil: Pencil) -> float:
+    """Size of the lowest elastic eigenvalues as far as single DOFs show it."""
+    k, m = pencil.K.diagonal(), pencil.M.diagonal()
     ratios = k[m > 0] / m[m > 0]
     positive = ratios[ratios > 0]
-    size, factor = _factor_below(point, K, M, _START * positive.min() if positive.size else 1.0)
-    better = _elastic_size(K, M, factor, size)
-    if not 1e-3 < size / better < 1e2:
-        size, factor = _factor_below(point, K, M, better)
-    return -size, factor
+    return float(_START * min(1.0, _DOFS / pencil.n) ** _EXPONENT * positive.min()) if positive.size else 1.0
 
 
-def _factor_below(point: ModelPoint, K: sp.csr_array, M: sp.csr_array, size: float) -> tuple[float, Factor]:
+def _factor_below(point: ModelPoint, pencil: Pencil, size: float) -> tuple[float, Factor]:
     """Factors of K + size·M, positive definite; a rounding of stiff members may ask for a larger size."""
     for _ in range(_TRIES):
-        shifted = sp.csr_array(K + size * M)
+        shifted = pencil.shifted(-size)
         try:
-            factor = factorise(shifted)
+            factor = pencil.factorise(-size)
         except SingularMatrixError:
             factor = None
         check_mechanisms(point, shifted, factor)
@@ -62,19 +91,30 @@ def negative_stiffness(point: ModelPoint) -> FemtuneError:
     )
 
 
-def _elastic_size(K: sp.csr_array, M: sp.csr_array, factor: Factor, size: float) -> float:
-    """Rough size of the lowest elastic eigenvalue, by a few inverse iterations on a small block."""
-    n = K.shape[0]
-    block: NDArray = np.random.default_rng(0).standard_normal((n, min(n, 8)))
-    for _ in range(3):
-        block = la.qr(factor.solve(M @ block), mode="economic")[0]
-    k, m = block.T @ (K @ block), block.T @ (M @ block)
-    try:
-        theta = la.eigvalsh(m, k + size * m)
-    except la.LinAlgError:  # numbers of too many sizes; the modes are checked when they are found
-        return size
-    values = 1.0 / theta[theta > 1e-8 * theta[-1]] - size
+def _better_size(inverse: Inverse, count: int) -> tuple[float, Basis]:
+    """A size of the shift that is worth another factorisation, or the same, by the first steps of the iteration."""
+    size, operator = -inverse.shift, krylov_operator(inverse)
+    basis = begin(operator, count)
+    before, values = np.zeros(0), _step(basis, size)
+    if basis.k < operator.rank and len(basis.B):
+        before, values = values, _step(basis, size)
+    if before.size and _FAR * size < values[0] < _FALLING * before[0]:
+        # all modes look alike from here
+        return _NEARER * size, basis
+    if not (values > 1e-3 * size).any() and basis.k < operator.rank:
+        # rigid-body motions are so far above the rest that the start holds nothing else
+        return _FARTHER * size, basis
     positive = values[values > 1e-6 * values.max(initial=0.0)]
-    # far below the shift a rigid-body mode of little inertia looks elastic by rounding
+    # far below the shift a rigid-body mode looks elastic by rounding, or where the iteration has not got to it
     elastic = positive[positive > 1e-3 * size] if (positive > 1e-3 * size).any() else positive
-    return float(elastic.min()) if elastic.size else size
+    lowest = float(elastic.min()) if elastic.size else size
+    return (size if _LEAST < size / lowest < _MOST else _BEST * lowest), basis
+
+
+def _step(basis: Basis, size: float) -> Reals:
+    """Estimates of the lowest eigenvalues, ascending, after one more step."""
+    if not len(basis.B):
+        return np.zeros(0)
+    basis.step()
+    theta = la.eigvalsh(basis.T)
+    return np.asarray(1.0 / theta[theta > 1e-8 * theta[-1]][::-1] - size)

@@ -1,141 +1,143 @@
-"""Terms: element batches that share coefficient functions of the parameters; together they are the model."""
+"""Terms: elements that share coefficient functions of the parameters; together they are the model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.fem import Contribution, ElementBatch, Structure
 from femtune.fem.contribution import MatrixKind
-from femtune.fem.elements import contributions
-from femtune.fem.values import TableJet
-from femtune.parameters import jet
-from femtune.parameters.jet import Jet
+from femtune.fem.elements import pieces
+from femtune.model.coefficients import NOTHING, CoefficientBook, Coefficients, Source
+from femtune.model.memory import require_memory
+from femtune.model.term import Layout, Term, TermFunction
+from femtune.model.term_sums import CONSTANT, TermSums
 
 Flags = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Term:
-    """Σ_e c[column_e](p) · matrix_e on the g-set.
-
-    Parameters
-    ----------
-    matrix : "stiffness", "mass", "viscous" or "hysteretic"
-    label : what it is, "bar axial"
-    elements : (m,) element numbers, 0 for masses that a configuration adds
-    dofs : (m, d) g-set DOFs, −1 for ground
-    matrices : (m, d, d)
-    columns : (m,) which coefficient an element uses
-    n_columns : number of coefficients; one for a term that is a scalar times a matrix
-    coefficient : jet of the value table -> jet of shape (n_columns,); None where it is the constant 1
-    """
-
-    matrix: MatrixKind
-    label: str
-    elements: NDArray[np.int64]
-    dofs: NDArray[np.int64]
-    matrices: NDArray[np.float64]
-    columns: NDArray[np.int64]
-    n_columns: int
-    coefficient: Callable[[TableJet], Jet] | None
+Reals = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class CompiledTerms:
-    """The terms of a structure, and (n,) True for the entries of the value table that some coefficient depends on."""
+    """The terms of a structure; `used` by kind of matrix: (n,) True for entries of the value table that it needs."""
 
-    terms: tuple[Term, ...]
-    used: Flags
+    terms: tuple[TermFunction, ...]
+    used: Mapping[MatrixKind, Flags]
 
 
-def compile_terms(structure: Structure, touched: set[int]) -> CompiledTerms:
+def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> CompiledTerms:
     """Exact terms of a structure; what no touched value reaches folds into one constant term a batch and matrix.
 
-    `touched` are positions of the value table that parameters move, dependents included.
+    Contributions whose coefficients are proportional functions of the parameters are one term.
+
+    Parameters
+    ----------
+    touched : positions of the value table that parameters move, dependents included
+    samples : (s, n) value tables at points of the parameters, the nominal one first, which tell what is proportional
+
+    Raises
+    ------
+    FemtuneError : ``model.memory``, and what the elements refuse
     """
-    terms: list[Term] = []
+    require_memory(_forecast(structure, touched), f"the matrices of {sum(map(len, structure.batches)):,} elements")
     moving = np.zeros(len(structure.values.values), bool)
     moving[list(touched)] = True
-    used = np.zeros(len(moving), bool)
+    book, used = CoefficientBook(samples), {kind: np.zeros(len(moving), bool) for kind in get_args(MatrixKind)}
+    terms: list[Term] = []
     for batch in structure.batches:
-        constant = _Constant(batch)
-        for part in contributions(batch, structure):
-            at = np.stack([batch.roles[role][part.at] for role in part.roles], axis=1)
-            used[at] = True
-            moves = np.asarray(moving[at].any(axis=1)) & ~_lossless(part, batch, structure, moving)
-            constant.add(part, structure, at, ~moves)
-            terms += [term for term in [_variable(part, batch, at, moves)] if term is not None]
-        terms += constant.terms()
+        terms += _BatchTerms(structure, batch, moving, used, book).compile()
     return CompiledTerms(tuple(terms), used)
 
 
-@dataclass
-class _Constant:
-    """Sums of the constant contributions of a batch, by kind of matrix."""
+def _forecast(structure: Structure, touched: set[int]) -> int:
+    """Bytes of packed element matrices: a stiffness and a mass each, and one more where parameters move something."""
+    most = sum(8 * len(b) * b.dofs.shape[1] * (b.dofs.shape[1] + 1) // 2 for b in structure.batches)
+    return most * (2 if touched else 1)
 
+
+@dataclass(eq=False)
+class _BatchTerms:
+    """The terms of one batch, summed piece by piece."""
+
+    structure: Structure
     batch: ElementBatch
-    sums: dict[MatrixKind, NDArray[np.float64]] = field(default_factory=dict)
+    moving: Flags
+    used: Mapping[MatrixKind, Flags]
+    book: CoefficientBook
+    sums: dict[MatrixKind, TermSums] = field(default_factory=dict)
 
-    def add(self, part: Contribution, structure: Structure, at: NDArray, mask: Flags) -> None:
-        """The elements of a contribution where the mask is true."""
-        facts = {name: value[mask] for name, value in part.facts.items()}
-        values = jet.constant(structure.values.values, 0)
-        roles = {role: values[at[mask, i]] for i, role in enumerate(part.roles)}
-        scale = part.coefficient(roles, facts).value if mask.any() else np.zeros(0)
-        keep = np.flatnonzero(mask)[scale != 0.0]
-        if keep.size:
-            shape = (len(self.batch), *part.matrices.shape[1:])
-            total = self.sums.setdefault(part.matrix, np.zeros(shape))
-            total[part.at[keep]] += part.matrices[keep] * scale[scale != 0.0, None, None]
+    def compile(self) -> list[Term]:
+        """All terms, those that have elements."""
+        for parts in pieces(self.batch, self.structure):
+            if parts:
+                self._add_piece(parts)
+        layouts: list[Layout] = []
+        return [self._term(kind, *found) for kind in list(self.sums) for found in self.sums.pop(kind).finish(layouts)]
 
-    def terms(self) -> list[Term]:
-        """One term a kind of matrix, of the elements that have one."""
-        return [self._term(matrix, total) for matrix, total in self.sums.items()]
+    def _add_piece(self, parts: list[Contribution]) -> None:
+        start = min((int(p.at.min()) for p in parts if len(p.at)), default=0)
+        stop = max((int(p.at.max()) + 1 for p in parts if len(p.at)), default=0)
+        for part in parts:
+            self._add(part, start, stop)
+        for sums in self.sums.values():
+            sums.pack()
 
-    def _term(self, matrix: MatrixKind, total: NDArray[np.float64]) -> Term:
-        some = np.flatnonzero(total.any(axis=(1, 2)))
-        ids, dofs = self.batch.ids[some], self.batch.dofs[some]
-        return Term(
-            matrix, f"{self.batch.kind} constant", ids, dofs, total[some], np.zeros(some.size, np.int64), 1, None
-        )
+    def _add(self, part: Contribution, start: int, stop: int) -> None:
+        numbers, factors = self._coefficients(part)
+        some = np.flatnonzero(numbers != NOTHING)
+        if not some.size:
+            return
+        if part.matrix not in self.sums:
+            self.sums[part.matrix] = TermSums(self.batch)
+        matrices = part.matrices if len(some) == len(part.at) else part.matrices[some]
+        sums = self.sums[part.matrix]
+        sums.span(start, stop, part.matrices.shape[1])
+        sums.add(part.at[some] - start, numbers[some], factors[some], matrices)
+
+    def _coefficients(self, part: Contribution) -> tuple[Integers, Reals]:
+        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor."""
+        at = np.stack([self.batch.roles[role][part.at] for role in part.roles], axis=1)
+        first, kinds = _distinct([*at.T, *part.facts.values()])
+        at, facts = at[first], {name: fact[first] for name, fact in part.facts.items()}
+        self.used[part.matrix][at] = True
+        source = Source(part.coefficient, {role: at[:, i] for i, role in enumerate(part.roles)}, facts)
+        moves = np.asarray(self.moving[at].any(axis=1)) & ~self._lossless(part, first)
+        numbers, factors = np.full(len(first), CONSTANT), np.zeros(len(first))
+        still, free = np.flatnonzero(~moves), np.flatnonzero(moves)
+        if still.size:
+            factors[still] = source.rows(still).values(self.structure.values.values[None])[0]
+            numbers[still[factors[still] == 0.0]] = NOTHING
+        if free.size:
+            numbers[free], factors[free] = self.book.number(source.rows(free))
+        return numbers[kinds], factors[kinds]
+
+    def _lossless(self, part: Contribution, chosen: Integers) -> Flags:
+        """True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""
+        if part.matrix != "hysteretic":
+            return np.zeros(len(chosen), bool)
+        loss = self.batch.roles[part.loss][part.at[chosen]]
+        return np.asarray((self.structure.values.values[loss] == 0.0) & ~self.moving[loss])
+
+    def _term(self, kind: MatrixKind, layout: Layout, values: Reals, numbers: Integers) -> Term:
+        own, columns = np.unique(numbers, return_inverse=True)
+        constant = own[0] == CONSTANT
+        label = f"{self.batch.kind} {'constant' if constant else kind}"
+        coefficient = None if constant else Coefficients(self.book, own)
+        return Term(kind, label, len(own), coefficient, layout, values, columns)
 
 
-def _lossless(part: Contribution, batch: ElementBatch, structure: Structure, moving: Flags) -> Flags:
-    """(m,) True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""
-    if part.matrix != "hysteretic":
-        return np.zeros(len(part.at), bool)
-    loss = batch.roles[part.loss][part.at]
-    return np.asarray((structure.values.values[loss] == 0.0) & ~moving[loss])
-
-
-def _variable(part: Contribution, batch: ElementBatch, at: NDArray, mask: NDArray) -> Term | None:
-    keep = np.flatnonzero(mask)
-    if not keep.size:
-        return None
-    facts = [part.facts[name][keep] for name in part.facts]
-    first, columns = _distinct([*at[keep].T, *facts])
-    some = {name: part.facts[name][keep][first] for name in part.facts}
-    places = {role: at[keep][first, i] for i, role in enumerate(part.roles)}
-
-    def coefficient(table: TableJet) -> Jet:
-        return part.coefficient({role: table[i] for role, i in places.items()}, some)
-
-    rows, label = part.at[keep], f"{batch.kind} {part.label}"
-    matrices = part.matrices[keep]
-    return Term(
-        part.matrix, label, batch.ids[rows], batch.dofs[rows], matrices, columns, len(first), coefficient
-    )  # fmt: skip
-
-
-def _distinct(columns: list[NDArray]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _distinct(columns: list[NDArray]) -> tuple[Integers, Integers]:
     """First of the rows that are alike in all columns, for each kind of row; and the kind of each row."""
     kinds = np.zeros(len(columns[0]), np.int64)
-    for column in (part for c in columns for part in np.atleast_2d(c.T)):
-        _, found = np.unique(column, return_inverse=True)
-        _, kinds = np.unique(kinds * (found.max(initial=0) + 1) + found, return_inverse=True)
+    for column in {id(c): c for c in columns}.values():
+        for part in np.atleast_2d(column.T):
+            if len(part) and (part != part[0]).any():
+                _, found = np.unique(part, return_inverse=True)
+                _, kinds = np.unique(kinds * (found.max(initial=0) + 1) + found, return_inverse=True)
     _, first = np.unique(kinds, return_index=True)
     return first, kinds

@@ -12,6 +12,7 @@ from femtune.fem.elements.placement import arm_transform
 from femtune.model.configuration import mass_terms
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen import EigenSolution
+from femtune.model.term import MatrixTerm, Term
 
 Reals = NDArray[np.float64]
 
@@ -79,7 +80,13 @@ def _inertial_forces(point: ModelPoint, motions: Reals) -> Reals:
     for term in (*configured.model.terms, *mass_terms(structure.nodes, configured.configuration.masses)):
         if term.matrix != "mass":
             continue
-        on = ~np.isin(term.elements, off)
-        factor = 1.0 if term.coefficient is None else term.coefficient(table).value[term.columns[on], None, None]
-        np.add.at(out, term.dofs[on], factor * (term.matrices[on] @ grounded[term.dofs[on]]))
+        c = np.ones(1) if term.coefficient is None else term.coefficient(table).value
+        if isinstance(term, MatrixTerm):
+            whole = term.upper @ motions + term.upper.T @ motions - term.upper.diagonal()[:, None] * motions
+            out[:-1] += c[0] * whole
+        elif isinstance(term, Term):
+            for part in term.parts():
+                on = ~np.isin(term.elements[part], off)
+                at, factor = term.dofs[part][on], c[term.columns[part][on], None, None]
+                np.add.at(out, at, factor * (term.matrices(part)[on] @ grounded[at]))
     return out[:-1]

@@ -11,7 +11,7 @@ from femtune.fem.checks import MassProperties, mass_properties_of, rigid_body_mo
 from femtune.fem.values import TableJet
 from femtune.model.configuration import mass_terms
 from femtune.model.configured import ModelPoint
-from femtune.model.terms import Term
+from femtune.model.term import MatrixTerm, Term, TermFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,19 +55,31 @@ def _rigid_mass(point: ModelPoint, about: NDArray) -> tuple[NDArray, NDArray]:
     value, gradient = np.zeros((6, 6)), np.zeros((6, 6, point.n_parameters))
     for term in (*configured.model.terms, *mass_terms(structure.nodes, configured.configuration.masses)):
         if term.matrix == "mass":
-            more, slopes = _of_term(term, motions, ~np.isin(term.elements, off), table)
+            more, slopes = _of_term(term, _rigid_parts(term, motions, off), table)
             value, gradient = value + more, gradient + slopes
     return value, gradient
 
 
-def _of_term(term: Term, motions: NDArray, active: NDArray, table: TableJet) -> tuple[NDArray, NDArray]:
-    moved = motions[term.dofs[active]]
-    parts = np.einsum("eia,eij,ejb->eab", moved, term.matrices[active], moved, optimize=True)
+def _rigid_parts(term: TermFunction, motions: NDArray, off: list[int]) -> NDArray:
+    """(n_columns, 6, 6) rᵀMr of every column of a term."""
+    out = np.zeros((term.n_columns, 6, 6))
+    if isinstance(term, MatrixTerm):
+        half = motions[:-1].T @ (term.upper @ motions[:-1])
+        return np.asarray((half + half.T - motions[:-1].T @ (term.upper.diagonal()[:, None] * motions[:-1]))[None])
+    assert isinstance(term, Term)
+    for part in term.parts():
+        active = ~np.isin(term.elements[part], off)
+        moved = motions[term.dofs[part][active]]
+        own = np.swapaxes(moved, 1, 2) @ (term.matrices(part)[active] @ moved)
+        np.add.at(out, term.columns[part][active], own)
+    return out
+
+
+def _of_term(term: TermFunction, parts: NDArray, table: TableJet) -> tuple[NDArray, NDArray]:
     if term.coefficient is None:
         return parts.sum(axis=0), np.zeros((6, 6, 1))
     c = term.coefficient(table)
-    columns = term.columns[active]
-    return np.einsum("eab,e->ab", parts, c.value[columns]), np.einsum("eab,ep->abp", parts, c.grad[columns])
+    return np.einsum("eab,e->ab", parts, c.value), np.einsum("eab,ep->abp", parts, c.grad)
 
 
 def _centre_gradient(matrix: NDArray, gradient: NDArray) -> NDArray:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.derivatives import SubspaceDerivative, subspace_derivative
+from femtune.model.derivatives import SubspaceDerivative
 from femtune.model.eigen import EigenSolution
+from femtune.model.mode_derivatives import subspace_derivative
 from femtune.model.response.rigid import is_rigid
 
 Reals = NDArray[np.float64]

@@ -107,7 +107,7 @@ def _lines(freq_hz: ArrayLike) -> Reals:
         raise FemtuneError(
             "response.frequencies",
             "frequency lines must be finite numbers, not negative, and increase; at least one is needed",
-            values={"lines (Hz)": np.array2string(lines.ravel()[:6], precision=6, separator=", ")},
+            values={"lines (Hz)": ", ".join(f"{line:.6g}" for line in lines.ravel()[:6])},
             hint="numpy.linspace(first, last, count) gives such lines",
         )
     return lines

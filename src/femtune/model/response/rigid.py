@@ -10,6 +10,8 @@ from femtune.dofs import DIRECTIONS
 from femtune.fem.checks import rigid_body_modes
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen import EigenSolution, solve_modes
+from femtune.model.pencil import pieces
+from femtune.model.symmetric import SymmetricMatrix
 
 Reals = NDArray[np.float64]
 
@@ -17,17 +19,26 @@ Reals = NDArray[np.float64]
 # only where λ is within the rounding of its own strain energy
 _ZERO, _ZERO_BY_ROUNDING = 1e-7, 1e-3
 _ROUNDING = 64 * np.finfo(float).eps
+# rounding that is asked for a shift far above the elastic eigenvalues must not make these rigid: what is rigid strains
+# by no more than this fraction of the parts that cancel, or is nothing beside the shift
+_STRAIN, _NOTHING = 1e-9, 1e-11
 _IN_SPAN = 1e-5
 
 
 def is_rigid(modes: EigenSolution) -> NDArray[np.bool_]:
     """(m,) True for the known modes whose eigenvalue is zero but for rounding."""
-    phi = np.abs(modes.shapes)
-    parts = np.einsum("ij,ij->j", phi, np.abs(modes.point.stiffness) @ phi)
-    shift = abs(modes.shift)
-    return np.asarray(
-        np.abs(modes.eigenvalues) <= np.maximum(_ZERO * shift, np.minimum(_ROUNDING * parts, _ZERO_BY_ROUNDING * shift))
-    )
+    value, shift, parts = np.abs(modes.eigenvalues), abs(modes.shift), _strain_parts(modes)
+    unstrained = value <= np.maximum(_STRAIN * parts, _NOTHING * shift)
+    by_rounding = value <= np.minimum(_ROUNDING * parts, _ZERO_BY_ROUNDING * shift)
+    return np.asarray(((value <= _ZERO * shift) & unstrained) | by_rounding)
+
+
+def _strain_parts(modes: EigenSolution) -> Reals:
+    """(m,) |φ|ᵀ|K||φ|: the size of the parts that add up to λ."""
+    K = modes.point.symmetric_stiffness
+    sizes, phi = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr), np.abs(modes.shapes)
+    columns = [np.ascontiguousarray(phi[:, part]) for part in pieces(0, phi.shape[1])]
+    return np.concatenate([np.zeros(0), *(np.einsum("ij,ij->j", some, sizes @ some) for some in columns)])
 
 
 def with_elastic_mode(point: ModelPoint) -> EigenSolution:

@@ -1,0 +1,203 @@
+"""Coefficient functions of the parameters, those that are proportional to each other kept once.
+
+Whether two are proportional is decided by numbers: analytic functions whose ratio is the same at several random points
+are the same function but for a factor, which goes into the matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.fem.contribution import Coefficient
+from femtune.fem.values import TableJet
+from femtune.parameters import jet
+from femtune.parameters.jet import Jet
+
+Reals = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# relative difference below which two ratios are equal; a coefficient carries a few roundings of 1e-16
+PROPORTIONAL = 1e-13
+
+# below this part of its largest value, the nominal value of a coefficient is no measure of it
+SMALL = 1e-3
+
+# a multiple this much larger than the one that stands for a function takes its place
+CLEARLY = 10.0
+
+NOTHING = -1
+"""The number of a coefficient that is zero whatever the parameters are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Coefficients of one function: positions of its roles in the value table (m,) each, and its facts (m,)."""
+
+    function: Coefficient
+    roles: Mapping[str, Integers]
+    facts: Mapping[str, NDArray]
+
+    def rows(self, at: Integers) -> Source:
+        """Some of them."""
+        return Source(
+            self.function, {r: p[at] for r, p in self.roles.items()}, {f: v[at] for f, v in self.facts.items()}
+        )
+
+    def __len__(self) -> int:
+        return len(next(iter(self.roles.values())))
+
+    def values(self, table: Reals) -> Reals:
+        """(s, m) values for s value tables (s, n)."""
+        count = len(table)
+        roles = {r: jet.constant(table[:, p].ravel(), 0) for r, p in self.roles.items()}
+        facts = {f: np.concatenate([v] * count) for f, v in self.facts.items()}
+        with np.errstate(all="ignore"):
+            found = np.asarray(self.function(roles, facts).value)
+        return np.broadcast_to(found, (count * len(self),)).reshape(count, len(self))
+
+    def jet(self, table: TableJet) -> Jet:
+        """Jet of shape (m,) at a point of the parameters."""
+        return self.function({r: table[p] for r, p in self.roles.items()}, self.facts)
+
+
+@dataclass(eq=False)
+class CoefficientBook:
+    """All coefficient functions of a model, numbered; `samples` (s, n) are value tables, the nominal one first."""
+
+    samples: Reals
+    sources: list[Source] = field(default_factory=list)
+    places: list[tuple[int, int]] = field(default_factory=list)
+    _sizes: Reals = field(default_factory=lambda: np.zeros(0))
+    _ratios: Reals = field(init=False)
+    _keys: Reals = field(default_factory=lambda: np.zeros(0))
+    _order: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        count = len(self.samples)
+        self._ratios = np.zeros((0, count))
+        # a positive mean is zero for hardly any function; the key tells functions apart by one number
+        self._mean, self._key = np.random.default_rng(20).uniform(0.5, 1.5, (2, count))
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def number(self, source: Source) -> tuple[Integers, Reals]:
+        """(m,) number of the function that each coefficient is a multiple of, and (m,) the factor.
+
+        NOTHING is the number of a coefficient that is zero at all samples.
+        """
+        values = source.values(self.samples)
+        size = self._size(values)
+        ratios = (values / size).T
+        found = self._known(ratios)
+        found[(values == 0.0).all(axis=0)] = NOTHING
+        new = np.flatnonzero(found == _NEW)
+        if new.size:
+            found[new] = self._add(source, new, ratios[new], size[new])
+        self._improve(source, found, size)
+        return found, np.where(found == NOTHING, 0.0, size)
+
+    def _size(self, values: Reals) -> Reals:
+        """(m,) what coefficients (s, m) are multiples by: their nominal values, so that functions are 1 there."""
+        vanishes = np.abs(values[0]) <= SMALL * np.abs(values).max(axis=0)
+        size = np.where(vanishes, self._mean @ values, values[0])
+        size[size == 0.0] = 1.0
+        return size
+
+    def scale(self, numbers: Integers) -> Reals:
+        """What the functions that stand for others are divided by, so that the factors above are right."""
+        return np.asarray(self._sizes[numbers])
+
+    def _improve(self, source: Source, found: Integers, size: Reals) -> None:
+        """Let the largest of the multiples stand for a function: a small one may be what a cancellation left of it."""
+        order = np.argsort(np.abs(size), kind="stable")
+        order = order[found[order] != NOTHING]
+        # the last of a kind in ascending order is the largest
+        kinds, last = np.unique(found[order][::-1], return_index=True)
+        rows = order[::-1][last]
+        better = np.abs(size[rows]) > CLEARLY * np.abs(self._sizes[kinds])
+        if better.any():
+            for i, kind in enumerate(kinds[better]):
+                self.places[kind] = (len(self.sources), i)
+            self.sources.append(source.rows(rows[better]))
+            self._sizes[kinds[better]] = size[rows[better]]
+
+    def _known(self, ratios: Reals) -> Integers:
+        """(m,) number of the function with the same ratios, _NEW without one."""
+        found = np.full(len(ratios), _NEW)
+        at = np.searchsorted(self._keys, ratios @ self._key)
+        for near in (at - 1, at):
+            some = np.flatnonzero((near >= 0) & (near < len(self._keys)))
+            candidate = self._order[near[some]]
+            same = _alike(ratios[some], self._ratios[candidate])
+            found[some[same]] = candidate[same]
+        return found
+
+    def _add(self, source: Source, rows: Integers, ratios: Reals, size: Reals) -> Integers:
+        """Number new functions; (r,) their numbers."""
+        order = np.argsort(ratios @ self._key, kind="stable")
+        first = np.ones(len(order), bool)
+        first[1:] = ~_alike(ratios[order[1:]], ratios[order[:-1]])
+        numbers = np.empty(len(order), np.int64)
+        numbers[order] = len(self) + np.cumsum(first) - 1
+        chosen = order[first]
+        self.places += [(len(self.sources), i) for i in range(len(chosen))]
+        self.sources.append(source.rows(rows[chosen]))
+        self._sizes = np.concatenate([self._sizes, size[chosen]])
+        self._ratios = np.concatenate([self._ratios, ratios[chosen]])
+        keys = ratios[chosen] @ self._key
+        at = np.searchsorted(self._keys, keys)
+        self._keys = np.insert(self._keys, at, keys)
+        self._order = np.insert(self._order, at, numbers[chosen])
+        return numbers
+
+
+_NEW = -2
+
+
+def _alike(a: Reals, b: Reals) -> NDArray[np.bool_]:
+    """True where rows (m, s) are equal but for rounding; never where one is not finite."""
+    with np.errstate(invalid="ignore"):
+        off, size = np.abs(a - b).max(axis=1, initial=0.0), np.abs(a).max(axis=1, initial=0.0)
+        return np.asarray(off <= PROPORTIONAL * size)
+
+
+@dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Some functions of a book: value table -> jet of shape (len(numbers),)."""
+
+    book: CoefficientBook
+    numbers: Integers
+
+    def __call__(self, table: TableJet) -> Jet:
+        parts = [source.jet(table) for source, _ in self._plan]
+        kind = np.result_type(float, *(p.value for p in parts))
+        out = jet.constant(np.zeros(len(self.numbers), kind), table.moving.n_variables)
+        scale = self.book.scale(self.numbers)
+        for (_, places), part in zip(self._plan, parts):
+            own = part / scale[places]
+            out.value[places], out.grad[places], out.hess[places] = own.value, own.grad, own.hess
+        return out
+
+    @cached_property
+    def _plan(self) -> list[tuple[Source, Integers]]:
+        """Sources of the numbers and their places in the result, those of one function together."""
+        own = np.array([self.book.places[i] for i in self.numbers], np.int64).reshape(-1, 2)
+        by_function: dict[tuple[object, ...], list[tuple[Source, Integers]]] = {}
+        for s in np.unique(own[:, 0]):
+            places = np.flatnonzero(own[:, 0] == s)
+            source = self.book.sources[s].rows(own[places, 1])
+            by_function.setdefault((source.function, *source.roles, *source.facts), []).append((source, places))
+        return [_joined(group) for group in by_function.values()]
+
+
+def _joined(group: Sequence[tuple[Source, Integers]]) -> tuple[Source, Integers]:
+    sources = [source for source, _ in group]
+    roles = {r: np.concatenate([s.roles[r] for s in sources]) for r in sources[0].roles}
+    facts = {f: np.concatenate([s.facts[f] for s in sources]) for f in sources[0].facts}
+    return Source(sources[0].function, roles, facts), np.concatenate([places for _, places in group])

@@ -1,0 +1,208 @@
+"""Start of SLEPc's processes: which Python, which launcher, how many ranks, and what is said where they fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+from femtune.errors import FemtuneError
+from femtune.model.distributed.processes import run_to_end
+
+PYTHON, RANKS, LAUNCHER = "FEMTUNE_SLEPC_PYTHON", "FEMTUNE_SLEPC_RANKS", "FEMTUNE_SLEPC_LAUNCHER"
+INSTALLATION = (
+    "apt-get install python3-slepc4py openmpi-bin libopenblas0-pthread (Debian, Ubuntu), "
+    f"or name a Python that has slepc4py in {PYTHON}"
+)
+_PROGRAM = Path(__file__).with_name("program.py")
+_SYSTEM_PYTHONS = ("/usr/bin/python3", "/usr/local/bin/python3")
+_PROBE_SECONDS = 120
+_TAIL_LINES = 15
+_RANKS_PER_CORE = 4
+_OPTIONS = "PETSC_OPTIONS"
+
+
+def slepc_python() -> str:
+    """The first Python with slepc4py: the one that the environment names, else of the system or this one.
+
+    Raises
+    ------
+    FemtuneError : ``slepc.not-installed``, telling what each said
+    """
+    named = os.environ.get(PYTHON, "").strip()
+    said = {}
+    for candidate in [named] if named else _pythons():
+        found, text = probe(candidate)
+        if found:
+            return candidate
+        said[candidate] = text
+    raise FemtuneError("slepc.not-installed", "no Python with slepc4py was found", values=said, hint=INSTALLATION)
+
+
+def _pythons() -> list[str]:
+    candidates = [*_SYSTEM_PYTHONS, shutil.which("python3") or "", sys.executable]
+    return [path for path in dict.fromkeys(candidates) if path and os.path.exists(path)]
+
+
+@lru_cache(maxsize=8)
+def probe(python: str) -> tuple[bool, str]:
+    """Whether a Python has slepc4py, and its version or what is wrong."""
+    try:
+        done = subprocess.run(
+            [python, str(_PROGRAM), "--versions"],
+            capture_output=True, text=True, errors="replace", timeout=_PROBE_SECONDS, env=environment(1),
+            stdin=subprocess.DEVNULL, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as failed:
+        return False, str(failed)
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        return False, last if _is_python(python) else f'is no Python 3: it said "{last}"'
+    try:
+        return True, str(json.loads(done.stdout.strip().splitlines()[-1])["slepc"])
+    except (ValueError, LookupError, TypeError):
+        return False, "its answer is not that of the program" if _is_python(python) else "is no Python 3"
+
+
+def _is_python(command: str) -> bool:
+    try:
+        done = subprocess.run(
+            [command, "-c", "import sys; print('Python', sys.version_info[0])"],
+            capture_output=True, timeout=_PROBE_SECONDS, env=environment(1), stdin=subprocess.DEVNULL, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.stdout.split() == [b"Python", b"3"]
+
+
+def ranks() -> int:
+    """Number of processes: of the environment, else one a core; at most a few a core without a launcher of the user's.
+
+    Raises
+    ------
+    FemtuneError : ``slepc.launcher`` for what is not a positive number, or for more than this machine bears
+    """
+    text = os.environ.get(RANKS, "").strip()
+    if not text:
+        return cores()
+    number = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 0
+    most = _RANKS_PER_CORE * cores()
+    if 0 < number <= most or (number and os.environ.get(LAUNCHER, "").strip()):
+        return number
+    raise FemtuneError(
+        "slepc.launcher",
+        f"{RANKS} is not a number of processes from 1 to {most} ({_RANKS_PER_CORE} a core)",
+        values={RANKS: text[:80]},
+        hint=f"give such a number, or name in {LAUNCHER} what starts more of them on several machines",
+    )
+
+
+def expected_ranks() -> int | None:
+    """Number of processes that must find each other; None where a launcher of the user's decides."""
+    return None if os.environ.get(LAUNCHER, "").strip() else ranks()
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def launcher(number: int) -> list[str]:
+    """The command before the Python that starts it on all ranks.
+
+    Raises
+    ------
+    FemtuneError : ``slepc.launcher``
+    """
+    text = os.environ.get(LAUNCHER, "").strip()
+    if text:
+        return _split(text)
+    if number == 1:
+        return []
+    found = shutil.which("mpiexec") or shutil.which("mpirun")
+    if found is None:
+        raise FemtuneError(
+            "slepc.launcher",
+            f"neither mpiexec nor mpirun is on the path to start {number} processes",
+            hint=f"apt-get install openmpi-bin, name the whole command in {LAUNCHER}, or set {RANKS}=1",
+        )
+    return [found, "-n", str(number)]
+
+
+def _split(text: str) -> list[str]:
+    try:
+        words = shlex.split(text)
+    except ValueError as unbalanced:
+        raise FemtuneError(
+            "slepc.launcher", f"{LAUNCHER} cannot be split into words: {unbalanced}", values={LAUNCHER: text},
+            hint="close its quotation marks",
+        ) from unbalanced  # fmt: skip
+    if shutil.which(words[0]) is None:
+        raise FemtuneError(
+            "slepc.launcher", f"the launcher '{words[0]}' is not on the path", values={LAUNCHER: text},
+            hint="write the command as in a shell: srun -n 64",
+        )  # fmt: skip
+    return words
+
+
+def environment(number: int) -> dict[str, str]:
+    """This environment with threads shared among the ranks; what the user has set stays."""
+    defaults = {
+        "OMP_NUM_THREADS": str(max(1, cores() // number)),
+        # more processes than cores are the user's own wish, in the words of OpenMPI 4 and 5
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    }
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        defaults |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    return {**_inherited(os.environ), **{k: v for k, v in defaults.items() if k not in os.environ}}
+
+
+def _inherited(variables: Mapping[str, str]) -> dict[str, str]:
+    """Without what belongs to the Python of femtune alone."""
+    return {k: v for k, v in variables.items() if k not in {"PYTHONHOME", "__PYVENV_LAUNCHER__"}}
+
+
+def run(folder: Path) -> None:
+    """Run the program on all ranks in a folder and wait; the end of femtune ends all of them.
+
+    Raises
+    ------
+    FemtuneError : ``slepc.not-installed``, ``slepc.launcher``, ``slepc.timeout``, ``slepc.failed`` with the end of
+        what they said
+    """
+    number = ranks()
+    command = [*launcher(number), slepc_python(), str(_PROGRAM), str(folder)]
+    code = run_to_end(command, environment(number), folder / "said.txt")
+    if code:
+        raise _failed(command, code, folder / "said.txt")
+
+
+def _failed(command: list[str], code: int, said: Path) -> FemtuneError:
+    text = said.read_text(encoding="utf-8", errors="replace")
+    # the launcher's own words, framed by lines of dashes, hide the cause
+    lines = [line for line in text.partition("-" * 60)[0].splitlines() if line.strip()]
+    return FemtuneError(
+        "slepc.failed",
+        "\n    ".join([f"the processes of SLEPc ended with the code {code}", *lines[-_TAIL_LINES:]]),
+        values={"command": shlex.join(command), **petsc_options()},
+        hint=with_petsc_options("an INFOG(1) of -9 or -13 is too little memory: more machines, or fewer ranks on each"),
+    )
+
+
+def petsc_options() -> dict[str, str]:
+    """What the environment tells PETSc, for a message; {} where it says nothing."""
+    text = os.environ.get(_OPTIONS, "").strip()
+    return {_OPTIONS: text[:200]} if text else {}
+
+
+def with_petsc_options(hint: str) -> str:
+    """A hint that starts with PETSC_OPTIONS where these are set."""
+    return f"try without {_OPTIONS}, which is set; {hint}" if petsc_options() else hint

@@ -1,0 +1,84 @@
+"""M-orthonormal blocks: classical Gram-Schmidt by blocks, with a rank that is revealed rather than assumed."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from femtune.model.sparse_products import Product
+
+Reals = NDArray[np.float64]
+
+_RANK = 1e-14
+"""Directions of a block's Gram matrix (of unit diagonal) below this are rounding."""
+_WELL, _SWEEPS = 1e3, 4
+"""A block whose coefficients are conditioned better than this keeps its orthogonality to the basis."""
+
+
+def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[Reals, Reals]:
+    """Q (n, r) with VᵀMQ = 0 and QᵀMQ = 1, and B (r, b) with W = Q B + (a part in V that is rounding).
+
+    Parameters
+    ----------
+    W : (n, b) in Fortran's order, overwritten; its part in V is small or known to the caller
+    V : (n, k), M-orthonormal
+    smallest : columns of W whose M-norm is below this are rounding and are dropped
+
+    Sources: block classical Gram-Schmidt, twice; Stathopoulos and Wu 2002 (orthonormalisation by the Gram matrix).
+    """
+    total = np.eye(W.shape[1])
+    for _ in range(_SWEEPS):
+        MW = mass @ W
+        C = V.T @ MW
+        subtract(W, V, C)
+        R, condition, change = _factors(W.T @ MW - C.T @ C, smallest)
+        W, total = multiply(W, R), change @ total
+        smallest = 0.0
+        if condition < _WELL or not W.shape[1]:
+            break
+    return _once_more(W, total, mass)
+
+
+def _once_more(W: Reals, total: Reals, mass: Product) -> tuple[Reals, Reals]:
+    """Mend what is left of the first Gram matrix' rounding, inside the block."""
+    if W.shape[1]:
+        R, _, change = _factors(W.T @ (mass @ W), 0.0)
+        W, total = multiply(W, R), change @ total
+    return W, total
+
+
+def _factors(gram: Reals, smallest: float) -> tuple[Reals, float, Reals]:
+    """R (b, r) with RᵀGR = 1, the condition of the columns, and R's left inverse (r, b)."""
+    norms = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    some = norms > smallest
+    scale = np.divide(1.0, norms, out=np.zeros_like(norms), where=some)
+    if not some.any():
+        return np.zeros((len(norms), 0)), 1.0, np.zeros((0, len(norms)))
+    values, vectors = la.eigh(0.5 * scale[:, None] * (gram + gram.T) * scale)
+    keep = values > _RANK * values[-1]
+    root = np.sqrt(values[keep])
+    R = scale[:, None] * vectors[:, keep] / root
+    change = (root[:, None] * vectors[:, keep].T) * norms
+    return R, float(root[-1] / root[0]), change
+
+
+def column_products(A: Reals, B: Reals) -> Reals:
+    """a_jᵀb_j of the columns of two arrays in Fortran's order."""
+    return np.array([a @ b for a, b in zip(A.T, B.T, strict=True)])
+
+
+def multiply(A: Reals, B: Reals) -> Reals:
+    """A B in Fortran's order."""
+    if not A.size or not B.size:
+        return np.zeros((A.shape[0], B.shape[1]), order="F")
+    return np.asarray(la.blas.dgemm(1.0, A, B))
+
+
+def subtract(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W − V C in place, without an array of the size of W where both are in Fortran's order."""
+    if not C.size:
+        return
+    out = la.blas.dgemm(-1.0, V, C, beta=1.0, c=W, overwrite_c=True)
+    if out is not W:
+        W[...] = out

@@ -1,0 +1,227 @@
+"""The terms of a configured model on a basis V: small, dense, and as exact in the parameters as the model itself.
+
+VᵀK(p)V = Σ a_i(p) VᵀK_iV: no expansion in the parameters is made, so values and derivatives are those of the full
+model within the span of V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.fem.contribution import MatrixKind
+from femtune.model.configuration import Configuration
+from femtune.model.configured import ConfiguredModel, ModelPoint
+from femtune.model.products import projections
+from femtune.parameters.jet import Jet
+
+Reals = NDArray[np.float64]
+
+KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
+
+# bytes of dense terms beyond which a reduced model is none
+MOST_BYTES = 2 * 1024**3
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """K(p) = Σ a_i(p) VᵀK_iV and M(p), C(p), H(p) likewise, of order r.
+
+    Parameters
+    ----------
+    configured : the full model
+    order : r
+    terms : (n_columns, r, r) by the position of the term in `configured.projected`
+    rows : (s, r) C V, what is seen of the modes at chosen DOFs or sensors
+    shift : σ < 0 of the size of the lowest elastic eigenvalues; K − σM is positive definite
+    """
+
+    configured: ConfiguredModel
+    order: int
+    terms: dict[int, Reals] = field(repr=False)
+    rows: Reals = field(repr=False)
+    shift: float
+
+    @property
+    def configuration(self) -> Configuration:
+        """The state of the structure that the model describes."""
+        return self.configured.configuration
+
+    @property
+    def n_free(self) -> int:
+        """Its number of degrees of freedom, the order."""
+        return self.order
+
+    def at(self, x: NDArray) -> ReducedPoint:
+        """The reduced model at one normalised parameter vector, real or complex."""
+        return ReducedPoint(self, np.asarray(x))
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedPoint:
+    """Dense matrices (r, r) and their exact derivatives at one x."""
+
+    model: ReducedModel
+    x: NDArray
+
+    @cached_property
+    def full(self) -> ModelPoint:
+        """The full model at the same parameters."""
+        return self.model.configured.at(self.x)
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of free parameters."""
+        return self.full.n_parameters
+
+    def _matrix(self, kind: MatrixKind, weight: Callable[[Jet], NDArray], constant: float = 0.0) -> NDArray:
+        """Σ weight(coefficient) VᵀK_iV of a kind; `constant` is the weight of terms without coefficient."""
+        r = self.model.order
+        out = np.zeros((r, r), dtype=complex if np.iscomplexobj(self.x) else float)
+        for i, values in self.model.terms.items():
+            if self.model.configured.projected[i].term.matrix == kind:
+                jet = self.full.coefficients[i]
+                weights = np.full(1, constant) if jet is None else weight(jet)
+                for c in np.flatnonzero(weights):
+                    out += weights[c] * values[c]
+        return out
+
+    def _value(self, kind: MatrixKind) -> NDArray:
+        return self._matrix(kind, lambda jet: jet.value, 1.0)
+
+    def _first(self, kind: MatrixKind) -> tuple[NDArray, ...]:
+        return tuple(self._matrix(kind, lambda jet, i=i: jet.grad[:, i]) for i in range(self.n_parameters))  # type: ignore[misc]
+
+    def second_derivative(self, kind: MatrixKind, i: int, j: int) -> NDArray:
+        """∂²/∂x_i∂x_j of K, M, C, or of the part of H that materials and elements make."""
+        return self._matrix(kind, lambda jet: jet.hess[:, i, j])
+
+    @cached_property
+    def stiffness(self) -> NDArray:
+        """VᵀKV."""
+        return self._value("stiffness")
+
+    @cached_property
+    def mass(self) -> NDArray:
+        """VᵀMV."""
+        return self._value("mass")
+
+    @cached_property
+    def viscous(self) -> NDArray:
+        """VᵀCV of dashpots."""
+        return self._value("viscous")
+
+    @cached_property
+    def hysteretic(self) -> NDArray:
+        """VᵀHV: loss factors of materials, elements and the whole structure."""
+        own, eta = self._value("hysteretic"), self.full.loss_factor
+        return own if eta is None else own + eta.value * self.stiffness
+
+    @cached_property
+    def stiffness_derivatives(self) -> tuple[NDArray, ...]:
+        """Vᵀ(∂K/∂x_i)V of every free parameter."""
+        return self._first("stiffness")
+
+    @cached_property
+    def mass_derivatives(self) -> tuple[NDArray, ...]:
+        """Vᵀ(∂M/∂x_i)V of every free parameter."""
+        return self._first("mass")
+
+    @cached_property
+    def viscous_derivatives(self) -> tuple[NDArray, ...]:
+        """Vᵀ(∂C/∂x_i)V of every free parameter."""
+        return self._first("viscous")
+
+    @cached_property
+    def hysteretic_derivatives(self) -> tuple[NDArray, ...]:
+        """Vᵀ(∂H/∂x_i)V of every free parameter."""
+        own, eta = self._first("hysteretic"), self.full.loss_factor
+        if eta is None:
+            return own
+        pairs = zip(own, self.stiffness_derivatives, eta.grad)
+        return tuple(h + eta.value * k + d * self.stiffness for h, k, d in pairs)
+
+    def hysteretic_second_derivative(self, i: int, j: int) -> NDArray:
+        """∂²H/∂x_i∂x_j with the loss factor of the whole structure."""
+        own, eta = self.second_derivative("hysteretic", i, j), self.full.loss_factor
+        if eta is None:
+            return own
+        k, second = self.stiffness_derivatives, self.second_derivative("stiffness", i, j)
+        return own + eta.value * second + eta.grad[i] * k[j] + eta.grad[j] * k[i] + eta.hess[i, j] * self.stiffness
+
+
+def reduce_model(
+    configured: ConfiguredModel, basis: Reals, rows: NDArray | None = None, shift: float | None = None
+) -> ReducedModel:
+    """The terms of a model on a basis.
+
+    Parameters
+    ----------
+    basis : V (n_free, r)
+    rows : C (s, n_free), dense or sparse: the combinations of DOFs at which modes are wanted; none without it
+    shift : that of an `EigenSolution`; from the size of the nominal matrices without it
+
+    Raises
+    ------
+    FemtuneError : ``reduce.too-many-terms``, ``model.memory``
+    """
+    check_size(configured, basis.shape[1])
+    terms: dict[int, Reals] = {}
+    for kind in KINDS:
+        terms |= projections(configured, kind, basis, basis)
+    seen = np.zeros((0, basis.shape[1])) if rows is None else np.asarray(rows @ basis)
+    model = ReducedModel(configured, basis.shape[1], terms, seen, -1.0 if shift is None else shift)
+    return model if shift is not None else replace(model, shift=_shift(model))
+
+
+def _shift(model: ReducedModel) -> float:
+    """A thousandth of the mean ratio of stiffness to mass: rounding decides over the digits of the lowest modes."""
+    nominal = model.at(np.zeros(len(model.configured.model.parameters.free)))
+    return -1e-3 * float(np.trace(nominal.stiffness) / np.trace(nominal.mass))
+
+
+def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> ReducedModel:
+    """The reduced model on a basis whose first columns are those of `model`: only new products are made.
+
+    Raises
+    ------
+    FemtuneError : ``reduce.too-many-terms``, ``model.memory``
+    """
+    check_size(model.configured, basis.shape[1])
+    new = np.ascontiguousarray(basis[:, model.order :])
+    terms: dict[int, Reals] = {}
+    for kind in KINDS:
+        found = projections(model.configured, kind, basis, new)
+        terms |= {i: _bordered(model.terms[i], columns) for i, columns in found.items()}
+    seen = np.zeros((0, basis.shape[1])) if rows is None else np.hstack([model.rows, np.asarray(rows @ new)])
+    return ReducedModel(model.configured, basis.shape[1], terms, seen, model.shift)
+
+
+def _bordered(old: Reals, columns: Reals) -> Reals:
+    """(n, r, r) symmetric from its leading (n, q, q) block and its last columns (n, r, r − q)."""
+    n, r, _ = columns.shape
+    q = old.shape[1]
+    out = np.empty((n, r, r))
+    out[:, :q, :q] = old
+    out[:, :, q:] = columns
+    out[:, q:, :q] = np.swapaxes(columns[:, :q], 1, 2)
+    return out
+
+
+def check_size(configured: ConfiguredModel, order: int) -> None:
+    """Refuse terms that would be larger dense than the sparse model is worth (error ``reduce.too-many-terms``)."""
+    columns = sum(p.term.n_columns for p in configured.projected)
+    if 8 * columns * order**2 > MOST_BYTES:
+        raise FemtuneError(
+            "reduce.too-many-terms",
+            f"configuration {configured.configuration.name}: {columns:,} functions of the parameters each need a "
+            f"matrix of order {order}",
+            values={"memory (GiB)": f"{8 * columns * order**2 / 1024**3:.1f}"},
+            hint="let fewer fields depend on parameters (offsets and sections that differ from element to element make "
+            "a term each), or limit the order",
+        )

@@ -1,0 +1,138 @@
+"""Reduced models that are trained on a box of the parameters: modes at points chosen greedily by the error estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.model.configured import ConfiguredModel, ModelPoint
+from femtune.model.eigen import EigenSolution, solve_modes
+from femtune.model.factorise import factorise
+from femtune.model.reduce.basis import extend, orthonormal
+from femtune.model.reduce.candidates import candidates
+from femtune.model.reduce.estimate import ABOVE, Estimator, certified_error
+from femtune.model.reduce.reduced_model import enlarge, reduce_model
+from femtune.model.reduce.reduced_modes import reduced_modes
+from femtune.model.reduce.saved import SavedBasis
+from femtune.model.reduce.trained import Certified, Trained, TrainingRules, TrainingStatus
+
+Reals = NDArray[np.float64]
+FIRST_MODES = 1.5
+"""Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
+down among these."""
+
+Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
+
+
+@dataclass(frozen=True, eq=False)
+class Trainer:
+    """Trains reduced models of one configured model.
+
+    Parameters
+    ----------
+    rows : (s, n_free) where the modes are wanted
+    solve : the full solution of a model point and a number of modes, from modes nearby where they are given
+    report : told after every full solution
+    """
+
+    configured: ConfiguredModel
+    rules: TrainingRules
+    rows: NDArray | None = None
+    solve: Solve = field(default=lambda point, count, start: solve_modes(point, count, start=start))
+    report: Callable[[Trained], None] = field(default=lambda trained: None)
+
+    def start(self, inputs: Reals | None = None) -> Trained:
+        """The basis of the nominal modes, with the static shapes (K0 − σM0)⁻¹F of the inputs F (n_free, f)."""
+        lower, upper = self.configured.model.parameters.bounds
+        x = np.zeros(len(lower))
+        solution = self.solve(self.configured.at(x), int(FIRST_MODES * self.rules.count), None)
+        metric = solution.point.symmetric_stiffness.plus(-solution.shift, solution.point.symmetric_mass)
+        vectors = [solution.shapes]
+        if inputs is not None and inputs.shape[1]:
+            vectors.append(solution.factor.solve(np.asfortranarray(inputs)))
+        basis = orthonormal(np.hstack(vectors), metric)
+        model = reduce_model(self.configured, basis, self.rows, solution.shift)
+        first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
+        points = candidates(lower, upper, self.rules.inner, self.rules.corners)
+        estimator = Estimator(solution.factor, self.rules.count)
+        trained = Trained(
+            model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric
+        )
+        self.report(trained)
+        return trained
+
+    def resume(self, saved: SavedBasis) -> Trained:
+        """Go on with a basis that was saved; the nominal matrices are factorised, nothing is solved."""
+        point = self.configured.at(np.zeros(len(self.configured.model.parameters.free)))
+        metric = point.symmetric_stiffness.plus(-saved.shift, point.symmetric_mass)
+        return Trained(
+            reduce_model(self.configured, saved.basis, self.rows, saved.shift), saved.basis, saved.certified(),
+            saved.points, saved.estimates, TrainingStatus.UNFINISHED, Estimator(factorise(metric), self.rules.count),
+            metric,
+        )  # fmt: skip
+
+    def train(self, trained: Trained) -> Trained:
+        """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached."""
+        while True:
+            trained = self.estimated(trained)
+            status = self._status(trained)
+            if status is not TrainingStatus.UNFINISHED:
+                return replace(trained, status=status)
+            trained = self.certify(trained, trained.points[int(np.argmax(trained.estimates))])
+
+    def certify(self, trained: Trained, x: Reals) -> Trained:
+        """Solve the full model at a point: its true error, and the basis enriched by what it misses there."""
+        point = self.configured.at(x)
+        return self.enriched(trained, x, self.solve(point, self.rules.count, _nearby(trained, point)))
+
+    def enriched(self, trained: Trained, x: Reals, solution: EigenSolution) -> Trained:
+        """As `certify`, with a solution of the full model at `x` that is there already."""
+        values = solution.eigenvalues[: solution.wanted]
+        before = trained.estimator.at(trained.model, trained.basis, x).worst
+        error = float(certified_error(trained.model, x, values).max(initial=0.0))
+        basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
+        point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
+        at = (trained.points == x).all(axis=1)
+        trained = replace(
+            trained,
+            model=enlarge(trained.model, basis, self.rows),
+            basis=basis,
+            certified=(*trained.certified, point),
+            estimates=np.where(at, 0.0, trained.estimates),
+        )
+        self.report(trained)
+        return trained
+
+    def estimated(self, trained: Trained) -> Trained:
+        """The worst candidate found: errors fall as a basis grows, so that only those that may be the worst are tried.
+
+        An estimate that is older than the basis counts as an upper bound.
+        """
+        estimates = trained.estimates.copy()
+        fresh = np.zeros(len(estimates), bool)
+        while len(estimates):
+            i = int(np.argmax(estimates))
+            if fresh[i] or estimates[i] <= self.rules.tolerance:
+                break
+            estimates[i] = trained.estimator.at(trained.model, trained.basis, trained.points[i]).worst
+            fresh[i] = True
+        return replace(trained, estimates=estimates)
+
+    def _status(self, trained: Trained) -> TrainingStatus:
+        if trained.worst_estimate <= self.rules.tolerance:
+            return TrainingStatus.CONVERGED
+        if len(trained.certified) >= self.rules.full_solutions:
+            return TrainingStatus.SOLUTIONS
+        return TrainingStatus.ORDER if trained.model.order >= self.rules.order else TrainingStatus.UNFINISHED
+
+
+def _nearby(trained: Trained, point: ModelPoint) -> EigenSolution:
+    """The reduced modes at a point in the DOFs of the model, for a full solution to start from."""
+    count, model = trained.estimator.count, trained.model
+    modes = reduced_modes(model.at(point.x), count)
+    some = slice(0, int((1.0 + ABOVE) * count))
+    shapes = trained.basis @ modes.shapes[:, some]
+    return EigenSolution(point, modes.eigenvalues[some], shapes, modes.wanted, model.shift, np.nan, -1)

@@ -1,0 +1,1 @@
+"""Sparse factorisations, one file each, and what is known of each."""

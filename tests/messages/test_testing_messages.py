@@ -1,0 +1,18 @@
+"""Messages of the generators of test beds."""
+
+from __future__ import annotations
+
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.testing.subframe import subframe
+
+
+def test_too_few_degrees_of_freedom_say_how_many_there_could_be() -> None:
+    with pytest.raises(FemtuneError) as caught:
+        subframe(1000)
+    assert caught.value.code == "testing.mesh-size"
+    text = str(caught.value)
+    assert "wanted = 1000" in text
+    assert "closest = 5" in text
+    assert "hint: ask for a number within ten per cent" in text
