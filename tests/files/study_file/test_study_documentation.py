@@ -17,6 +17,9 @@ _ROW = re.compile(r"^\| `(\w+)` \| (.+?) \| (.+) \| `(.+)` \|$", re.MULTILINE)
 
 _TABLES: dict[str, type[Table]] = {
     "## `[study]`": study_file.StudyTable,
+    "## `[model]`": study_file.ModelTable,
+    "## `[[matrix]]`": study_file.MatrixEntry,
+    "## `[[variable]]`": study_file.VariableEntry,
     "## `[modes]`": study_file.ModesTable,
     "## `[[configuration]]`": study_file.ConfigurationEntry,
     "### `masses`": study_file.MassEntry,

@@ -12,6 +12,7 @@ from femtune.files.study_file.configuration import (
     switched_off,
 )
 from femtune.files.study_file.kinds import element_list
+from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.options import with_modes, with_response
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.reading import read_study_file, study_from_text
@@ -38,6 +39,8 @@ __all__ = [
     "LeaveOutEntry",
     "LoadEntry",
     "MassEntry",
+    "MatrixEntry",
+    "ModelTable",
     "ModesTable",
     "NearTable",
     "OutputTable",
@@ -55,6 +58,7 @@ __all__ = [
     "StudyTable",
     "TestKeys",
     "UpdateTable",
+    "VariableEntry",
     "WriteTable",
     "element_list",
     "overlay",

@@ -94,6 +94,10 @@ def _frozen(value: Any) -> Any:
 def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
     yield ("study", "deck"), table(data, "study").get("deck"), "deck"
     yield ("test", "file"), table(data, "test").get("file"), "test file"
+    for key, what in (("grid", "file of grid points"), ("dofs", "list of DOFs"), ("listing", "list of modes")):
+        yield ("model", key), table(data, "model").get(key), what
+    for place, entry in tables(data, "matrix"):
+        yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):
         yield (*place, "test"), entry.get("test"), "test file"
 
@@ -103,7 +107,8 @@ def _missing_files(data: dict[str, Any], source: Source, folder: Path) -> Iterat
         if isinstance(name, str) and name and not _is_file(folder / name):
             values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
             hint = "paths are relative to the study file; check name and place"
-            yield source.error(place, "study.missing-file", f"the {what} does not exist", values, hint)
+            state = "is a folder or device, not a file" if os.path.exists(folder / name) else "does not exist"
+            yield source.error(place, "study.missing-file", f"the {what} {state}", values, hint)
 
 
 def _is_file(path: Path) -> bool:

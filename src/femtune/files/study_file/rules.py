@@ -13,6 +13,7 @@ from typing import Any
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.lines import Place
+from femtune.files.study_file.matrices import matrix_rules
 from femtune.files.study_file.parameter_rules import parameter_rules
 from femtune.files.study_file.plain import named_twice, number, table, tables, texts
 from femtune.files.study_file.response_rules import response_rules
@@ -26,6 +27,7 @@ _ABOUT_THE_TEST = ("records", "test_units", "mode_labels", "rotation", "origin",
 
 def rules(data: Data, source: Source) -> Problems:
     """All breaches of rules between keys."""
+    yield from matrix_rules(data, source)
     yield from _modes(data, source)
     yield from _configurations(data, source)
     yield from _sensors(data, source)

@@ -30,7 +30,7 @@ class StudyTable(Table):
     """[study]: what it is about."""
 
     title: Text
-    deck: Text
+    deck: Text | None = None
     units: Units
     allow_ignored: tuple[Text, ...] = ()
     journal: bool = True
@@ -128,6 +128,14 @@ class UpdateTable(Table):
     regularisation: Literal["none", "minimum-change", "prior"] = "none"
     weight: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+
+
+class ReductionTable(Table):
+    """[reduction]: the update searches on reduced models and is certified on the full one."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=0.1)] = 1e-4
+    full_solutions: Annotated[int, Field(ge=4, le=10_000)] = 20
+    order: Annotated[int, Field(ge=10, le=20_000)] = 600
 
 
 class WriteTable(Table):

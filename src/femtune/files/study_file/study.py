@@ -8,6 +8,7 @@ from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
+from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import Source
@@ -15,6 +16,7 @@ from femtune.files.study_file.steps import (
     CorrelateTable,
     ModesTable,
     OutputTable,
+    ReductionTable,
     ResidualsTable,
     RigidFloorEntry,
     SensorEntry,
@@ -33,6 +35,9 @@ class StudyFile(Table):
     """
 
     study: StudyTable
+    model: ModelTable = Field(default_factory=ModelTable)
+    matrix: tuple[MatrixEntry, ...] = ()
+    variable: tuple[VariableEntry, ...] = ()
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
     configuration: tuple[ConfigurationEntry, ...] = ()
@@ -43,6 +48,7 @@ class StudyFile(Table):
     parameter: tuple[ParameterEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     update: UpdateTable = Field(default_factory=UpdateTable)
+    reduction: ReductionTable | None = None
     response: ResponseTable | None = None
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
@@ -63,8 +69,18 @@ class StudyFile(Table):
 
     @property
     def deck_path(self) -> Path:
-        """The deck."""
-        return self.path_of(self.study.deck)
+        """The deck; of a study of matrices, the file of the first one."""
+        return self.path_of(self.source_name)
+
+    @property
+    def source_name(self) -> str:
+        """What the model is made of, as the study names it: the deck, or the file of the first matrix."""
+        return self.study.deck or self.matrix[0].file
+
+    @property
+    def imported(self) -> bool:
+        """True for a study of matrices."""
+        return bool(self.matrix)
 
     @property
     def output_folder(self) -> Path:

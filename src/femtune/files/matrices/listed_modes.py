@@ -1,0 +1,63 @@
+"""Natural frequencies as a solver listed them: Nastran f06, CalculiX and Abaqus .dat."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from femtune.errors import FemtuneError, Where
+
+_TITLES = ("REALEIGENVALUES", "EIGENVALUEOUTPUT")
+_ROW = re.compile(r"\s*\d+(?:\s+\d+)?((?:\s+[-+]?\d*\.\d*(?:[ED][-+]?\d+)?)+)\s*")
+_BETWEEN = 12
+"""Lines without numbers that the table may have: headings, a new page."""
+
+
+def read_listed_modes(path: Path) -> tuple[float, ...]:
+    """Frequencies in Hz of the first table of eigenvalues, rigid-body modes among them.
+
+    Raises
+    ------
+    FemtuneError : ``matrices.no-listing``, ``matrices.unreadable``
+    """
+    found: list[float] = []
+    inside, gap, last = False, 0, 0
+    for line in _lines(path):
+        if line.replace(" ", "").strip() in _TITLES:
+            if found and gap > _BETWEEN:
+                break
+            inside, gap = True, 0
+            continue
+        match = _ROW.fullmatch(line.rstrip("\r\n")) if inside else None
+        if match is None:
+            gap += 1
+            inside = inside and not (found and gap > _BETWEEN)
+            continue
+        number = int(line.split()[0])
+        if number <= last:
+            break
+        # eigenvalue, radians, cycles
+        found.append(float(match[1].replace("D", "E").split()[2]))
+        gap, last = 0, number
+    if not found:
+        raise _none(path)
+    return tuple(found)
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        with path.open(encoding="latin-1") as file:
+            return list(file)
+    except OSError as error:
+        what = f"the file cannot be read: {error.strerror}"
+        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+
+
+def _none(path: Path) -> FemtuneError:
+    return FemtuneError(
+        "matrices.no-listing",
+        "the file has no table of eigenvalues that is known",
+        where=Where(str(path)),
+        values={"known tables": "Nastran f06 (REAL EIGENVALUES), CalculiX and Abaqus dat (EIGENVALUE OUTPUT)"},
+        hint="write the frequencies into the study: listed_hz = [12.3, 45.6]",
+    )

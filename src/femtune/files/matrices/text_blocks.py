@@ -1,0 +1,148 @@
+"""Columns of numbers in a text file, read block by block; a line that does not fit is named."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Where
+
+BLOCK = 1 << 24
+_START = 4096
+_PRINTED = bytes([*b"\t\n\f\r\x1a", *range(32, 127), *range(128, 256)])
+_NUMBERS = bytes.maketrans(b",;DdQ\r\t", b"  EEE  ")
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Whole lines of a file; `first` is the number of the first of them."""
+
+    file: str
+    first: int
+    content: bytes
+
+
+def line_blocks(path: Path, skip: int = 0) -> Iterator[Lines]:
+    """Blocks of whole lines after the first `skip` lines (errors ``matrices.unreadable``, ``matrices.binary``)."""
+    number = 1
+    try:
+        with path.open("rb") as file:
+            check_text(path, file.read(_START))
+            file.seek(0)
+            for _ in range(skip):
+                file.readline()
+                number += 1
+            while content := file.read(BLOCK):
+                content += file.readline()
+                yield Lines(str(path), number, content)
+                number += content.count(b"\n")
+    except OSError as error:
+        what = f"the file cannot be read: {error.strerror}"
+        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+
+
+def check_text(path: Path, start: bytes) -> None:
+    """Refuse the beginning of a file that is no text (error ``matrices.binary``)."""
+    control = start.translate(None, _PRINTED)
+    if control:
+        raise FemtuneError(
+            "matrices.binary",
+            "the file is binary, and this format is text",
+            where=Where(str(path), None, f"byte {start.index(control[:1])}"),
+            values={"first bytes": start[:16].hex(" ")},
+            hint="let the solver write it as text, or name the format that it has (format = …)",
+        )
+
+
+def numbers(lines: Lines, columns: int, what: str, comment: bytes = b"") -> NDArray[np.float64]:
+    """(m, columns) numbers of the lines; comments and blank lines are left aside.
+
+    Raises
+    ------
+    FemtuneError : ``matrices.text``, naming the line
+    """
+    kept = _without(lines, comment)
+    expected = kept.content.count(b"\n") + (not kept.content.endswith(b"\n") and bool(kept.content))
+    values = _parsed(kept.content.translate(_NUMBERS))
+    if values is None or values.size != expected * columns:
+        raise _bad_line(lines, columns, what, comment)
+    return values.reshape(-1, columns)
+
+
+def _without(lines: Lines, comment: bytes) -> Lines:
+    content = lines.content
+    plain = comment == b"" or comment not in content
+    if plain and b"\n\n" not in content and b"\n\r" not in content and not content.startswith((b"\n", b"\r")):
+        return lines
+    some = (line for line in content.splitlines(keepends=True) if line.strip())
+    kept = b"".join(line for line in some if not comment or not line.lstrip().startswith(comment))
+    return replace(lines, content=kept)
+
+
+def _parsed(content: bytes) -> NDArray[np.float64] | None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(content.decode("latin-1"), sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None
+
+
+def _bad_line(lines: Lines, columns: int, what: str, comment: bytes) -> FemtuneError:
+    """The first line that does not hold so many numbers; the block does, so there is one."""
+    for i, line in enumerate(lines.content.splitlines()):
+        if not line.strip() or (comment and line.lstrip().startswith(comment)):
+            continue
+        found = _parsed(line.translate(_NUMBERS))
+        if found is None or found.size != columns:
+            return _at_line(lines, i, line, columns, what)
+    return _at_line(lines, 0, lines.content[:80], columns, what)
+
+
+def _at_line(lines: Lines, i: int, line: bytes, columns: int, what: str) -> FemtuneError:
+    last = lines.content.count(b"\n") <= i
+    return FemtuneError(
+        "matrices.truncated" if last else "matrices.text",
+        "the file ends in the middle of a line" if last else f"a line should hold {columns} numbers: {what}",
+        where=Where(lines.file, lines.first + i),
+        values={"line": f"'{line[:80].decode('latin-1')}'"},
+        hint="the file was cut: write or copy it again" if last else "write the matrix again, or remove the line",
+    )
+
+
+def check_whole_last_line(path: Path) -> None:
+    """Refuse a file whose last line does not end: solvers end every line (error ``matrices.truncated``)."""
+    with path.open("rb") as file:
+        file.seek(0, 2)
+        end = file.tell()
+        file.seek(max(end - 4096, 0))
+        tail = file.read()
+    if tail and not tail.endswith(b"\n"):
+        line = tail.rpartition(b"\n")[2]
+        raise FemtuneError(
+            "matrices.truncated",
+            "the file ends in the middle of a line",
+            where=Where(str(path), None, f"byte {end}"),
+            values={"last line": f"'{line[:80].decode('latin-1')}'"},
+            hint="the file was cut: write or copy it again",
+        )
+
+
+def whole(values: NDArray[np.float64], line: Callable[[int], Where], what: str) -> NDArray[np.signedinteger]:
+    """Numbers that must be whole, in 32 bits where they fit (error ``matrices.text``)."""
+    bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > 2**53))
+    if bad.size:
+        raise FemtuneError(
+            "matrices.text",
+            f"{what} should be a whole number",
+            where=line(int(bad[0])),
+            values={what: values[bad[0]]},
+            hint="write the matrix again, or name the format in the study (format = …)",
+        )
+    small = np.abs(values).max(initial=0.0) < 2**31
+    return values.astype(np.int32 if small else np.int64)
