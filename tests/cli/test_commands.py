@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -204,3 +205,26 @@ def test_modes_on_a_page_that_cannot_be_written(invoke: Invoke, study: Path) -> 
     assert result.stdout == ""
     assert result.stderr.startswith("[run.unwritable] the report cannot be written: Is a directory\n")
     assert "Traceback" not in result.output
+
+
+def test_solvers_as_data(invoke: Invoke) -> None:
+    result = invoke("info", "--solvers", "--json")
+    assert result.exit_code == 0
+    names = [facts["name"] for facts in json.loads(result.stdout)]
+    assert names == ["PARDISO", "MUMPS", "CHOLMOD", "SuperLU", "SLEPc"]
+
+
+@pytest.mark.parametrize("before", [None, "own"])
+def test_the_eigen_solver_is_chosen_for_one_command(
+    before: str | None, invoke: Invoke, steps: Any, study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    monkeypatch.delenv("FEMTUNE_EIGENSOLVER", raising=False)
+    if before is not None:
+        monkeypatch.setenv("FEMTUNE_EIGENSOLVER", before)
+    step = steps.modes
+    monkeypatch.setattr(steps, "modes", lambda *a, **k: seen.append(os.environ["FEMTUNE_EIGENSOLVER"]) or step(*a, **k))
+    assert invoke("modes", study, "--eigensolver", "slepc").exit_code == 0
+    assert seen == ["slepc"]
+    assert os.environ.get("FEMTUNE_EIGENSOLVER") == before
+    assert invoke("modes", study, "--eigensolver", "hal").exit_code == 2

@@ -67,6 +67,19 @@ def same(first: RunFolder, second: RunFolder) -> None:
         np.testing.assert_array_equal(array, second.arrays[key])
 
 
+def close(one: Any, other: Any) -> None:
+    """Numbers of nested results but for rounding, everything else equal."""
+    if isinstance(one, dict | list | tuple):
+        assert len(one) == len(other)
+        pairs = [(one[k], other[k]) for k in one] if isinstance(one, dict) else zip(one, other)
+        for a, b in pairs:
+            close(a, b)
+    elif isinstance(one, float):
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-9)
+    else:
+        assert one == other
+
+
 def replace_in(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
@@ -172,7 +185,8 @@ def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Benc
     found = steps.select(study)
     assert not solved.points
     assert solved.derivatives > 0
-    assert found == steps.select(study, fresh=True)
+    # another choice of parameters adds the same matrices up in another order: the last bits differ
+    close(found.model_dump(), steps.select(study, fresh=True).model_dump())
     assert found != before.results.selection
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
 from femtune import __version__
+from femtune.cli.eigensolver import choose_eigensolver
 from femtune.cli.guard import GuardedGroup, Running
 from femtune.errors import printable
 
@@ -20,6 +23,13 @@ _quiet = click.option("--quiet", is_flag=True, help="No progress, and no tables.
 _json = click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output.")
 _output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder instead of that of the study.")
 _fresh = click.option("--fresh", is_flag=True, help="Solve again what the journal of an earlier run holds.")
+_eigensolver = click.option(
+    "--eigensolver",
+    type=click.Choice(["own", "slepc"]),
+    expose_value=False,
+    callback=choose_eigensolver,
+    help="slepc: over MPI, where one machine is too small.",
+)
 _wide = click.option("--wide", is_flag=True, default=None, help="Write changed cards in large field.")
 
 
@@ -35,7 +45,7 @@ def main() -> None:
 
 @main.command()
 @click.argument("path", type=_FILE, required=False)
-@click.option("--solvers", is_flag=True, help="List the sparse solvers that are installed.")
+@click.option("--solvers", is_flag=True, help="List the sparse solvers: which are at hand, and what they can do.")
 @_json
 @_quiet
 def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
@@ -44,8 +54,7 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
     PATH is a study file (.toml) or a Nastran deck.
     """
     if solvers:
-        available = importlib.import_module("femtune.model.factorise").available_solvers()
-        click.echo("\n".join(available))
+        _show_solvers(as_json)
     elif path is None:
         raise click.UsageError("name a study or a deck, or ask for --solvers")
     else:
@@ -57,6 +66,7 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write a page (HTML) with a picture of each mode.")
 @click.option("--count", type=int, help="Number of modes, in place of that of the study or deck.")
 @click.option("--max-hz", type=float, metavar="HZ", help="All modes up to here, in place of --count.")
+@_eigensolver
 @_fresh
 @_json
 @_quiet
@@ -85,6 +95,7 @@ def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the functions to a Universal File (58).")
 @click.option("--units", metavar="m-kg-s", help="Units of a deck alone, for --uff.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Draw the responses on a page (HTML).")
+@_eigensolver
 @_fresh
 @_json
 @_quiet
@@ -100,6 +111,7 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
 @main.command()
 @_study
+@_eigensolver
 @_fresh
 @_json
 @_quiet
@@ -110,6 +122,7 @@ def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 
 @main.command()
 @_study
+@_eigensolver
 @_fresh
 @_json
 @_quiet
@@ -122,6 +135,7 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_study
 @_output
 @_wide
+@_eigensolver
 @_fresh
 @_quiet
 def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
@@ -137,6 +151,7 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @_study
 @_output
 @_wide
+@_eigensolver
 @_fresh
 @_quiet
 def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
@@ -158,6 +173,14 @@ def report(path: Path, quiet: bool) -> None:
     """
     page = _do("report", path, quiet)
     click.echo(f"report: {Path(page).resolve()}")
+
+
+def _show_solvers(as_json: bool) -> None:
+    """All solvers, as JSON or as text."""
+    module = importlib.import_module("femtune.model.solver_list")
+    solvers = module.solver_list()
+    text = json.dumps([asdict(facts) for facts in solvers], indent=1) if as_json else module.solver_table(solvers)
+    click.echo(printable(text))
 
 
 def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:

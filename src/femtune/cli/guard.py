@@ -93,12 +93,27 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
         ctx.exit(BAD_INPUT)
     except KeyboardInterrupt:
         _interrupted(ctx)
+    except MemoryError as short:
+        click.echo(coloured(str(_out_of_memory(short))), err=True)
+        ctx.exit(BAD_INPUT)
     except (click.ClickException, click.exceptions.Exit, click.Abort):
         raise
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
             raise
         _crashed(ctx, fault)
+
+
+def _out_of_memory(short: MemoryError) -> FemtuneError:
+    """What was asked for where the allocation tells, and what is free where the reader of that was loaded before."""
+    memory = sys.modules.get("femtune.model.memory")
+    free = memory.free_memory() if memory is not None else None
+    return FemtuneError(
+        "model.memory",
+        f"memory ran out: {str(short).splitlines()[0]}" if str(short) else "memory ran out",
+        values={} if free is None else {"free_bytes": free},
+        hint="close other programs, raise the limit of memory, or take a larger machine",
+    )
 
 
 def coloured(text: str) -> str:

@@ -55,6 +55,9 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield _alert(
             "warning", "update.at-bound", f"at a bound, so that their values say little: {', '.join(at_bound)}"
         )
+    if update.reduction is not None and not update.reduction.certified:
+        sentence = f"the reduced models are not certified: {update.reduction.rounds[-1]}"
+        yield _alert("problem", "update.not-certified", sentence)
     if update.pairing_events:
         turns = len({event.iteration for event in update.pairing_events})
         count = f"{turns} iteration{'s' if turns > 1 else ''} ({len(update.pairing_events)} test modes in all)"

@@ -10,7 +10,7 @@ import numpy as np
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
-from femtune.files.nastran.field_refs import parse_field_ref, resolve
+from femtune.files.nastran.field_refs import OF_MATRICES, parse_field_ref, resolve
 from femtune.files.study_file import ParameterEntry, StudyFile
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
@@ -49,7 +49,7 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
 def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
     """The field of one card, or of all cards of a name that elements of the region use."""
     ref = field_reference(text)
-    if ref.id or ref.card == "PARAM":
+    if ref.id or ref.card in ("PARAM", *OF_MATRICES):
         ref = parse_field_ref(text, where)
         resolve(built, ref, where)
         return [ref]

@@ -62,6 +62,7 @@ def study_case(
     if entry.test is None:
         return StudyCase(entry, configured), ()
     test, notices = _read_test(file, entry)
+    _check_coordinates(file, model.structure)
     with located(place_of(file, entry, "test")):
         found = _sensor_map(file, test, model.structure)
     modal, sensors = None, found
@@ -69,6 +70,17 @@ def study_case(
         sensors = _of_modes(found, test.modes)
         modal = _modal_case(file, entry, configured, test.modes, sensors)
     return StudyCase(entry, configured, test, sensors, modal, found), (*notices, *found.notices)
+
+
+def _check_coordinates(file: StudyFile, structure: Structure) -> None:
+    """Sensors cannot be put on points whose place is not known (error ``matrices.no-coordinates``)."""
+    if not structure.nodes.located and (not file.sensors.by_id or file.rigid_floor):
+        raise FemtuneError(
+            "matrices.no-coordinates",
+            "the points of the model have no coordinates, so sensors cannot be put on the nearest ones",
+            where=file.where("sensors"),
+            hint='name the mesh: grid = "model.bdf" in [model]; or match by number: by_id = true in [sensors]',
+        )
 
 
 def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:

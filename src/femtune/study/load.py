@@ -17,6 +17,7 @@ from femtune.parameters import ParameterSet
 from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
 from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
+from femtune.study.imported_model import build_imported, compare_listed
 from femtune.study.progress import Progress, silent
 
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
@@ -116,13 +117,24 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     """
     path = Path(path)
     file = _study_of_deck(path) if is_deck(path) else read_study_file(path)
+    built = _built(file, progress)
+    with located(built):
+        study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    return replace(study, units_known=not is_deck(path))
+
+
+def _built(file: StudyFile, progress: Progress) -> BuiltModel:
+    """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.imported:
+        progress.step("reading the matrices", 0, None)
+        built = build_imported(file)
+        progress.step("comparing their modes with the listed ones", 0, None)
+        return replace(built, notices=(*built.notices, compare_listed(file, built.structure)))
     progress.step("reading the deck", 0, None)
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
     _check_not_empty(built)
-    with located(built):
-        study = _assembled(_with_modes_of_deck(file, built), built, progress)
-    return replace(study, units_known=not is_deck(path))
+    return built
 
 
 def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:

@@ -17,6 +17,7 @@ import scipy
 
 from femtune import __version__
 from femtune.model import available_solvers
+from femtune.model.distributed import slepc_is_chosen
 from femtune.study.load import Study
 from femtune.study.results_base import InputFile, Provenance, StepDuration, StudyFacts
 
@@ -58,9 +59,15 @@ def provenance(inputs: Inputs, watch: Stopwatch) -> Provenance:
         python_version=platform.python_version(),
         numpy_version=np.__version__,
         scipy_version=scipy.__version__,
-        eigen_solver=f"shift-invert; sparse factorisation by {' or '.join(available_solvers())}",
+        eigen_solver=_eigen_solver(),
         durations=tuple(StepDuration(step=name, duration_s=round(t, 3)) for name, t in watch.durations.items()),
     )
+
+
+def _eigen_solver() -> str:
+    factors = f"sparse factorisation by {' or '.join(available_solvers())}"
+    slepc = f"SLEPc over MPI with MUMPS (small models: shift-invert); {factors}"
+    return slepc if slepc_is_chosen() else f"shift-invert; {factors}"
 
 
 def inputs_of(study: Study) -> Inputs:
@@ -95,6 +102,6 @@ def study_facts(study: Study) -> StudyFacts:
     return StudyFacts(
         title=table.title,
         units=table.units,
-        deck_file=table.deck,
+        deck_file=study.file.source_name,
         configurations=tuple(c.name for c in study.cases),
     )

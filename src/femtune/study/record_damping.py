@@ -24,7 +24,7 @@ def damping_facts(built: BuiltModel) -> DampingFacts:
         overall_omega_rad_s=overall.overall_omega or None,
         element_omega_rad_s=overall.element_omega or None,
         modal_damping=_modal(built),
-        fields=tuple(_fields(structure)),
+        fields=(*_fields(structure), *_of_matrices(structure)),
     )
 
 
@@ -33,6 +33,19 @@ def _fields(structure: Structure) -> list[DampingField]:
     names = list(dict.fromkeys(g for g in groups if g is not None))
     of_entry = np.array([-1 if g is None else names.index(g) for g in groups], dtype=np.int64)
     return [_field(structure, name, of_entry == i) for i, name in enumerate(names)]
+
+
+def _of_matrices(structure: Structure) -> list[DampingField]:
+    """Damping matrices that no element made; their value is their factor."""
+    kinds = {"viscous": "viscous", "hysteretic": "loss factor"}
+    factors = {m.label: (m, float(structure.values.values[m.roles["FACTOR"]])) for m in structure.assembled}
+    return [
+        DampingField.model_validate(
+            {"kind": kinds[m.kind], "field": label, "cards": 1, "lowest": value, "highest": value, "elements": 0}
+        )
+        for label, (m, value) in factors.items()
+        if m.kind in kinds
+    ]
 
 
 def _group(ref: FieldRef) -> _Group | None:

@@ -22,6 +22,7 @@ from femtune.files.nastran.dof_sets import effect_of
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
 from femtune.model.response import effective_mass
+from femtune.model.response.rigid import is_rigid
 from femtune.study.cases import StudyCase, sensor_tolerance
 from femtune.study.load import Study
 from femtune.study.record_damping import damping_facts
@@ -44,6 +45,8 @@ from femtune.study.results_model import (
 )
 
 _MOST_GROUNDING = 10
+
+_NOT_TESTED = "not tested: the factorisation hides the inertia"
 
 
 def model_facts(study: Study) -> ModelFacts:
@@ -95,8 +98,8 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
             HeldDof(dof=str(d), reason="no element gives it stiffness (AUTOSPC)") for d in case.configured.held_singular
         ),
         mass=mass.mass,
-        centre_of_gravity=_vector(mass.centre),
-        inertia=_matrix(mass.central_inertia),
+        centre_of_gravity=_vector(mass.centre) if structure.nodes.located else None,
+        inertia=_matrix(mass.central_inertia) if structure.nodes.located else None,
         weighed_mass=weighed,
         mass_difference_percent=None if weighed is None else 100.0 * (mass.mass / weighed - 1.0),
         rigid_body_check=_rigid_body_check(study, configuration, mass),
@@ -144,11 +147,15 @@ def _overlay(configuration: Configuration) -> Iterable[str]:
 
 def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
     structure = study.model.structure
+    if not structure.nodes.located:
+        return _not_located()
     stiffness = grid_matrix(study.model, configuration, "stiffness")
     checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
     grounded = not all(c.passed for c in checks)
     tied = _grounding_equations(study, configuration)
     elements = _grounding(structure, configuration, mass.centre) if grounded else ()
+    if grounded and structure.assembled and not structure.batches:
+        return _supports_inside(checks)
     meant = grounded and not tied and {e.element for e in elements} <= _ending_on_ground(structure)
     return RigidBodyCheck(
         strain_energies=tuple(c.energy for c in checks),
@@ -158,6 +165,28 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
         sentence=_meant_sentence(elements) if meant else _rigid_sentence(checks, tied),
         worst_dofs=_worst(checks),
         grounding_elements=elements[:_MOST_GROUNDING],
+    )
+
+
+def _not_located() -> RigidBodyCheck:
+    """Without coordinates nothing is known of rigid motions."""
+    none = (0.0,) * 6
+    sentence = "the points of the model have no coordinates"
+    return RigidBodyCheck(
+        strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
+        worst_dofs=(), grounding_elements=(),
+    )  # fmt: skip
+
+
+def _supports_inside(checks: tuple[RigidMotionCheck, ...]) -> RigidBodyCheck:
+    """Matrices whose held degrees of freedom were left out are tied to the ground, and nothing tells by what."""
+    return RigidBodyCheck(
+        strain_energies=tuple(c.energy for c in checks),
+        relative_energies=tuple(c.relative_energy for c in checks),
+        grounded=True,
+        verdict="not tested",
+        sentence="the matrices resist rigid motion, as they do where held degrees of freedom were left out of them",
+        worst_dofs=_worst(checks),
     )
 
 
@@ -253,19 +282,27 @@ def model_modes(name: str, stage: Stage, solution: EigenSolution) -> ModelModes:
         sturm_shift_hz=shift_hz if counted else None,
         sturm_count=solution.sturm_count if counted else None,
         modes_below_shift=below if counted else None,
-        sturm_sentence=sentence if counted else "not tested: the factorisation hides the inertia",
+        sturm_sentence="; ".join([sentence if counted else _NOT_TESTED, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
     )
 
 
 def _effective_masses(solution: EigenSolution) -> EffectiveMasses:
     found = effective_mass(solution)
-    fractions = [[None if np.isnan(f) else float(f) for f in row] for row in found.fractions]
-    return EffectiveMasses(total=tuple(map(float, found.total)), fractions=tuple(map(tuple, fractions)))
+    # rotations about a centre that nobody knows
+    known = 6 if solution.point.configured.model.structure.nodes.located else 3
+    total = np.where(np.arange(6) < known, found.total, 0.0)
+    fractions = [
+        [float(f) if i < known and not np.isnan(f) else None for i, f in enumerate(r)] for r in found.fractions
+    ]
+    return EffectiveMasses(total=tuple(map(float, total)), fractions=tuple(map(tuple, fractions)))
+
+
+def _by_whom(solution: EigenSolution) -> list[str]:
+    """That another eigen-solver than the chosen one found the modes."""
+    return [n.what for n in solution.notices if n.code == "slepc.not-used"]
 
 
 def _rigid_body_modes(solution: EigenSolution) -> int:
-    """Wanted modes without strain: λ is rounding beside that of the highest mode solved, wanted or not."""
-    values = solution.eigenvalues
-    # eigenvalues are squares: a ten-thousandth of the frequency
-    return int((values[: solution.wanted] < 1e-8 * values[-1]).sum()) if len(values) else 0
+    """Number of wanted modes, from the lowest, that strain nothing."""
+    return int(np.cumprod(is_rigid(solution)[: solution.wanted]).sum())

@@ -16,6 +16,7 @@ from femtune.select import Identifiability, combination_text, sentences, verdict
 from femtune.select.identifiability import NO_EFFECT
 from femtune.study.load import Study
 from femtune.study.results_base import Citation
+from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import (
     BoundState,
     Combination,
@@ -141,7 +142,11 @@ def _combination(result: Identifiability, c: SelectedCombination) -> Combination
 
 
 def update_results(
-    study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]], mean_error_written: float | None
+    study: Study,
+    result: UpdateResult,
+    written: dict[str, tuple[WrittenValue, ...]],
+    mean_error_written: float | None,
+    reduction: ReductionResults | None = None,
 ) -> UpdateResults:
     """The update as a record.
 
@@ -165,6 +170,7 @@ def update_results(
         regularisation_weight=table.weight if weighted else None,
         residual_counts=_counts(result),
         citations=citations(result.citations),
+        reduction=reduction,
     )
 
 

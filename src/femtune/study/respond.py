@@ -185,7 +185,8 @@ def _geometry(case: StudyCase, frfs: FrfSet) -> WireFrame:
     frame = case.test.geometry if case.test is not None else NO_GEOMETRY
     if nodes <= set(frame.nodes.tolist()):
         return frame
-    return _grid_points(case.configured.model.structure.nodes, nodes)
+    table = case.configured.model.structure.nodes
+    return _grid_points(table, nodes) if table.located else NO_GEOMETRY
 
 
 def _grid_points(table: NodeTable, nodes: set[int]) -> WireFrame:

@@ -13,6 +13,7 @@ from femtune.study import (
     results_correlation,
     results_journal,
     results_model,
+    results_reduction,
     results_response,
     results_shapes,
     results_update,
@@ -82,7 +83,7 @@ def json_schema() -> dict[str, Any]:
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_model, results_correlation, results_shapes, results_response)
-    modules = (results_base, *model, results_update, results_journal)
+    modules = (results_base, *model, results_update, results_reduction, results_journal)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

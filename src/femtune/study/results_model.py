@@ -107,10 +107,10 @@ class ModelConfiguration(Record):
     """Every DOF held by AUTOSPC."""
     mass: float
     """Mass of the model, in the study's unit of mass."""
-    centre_of_gravity: Vector3
-    """In the basic system, in the study's unit of length."""
-    inertia: tuple[Vector3, Vector3, Vector3]
-    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²."""
+    centre_of_gravity: Vector3 | None
+    """In the basic system, in the study's unit of length; None where the points have no coordinates."""
+    inertia: tuple[Vector3, Vector3, Vector3] | None
+    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²; None likewise."""
     weighed_mass: float | None
     """Mass that was weighed, in the study's unit of mass; None where the study gives none."""
     mass_difference_percent: float | None

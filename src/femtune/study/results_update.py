@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from femtune.study.results_base import Citation, Record
+from femtune.study.results_reduction import ReductionResults
 
 BoundState = Literal["", "lower", "upper"]
 
@@ -212,6 +213,8 @@ class UpdateResults(Record):
     """Residuals by kind."""
     citations: tuple[Citation, ...] = ()
     """Publications behind what ran in the update."""
+    reduction: ReductionResults | None = None
+    """Reduced models that the update searched on; None where it ran on the full model."""
 
 
 class EditedField(Record):

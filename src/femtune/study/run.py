@@ -21,9 +21,11 @@ from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
+from femtune.study.reduction import find_on_reduced
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
+from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import SelectionResults
 from femtune.study.run_folder import RESULTS_FILE, write_results
 from femtune.study.stages import StageRecords, as_written, solutions_of, stage_records, start, validation
@@ -40,6 +42,12 @@ _UNFINISHED = Alert(
     code="run.unfinished",
     sentence="the run ended before the updated deck was written and checked; an updated deck in this folder may be "
     "of an earlier run",
+)
+NO_DECK = Alert(
+    level="info",
+    code="write.no-deck",
+    sentence="the model is made of matrices, so there is no deck to write: give the values of the parameters to the "
+    "solver that wrote the matrices",
 )
 
 
@@ -65,6 +73,7 @@ class Run:
     inputs: Inputs
     journal: Journal | None = None
     arrays: Arrays = field(default_factory=dict)
+    reductions: list[ReductionResults] = field(default_factory=list)
 
     def go(self) -> RunFolder:
         """All steps. The results are on disk once the update is done, and again when all is done.
@@ -80,6 +89,8 @@ class Run:
         selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
         result = self._timed("update", lambda: self._update(at))
         after = self._timed("correlate after", lambda: self._stage(self.study, "after", result.after))
+        if self.study.file.imported:
+            return self._without_deck(facts, [before, after], selection, result)
         self._keep(self._results(facts, [before, after], selection, result), _UNFINISHED)
         try:
             written, last, error = self._written(result)
@@ -88,6 +99,16 @@ class Run:
             raise
         results = self._results(facts, [before, after, last], selection, result, written, error)
         return RunFolder(self.folder, self._keep(results), self.arrays)
+
+    def _without_deck(
+        self, facts: Results, stages: list[StageRecords], selection: SelectionResults, result: UpdateResult
+    ) -> RunFolder:
+        """A model of matrices has no deck that could be written: the run ends with the updated values."""
+        after = self._timed("respond", lambda: self._responding(self.study, "after", result.x, stages[-1]))
+        if self.study.file.response is not None:
+            write_frf_files(self.study, after.responses, self.arrays, uff_paths(self.folder / FRFS_FILE, self.study))
+        results = self._results(facts, [*stages[:-1], after], selection, result)
+        return RunFolder(self.folder, self._keep(results, NO_DECK), self.arrays)
 
     def _written(self, result: UpdateResult) -> tuple[WriteBack, StageRecords, float]:
         """The updated deck, read again, with its correlation and mean error."""
@@ -139,7 +160,12 @@ class Run:
             text = f"update: mean error {100 * iteration.mean_error:.4g} %"
             self.progress.step(text, iteration.number, table.max_iterations)
 
-        return find_parameters(self.study.problem(), method, report, at)
+        reduction = self.study.file.reduction
+        if reduction is None:
+            return find_parameters(self.study.problem(), method, report, at)
+        result, facts = find_on_reduced(self.study, reduction, method, report, at, self.progress)
+        self.reductions.append(facts)
+        return result
 
     def _write(self, result: UpdateResult) -> WriteBack:
         self.progress.step("writing the updated deck", 0, None)
@@ -164,7 +190,7 @@ class Run:
             "responses": tuple(r for s in stages for r in s.responses),
             "mode_shapes": tuple(m for s in stages for m in s.shapes),
             "selection": selection,
-            "update": update_results(self.study, result, values, error),
+            "update": update_results(self.study, result, values, error, next(iter(self.reductions), None)),
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, stages[0], stages[-1]),
             "journal": journal_results(self.journal),

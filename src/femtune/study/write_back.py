@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError, Where
 from femtune.fem import FieldRef
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.field_refs import OF_MATRICES
 from femtune.files.nastran.write import WrittenDeck, check_overwrites, write_deck
 from femtune.files.nastran.write_plan import WritePlan, plan_edits
 from femtune.parameters import Parameter
@@ -67,7 +68,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     values = study.model.field_values(result.x)
     regions = _regions(study)
     blocked = {} if study.file.write.split else _shared_fields(values)
-    updates = {ref: value for ref, value in values.items() if ref not in blocked}
+    updates = {ref: value for ref, value in values.items() if ref not in blocked and ref.card not in OF_MATRICES}
     plan = plan_edits(study.built, updates, regions, wide)
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
@@ -115,9 +116,19 @@ def _record(
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
-        without_field=(*_no_fields(study), *(_shared(ref, owners[ref]) for ref in blocked)),
+        without_field=(
+            *_no_fields(study),
+            *_of_matrices(values, owners),
+            *(_shared(ref, owners[ref]) for ref in blocked),
+        ),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
+
+
+def _of_matrices(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
+    for ref, value in values.items():
+        if ref.card in OF_MATRICES:
+            yield f"{owners[ref]}: the factor of {ref.name} stands in case control; write {value:.7g}*{ref.name} there"
 
 
 def _no_fields(study: Study) -> Iterable[str]:

@@ -71,7 +71,7 @@ def _mass_row(c: ModelConfiguration) -> tuple[Cell, ...]:
         value(c.mass),
         value(c.weighed_mass, "not weighed"),
         signed_percent(c.mass_difference_percent),
-        *map(short, c.centre_of_gravity),
+        *([NONE] * 3 if c.centre_of_gravity is None else map(short, c.centre_of_gravity)),
         "; ".join(c.supports) or "free",
     )
 
@@ -81,7 +81,10 @@ def _inertia(model: ModelFacts) -> list[Block]:
     rows = [
         row(c.configuration, *(short(c.inertia[i][j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
         for c in model.configurations
+        if c.inertia is not None
     ]
+    if not rows:
+        return []
     return [Table("Inertia about the centre of gravity (entries of the tensor)", heads, tuple(rows))]
 
 

@@ -15,6 +15,9 @@ _MOST_NUMBERS = 12
 def write_back(source: Source) -> list[Block]:
     """Every changed field with its old and new text, new cards with their values, elements that refer to them."""
     found = source.results.write_back
+    no_deck = [a.sentence for a in source.results.alerts if a.code == "write.no-deck"]
+    if found is None and no_deck:
+        return [Paragraph(f"Not written: {no_deck[0]}; they stand in the section about the parameters.")]
     if found is None:
         return [Paragraph("Not run: no updated deck was written.")]
     heads = columns("Card", "Field", "Place", "Old text", "New text", ">Value", ">As written", "Parameter")

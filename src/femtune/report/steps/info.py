@@ -50,7 +50,8 @@ _NOISE = 1e-9
 def info_document(subject: Subject, facts: ModelFacts) -> Document:
     """Cards, PARAMs and notices, then a section each configuration."""
     level: Level = "info" if all(c.rigid_body_check.verdict == "pass" for c in facts.configurations) else "warning"
-    deck = Section("deck", f"Deck {subject.deck}", tuple(_deck(subject, facts)))
+    title = "Matrices of" if subject.imported else "Deck"
+    deck = Section("deck", f"{title} {subject.deck}", tuple(_deck(subject, facts)))
     each = (Section(c.configuration, c.configuration, tuple(_configuration(subject, c))) for c in facts.configurations)
     return subject.document(_verdict(facts), level, (deck, *each))
 
@@ -68,7 +69,7 @@ def _verdict(facts: ModelFacts) -> str:
 
 def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
     return [
-        *cards(_beside(subject, facts)),
+        *([] if subject.imported else cards(_beside(subject, facts))),
         *named_sets(facts),
         *_parameters(facts.deck_parameters),
         *damping_blocks(facts),
@@ -114,7 +115,7 @@ def _quiet(first: Alert, count: int) -> Block:
 def _configuration(subject: Subject, c: ModelConfiguration) -> list[Block]:
     return [
         KeyNumbers((*_facts(c), *_mass(subject, c))),
-        _inertia(subject, c),
+        *_inertia(subject, c),
         *_rigid_body(c),
         *_held(c),
     ]
@@ -134,24 +135,31 @@ def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
     if c.weighed_mass is not None:
         difference = signed_percent(c.mass_difference_percent)
         weighed = f"weighed {with_unit(value(c.weighed_mass), subject.mass_unit)}, difference {difference} %"
-    # the radius of gyration is the length beside which a coordinate is rounding
-    radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass > 0.0 else 0.0
-    centre = ", ".join(_clean(v, radius) for v in c.centre_of_gravity)
     return [
         KeyNumber("Mass", f"{with_unit(value(c.mass), subject.mass_unit)}, {weighed}"),
-        KeyNumber("Centre of gravity", with_unit(centre, subject.length_unit)),
+        KeyNumber("Centre of gravity", _centre(subject, c)),
     ]
+
+
+def _centre(subject: Subject, c: ModelConfiguration) -> str:
+    if c.inertia is None or c.centre_of_gravity is None:
+        return "not known: no coordinates"
+    # the radius of gyration is the length beside which a coordinate is rounding
+    radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass > 0.0 else 0.0
+    return with_unit(", ".join(_clean(v, radius) for v in c.centre_of_gravity), subject.length_unit)
 
 
 def _clean(number: float, scale: float) -> str:
     return value(number if abs(number) > _NOISE * scale else 0.0)
 
 
-def _inertia(subject: Subject, c: ModelConfiguration) -> Table:
+def _inertia(subject: Subject, c: ModelConfiguration) -> list[Table]:
+    if c.inertia is None:
+        return []
     scale = max(abs(v) for line in c.inertia for v in line)
     rows = [row(axis, *(_clean(v, scale) for v in line)) for axis, line in zip(_AXES, c.inertia, strict=True)]
     unit = f", {subject.mass_unit}·{subject.length_unit}²" if subject.mass_unit else ""
-    return Table(f"Inertia about the centre of gravity{unit}", columns("", *(f">{a}" for a in _AXES)), tuple(rows))
+    return [Table(f"Inertia about the centre of gravity{unit}", columns("", *(f">{a}" for a in _AXES)), tuple(rows))]
 
 
 def _rigid_body(c: ModelConfiguration) -> list[Block]:

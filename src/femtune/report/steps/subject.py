@@ -13,12 +13,13 @@ from femtune.study.load import is_deck
 
 @dataclass(frozen=True)
 class Subject:
-    """Title, deck, and units of length and mass; these are "" for a deck alone, which does not tell them."""
+    """Title, deck (or first file of matrices), and units of length and mass, "" for a deck alone, which tells none."""
 
     title: str
     deck: str
     length_unit: str = ""
     mass_unit: str = ""
+    imported: bool = False
 
     def document(self, verdict: str, level: Level, sections: Iterable[Section]) -> Document:
         """A document that has nothing but sections for the terminal."""
@@ -35,6 +36,6 @@ def subject_of(path: Path | str) -> Subject:
     path = Path(path)
     if is_deck(path):
         return Subject(path.name, str(path))
-    study = read_study_file(path).study
-    length, mass, _ = study.units.split("-")
-    return Subject(study.title, study.deck, length, mass)
+    file = read_study_file(path)
+    length, mass, _ = file.study.units.split("-")
+    return Subject(file.study.title, file.source_name, length, mass, file.imported)

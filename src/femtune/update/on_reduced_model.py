@@ -1,0 +1,201 @@
+"""An update that searches on reduced models and ends on the full one: certify, enrich, go on while they disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.model import EigenSolution, ModelPoint
+from femtune.model.reduce import Trained, Trainer, TrainingRules, TrainingStatus, certified_error
+from femtune.residuals import Evaluation, ModalCase, UpdateProblem
+from femtune.residuals.reduced import reduced_case
+from femtune.update.result import Iteration, UpdateResult
+from femtune.update.sensitivity_method import SensitivityMethod, update
+
+Reals = NDArray[np.float64]
+
+SEARCH = 10.0
+"""The search may be this many times less accurate than its end."""
+KEPT = 3
+"""Full solutions that the training leaves for points where the search ends."""
+
+
+@dataclass(frozen=True)
+class ReductionRules:
+    """How far reduced models are trusted.
+
+    Parameters
+    ----------
+    tolerance : relative frequency error, certified by a full solution where the search ends
+    full_solutions : of each configuration at most, the first one and those that certify included
+    order : of each reduced model at most
+    """
+
+    tolerance: float = 1e-4
+    full_solutions: int = 20
+    order: int = 600
+
+
+@dataclass(frozen=True)
+class ReducedCaseFacts:
+    """The reduced model of one configuration at the end.
+
+    Parameters
+    ----------
+    order, full_solutions : of the last model
+    estimate : worst estimated relative frequency error at the candidates of the box, before the search
+    certified_error : worst true one at the end point, of the model that the search used; NaN where none was made
+    status : how the training before the search ended
+    """
+
+    configuration: str
+    order: int
+    full_solutions: int
+    estimate: float
+    certified_error: float
+    status: TrainingStatus
+
+
+@dataclass(frozen=True)
+class ReducedUpdate:
+    """An update on reduced models; `result` is of the full model at the end point.
+
+    Parameters
+    ----------
+    cases : facts of each configuration
+    rounds : what happened each time the search ended, a sentence each
+    certified : True where full and reduced models agree within the tolerance at the end point
+    """
+
+    result: UpdateResult
+    cases: tuple[ReducedCaseFacts, ...]
+    rounds: tuple[str, ...]
+    certified: bool
+
+
+@dataclass(eq=False)
+class _Search:
+    """Reduced models of all cases, and the history of the search on them."""
+
+    problem: UpdateProblem
+    rules: ReductionRules
+    trainers: list[Trainer]
+    trained: list[Trained]
+    estimates: list[Trained]
+    history: list[Iteration]
+
+    def reduced_problem(self) -> UpdateProblem:
+        cases = (reduced_case(c, t.model) for c, t in zip(self.problem.cases, self.trained))
+        return replace(self.problem, cases=tuple(cases))
+
+    def errors(self, full: Evaluation) -> list[float]:
+        """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
+        pairs = zip(self.trained, (s.solution for s in full.states))
+        return [float(certified_error(t.model, full.x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
+
+    def enrich(self, full: Evaluation) -> None:
+        """Put the full modes at a point into the bases."""
+        states = (s.solution for s in full.states)
+        self.trained = [t.enriched(m, full.x, s) for t, m, s in zip(self.trainers, self.trained, states)]
+
+    @property
+    def used_up(self) -> bool:
+        return any(len(t.certified) + 1 >= self.rules.full_solutions for t in self.trained)
+
+
+def update_reduced(
+    problem: UpdateProblem,
+    method: SensitivityMethod,
+    rules: ReductionRules,
+    report: Callable[[Iteration], None] = lambda i: None,
+    start: Evaluation | None = None,
+    told: Callable[[str, Trained], None] = lambda name, trained: None,
+) -> ReducedUpdate:
+    """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
+
+    Where the search ends the full models are solved. While they disagree by more than the tolerance their modes
+    enrich the bases and the search goes on from there; the end is the full model's, with its residuals and covariance.
+
+    Parameters
+    ----------
+    report, start : as for `update`
+    told : the name of a configuration and its model after every full solution of the training
+
+    Raises
+    ------
+    FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.too-many-terms``
+    """
+    before = start or problem.start(np.zeros(len(problem.parameters.free)))
+    search = _trained(problem, rules, before, told)
+    x, rounds = before.x, list[str]()
+    while True:
+        found = _search(search, method, x, report)
+        x, full = found.x, problem.start(found.x)
+        errors = search.errors(full)
+        agree = max(errors, default=0.0) <= rules.tolerance
+        rounds.append(_sentence(len(rounds) + 1, search, max(errors, default=0.0), agree))
+        if agree or search.used_up:
+            break
+        search.enrich(full)
+    facts = tuple(
+        ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
+        for c, t, first, error in zip(problem.cases, search.trained, search.estimates, errors)
+    )
+    return ReducedUpdate(_on_full_model(problem, method, before, full, found, search), facts, tuple(rounds), agree)
+
+
+def _trained(
+    problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Callable[[str, Trained], None]
+) -> _Search:
+    trainers, trained = [], []
+    for case, state in zip(problem.cases, before.states):
+        most = max(rules.full_solutions - KEPT, 1)
+        asked = TrainingRules(state.solution.wanted, SEARCH * rules.tolerance, most, rules.order)
+        trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), partial(told, case.name)))
+        trained.append(trainers[-1].train(trainers[-1].start()))
+    return _Search(problem, rules, trainers, trained, trained, [])
+
+
+def _solve(case: ModalCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:
+    # whoever keeps solutions keeps them by the model alone, not by where they started
+    return case.solver.modes(point, count, None)
+
+
+def _search(search: _Search, method: SensitivityMethod, x: Reals, report: Callable[[Iteration], None]) -> UpdateResult:
+    """The update on the reduced models from x, its iterations numbered on."""
+    reduced = search.reduced_problem()
+
+    def number_on(iteration: Iteration) -> None:
+        own = replace(iteration, number=len(search.history))
+        # the first point of a further search is the last one of that before
+        if iteration.number or not search.history:
+            search.history.append(own)
+            report(own)
+
+    return update(reduced, method, number_on, reduced.start(x))
+
+
+def _sentence(number: int, search: _Search, error: float, agree: bool) -> str:
+    order = " and ".join(str(t.model.order) for t in search.trained)
+    verdict = "within the tolerance" if agree else "more than the tolerance"
+    return (
+        f"search {number} on order {order}: at its end the full model differs by {100.0 * error:.2g} % in the worst "
+        f"frequency, {verdict} of {100.0 * search.rules.tolerance:.2g} %"
+    )
+
+
+def _on_full_model(
+    problem: UpdateProblem,
+    method: SensitivityMethod,
+    before: Evaluation,
+    full: Evaluation,
+    found: UpdateResult,
+    search: _Search,
+) -> UpdateResult:
+    """The result at the end point with residuals, Jacobian and covariance of the full model."""
+    there = update(problem, replace(method, max_iterations=0), start=full)
+    return replace(there, status=found.status, before=before, history=tuple(search.history))
