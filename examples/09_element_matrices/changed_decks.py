@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-LATER = ("CHEXA", "CPENTA", "CTETRA", "PSOLID", "PCOMP")
+LATER = ("PCOMP",)
 """Cards of the deck of all elements that are not understood yet."""
 
 SOLID_DECK = "static_solid_shell_bar_kelm.bdf"
@@ -28,7 +28,7 @@ def cards(text: str) -> list[tuple[list[str], str]]:
 
 
 def without_later(source: Path, folder: Path) -> tuple[Path, dict[int, str]]:
-    """The deck of all elements without solids and composite shells, and the card names of these by element number."""
+    """The deck of all elements without composite shells, and the card names of these by element number."""
     composite = {f[1] for f, _ in cards((source / "geom.inc").read_text()) if f[0] == "PCOMP"}
     left_out: dict[int, str] = {}
     for name in ("geom.inc", SOLID_DECK):

@@ -58,6 +58,10 @@ ROTARY = (
 REMARKS = {
     ("CBEAM", "mass"): ROTARY,
     ("CQUAD4", "stiffness"): "stiffness: transverse shear, bending that varies, drilling: below",
+    ("CPENTA", "stiffness"): (
+        "stiffness: constant strains have the same energy; theirs ties transverse shear to sides of the triangle, "
+        "which depends on the corner that comes first and does not pass the patch test"
+    ),
     ("CTRIA3", "stiffness"): "stiffness: transverse shear, drilling: below",
 }
 
