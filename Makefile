@@ -16,7 +16,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py))
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench clean
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench readers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -61,8 +61,10 @@ examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
 browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in headless Chromium and check the page
 	@$(BIN)/python .ci/check_page.py $(REPORT)
 
-bench: $(VENV)/.stamp-test  ## speed
-	@set -e; for bench in $(sort $(wildcard benchmarks/*.py)); do echo "== $$bench"; $(BIN)/python $$bench; done
+bench: $(VENV)/.stamp-test  ## speed and memory against size, hours; goes on where it was ended (BENCH_ARGS=--quick: a minute)
+	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+readers: $(VENV)/.stamp-readers  ## the extras that read OP2 and Ansys files, so that their tests run
 
 clean:  ## remove what can be made again, the environment too
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
@@ -85,6 +87,11 @@ $(VENV)/.stamp-test: pyproject.toml | $(VENV)/bin/python
 $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@echo "installing ruff, mypy and import-linter into $(VENV)"
 	@$(PIP) -e '.[lint]'
+	@touch $@
+
+$(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
+	@echo "installing the libraries that read OP2 and Ansys files into $(VENV)"
+	@$(PIP) -e '.[op2,ansys]'
 	@touch $@
 
 $(VENV)/.stamp-docs: pyproject.toml $(VENV)/.stamp-test
