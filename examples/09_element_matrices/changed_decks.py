@@ -1,4 +1,4 @@
-"""Two decks of others, changed in a folder of our own: one without what is not read yet, one with finer meshes."""
+"""Two decks of others with finer meshes, written to a folder of our own."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-LATER = ("PCOMP",)
-"""Cards of the deck of all elements that are not understood yet."""
-
 SOLID_DECK = "static_solid_shell_bar_kelm.bdf"
+MODES_DECK = "mode_solid_shell_bar.bdf"
 SHEET_DECK = "random_test_bar_plus_tri.bdf"
 PLATE_DECK = "plate_py.dat"
 
@@ -25,23 +23,6 @@ def cards(text: str) -> list[tuple[list[str], str]]:
         else:
             found.append((re.split(r"[,\s]+", line.strip()), line))
     return found
-
-
-def without_later(source: Path, folder: Path) -> tuple[Path, dict[int, str]]:
-    """The deck of all elements without composite shells, and the card names of these by element number."""
-    composite = {f[1] for f, _ in cards((source / "geom.inc").read_text()) if f[0] == "PCOMP"}
-    left_out: dict[int, str] = {}
-    for name in ("geom.inc", SOLID_DECK):
-        kept = ""
-        for fields, lines in cards((source / name).read_text()):
-            layered = fields[0] in ("CQUAD4", "CTRIA3") and fields[2] in composite
-            if fields[0] in LATER or layered:
-                if fields[0].startswith("C"):
-                    left_out[int(fields[1])] = f"{fields[0]} with PCOMP" if layered else fields[0]
-            else:
-                kept += lines
-        (folder / name).write_text(kept)
-    return folder / SOLID_DECK, left_out
 
 
 def refined(source: Path, folder: Path, n: int) -> Path:
