@@ -1,4 +1,4 @@
-"""A trained basis of a reduced model on disk: plain arrays (npz, nothing pickled), from which training goes on."""
+"""A trained basis of a reduced model on disk: plain arrays and no objects (npz), from which training goes on."""
 
 from __future__ import annotations
 

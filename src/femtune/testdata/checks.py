@@ -114,7 +114,7 @@ def _check_unit_vector(label: str, direction: NDArray[np.float64]) -> None:
         raise FemtuneError(
             "test.sensor-direction",
             f"the direction of sensor {label} is not a unit vector",
-            values={"direction": np.array2string(np.asarray(direction)), "length": length},
+            values={"direction": " ".join(f"{c:.6g}" for c in direction), "length": length},
             hint="give the direction in which the sensor measures, for example 0 0 1",
         )
 

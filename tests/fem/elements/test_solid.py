@@ -265,13 +265,14 @@ def test_materials_may_be_mixed_in_a_batch():
         np.testing.assert_allclose(b, a, atol=1e-12 * np.abs(a).max())
 
 
+@pytest.mark.parametrize("middle", [300, 301])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
-def test_a_part_of_a_batch_can_be_run_alone(material):
+def test_a_part_of_a_batch_can_be_run_alone(material, kind: str, middle: int):
     """More elements than a chunk holds, whole and in two parts: the same matrices and facts to the last bit."""
-    mesh = solid_mesh(lean, (9, 8, 8), distort=0.2)
+    mesh = solid_mesh(lean, {"hexa8": (9, 8, 8), "penta6": (9, 8, 4)}.get(kind, (6, 6, 6)), kind, distort=0.2)
     structure = solid_model(mesh, material)
     whole = structure.batches[0]
-    middle = 300
     for place in (slice(0, middle), slice(middle, None)):
         part = replace(
             whole,

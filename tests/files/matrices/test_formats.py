@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +76,28 @@ def test_op2_matrix_beside_another_library(shared_data: Path) -> None:
     # six rigid-body motions of a structure without supports, beside DOFs without stiffness
     used = np.flatnonzero(np.diag(K))
     assert (np.abs(np.linalg.eigvalsh(K[np.ix_(used, used)])) < 1e-8 * np.abs(K).max()).sum() >= 6
+
+
+def test_reading_op2_leaves_how_numpy_prints(tmp_path: Path) -> None:
+    """The library sets numpy's print options where it is imported first, and messages would have fewer digits."""
+    pytest.importorskip("pyyeti", reason="pyYeti is not installed")
+    (tmp_path / "a.op2").write_bytes(b"")
+    found = subprocess.run([sys.executable, "-c", _PRINTED, str(tmp_path / "a.op2")], capture_output=True, text=True)
+    assert found.stdout.split() == ["matrices.op2", "0.3333333333333333"], found.stderr
+
+
+_PRINTED = """
+import sys
+import numpy as np
+from femtune.errors import FemtuneError
+from femtune.files.matrices.registry import read_matrix
+
+try:
+    read_matrix(sys.argv[1])
+except FemtuneError as error:
+    print(error.code)
+print(np.float64(1) / 3)
+"""
 
 
 def test_dmig_punch(shared_data: Path) -> None:

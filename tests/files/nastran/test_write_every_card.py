@@ -21,7 +21,7 @@ from femtune.fem.contribution import MatrixKind
 from femtune.fem.structure import Structure
 from femtune.fem.values import FieldRef
 from femtune.files.nastran import BuiltModel, WritePlan, build_structure, parse_real, plan_edits, read_deck, write_deck
-from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
 from femtune.files.nastran.sections import SHAPES
 from femtune.parameters import jet
 
@@ -169,11 +169,15 @@ def each(numbers: Iterator[int], sample: Sample) -> Iterator[tuple[FieldRef, flo
 
 
 def test_no_card_is_forgotten() -> None:
-    """A card that can be updated has a sample, and each of its values stands in one."""
+    """A card that can be updated has a sample, and each of its values stands in one; so does a ply after the first."""
     most = max(shape.n for shape in SHAPES.values())
     no_shape_has = {f"DIM{i}{end}" for i in range(most + 1, 11) for end in ("", "B")}
     for kind in CATALOGUE.values():
         named = {name for sample in SAMPLES if sample.card == kind.name for name in sample.values}
+        assert all(map(kind.holds, named)), kind.name
+        if kind.name in PLY_CARDS:
+            assert {"T", "THETA"} <= {name.rstrip("0123456789") for name in named - {"T1", "THETA1"}}
+            named = {re.sub(r"^(T|THETA)\d+$", r"\g<1>1", name) for name in named}
         assert named == set(kind.values) - no_shape_has, kind.name
 
 

@@ -34,6 +34,7 @@ _TABLES: dict[str, type[Table]] = {
     "## `[[parameter]]`": study_file.ParameterEntry,
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,
+    "## `[reduction]`": study_file.ReductionTable,
     "## `[response]`": study_file.ResponseTable,
     "## `[[load]]`": study_file.LoadEntry,
     "## `[write]`": study_file.WriteTable,

@@ -61,7 +61,8 @@ def oriented_axes(batch: ElementBatch, x: Reals, v: Reals) -> Reals:
     z = np.cross(x, v)
     height, size = np.linalg.norm(z, axis=1), np.linalg.norm(v, axis=1)
     for i in np.flatnonzero(height <= PARALLEL * size):
-        what = f"the orientation vector {np.array2string(v[i], precision=6)} does not define a plane with the axis"
+        vector = ", ".join(f"{c:.6g}" for c in v[i])
+        what = f"the orientation vector ({vector}) does not define a plane with the axis"
         raise element_error(batch, int(i), "element.orientation", what, "give a vector that is not along the element")
     z = z / height[:, None]
     return np.stack([x, np.cross(z, x), z], axis=2)

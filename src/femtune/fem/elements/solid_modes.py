@@ -43,8 +43,8 @@ class Reference:
     def shares(self, xyz: Reals) -> Reals:
         """(m, n, n) integrals of products of the shape functions."""
         volume = np.linalg.det(jacobians(self.derivatives, xyz)) * self.weights
-        products = self.functions[:, :, None] * self.functions[:, None, :]
-        return np.asarray(np.tensordot(volume, products, axes=1))
+        out = (self.functions.T * volume[:, None, :]) @ self.functions
+        return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
 
     def checked(self, xyz: Reals) -> Reals:
         """(m, c, 3, 3) Jacobians at the places where the shape is checked."""
@@ -65,8 +65,13 @@ def reference(
 
 
 def jacobians(derivatives: Reals, xyz: Reals) -> Reals:
-    """(m, k, 3, 3) columns: derivatives of the place by ξ, η, ζ."""
-    return np.moveaxis(np.tensordot(xyz, derivatives, axes=(1, 2)), 1, 2)
+    """(m, k, 3, 3) columns: derivatives of the place by ξ, η, ζ.
+
+    A product an element, as everywhere here: one of all elements would round an element by its place among them.
+    """
+    k, _, n = derivatives.shape
+    sides = np.swapaxes(xyz, 1, 2) @ derivatives.reshape(3 * k, n).T
+    return np.swapaxes(sides.reshape(len(xyz), 3, k, 3), 1, 2)
 
 
 def cofactors(jacobian: Reals) -> Reals:
@@ -116,10 +121,11 @@ def first_order(shape: Reference, xyz: Reals) -> FirstOrder:
     """The element's volume, mean gradient, axes and modes."""
     jacobian = jacobians(shape.derivatives, xyz)
     inverse = cofactors(jacobian)
-    whole = np.sum(jacobian[..., 0] * inverse[..., 0], axis=-1) @ shape.weights
+    whole = np.sum(np.sum(jacobian[..., 0] * inverse[..., 0], axis=-1) * shape.weights, axis=1)
     # the determinant times a gradient is a cofactor times a derivative
-    weighted = shape.derivatives * shape.weights[:, None, None]
-    mean = np.tensordot(inverse, weighted, axes=((1, 3), (0, 1))) / whole[:, None, None]
+    k, _, n = shape.derivatives.shape
+    weighted = (shape.derivatives * shape.weights[:, None, None]).reshape(3 * k, n)
+    mean = np.swapaxes(inverse, 1, 2).reshape(len(xyz), 3, 3 * k) @ weighted / whole[:, None, None]
     gamma = shape.modes - (shape.modes @ xyz) @ mean
     return FirstOrder(whole, mean, shape.centre @ xyz, gamma)
 

@@ -25,7 +25,9 @@ def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
     FemtuneError : ``install.missing``, ``matrices.op2``, ``matrices.no-such-matrix``, ``matrices.truncated``,
         ``matrices.*``
     """
-    library = require("pyyeti.nastran.op2", extra="op2")
+    # the library sets how numpy prints, for everybody
+    with np.printoptions():
+        library = require("pyyeti.nastran.op2", extra="op2")
     where = Where(str(path), None, name or "")
     if not path.is_file():
         raise FemtuneError("matrices.unreadable", "the file does not exist", where=where, hint="check the path")
