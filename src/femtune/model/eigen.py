@@ -14,7 +14,7 @@ from femtune.model.eigen_slepc import goes_to_slepc, small_for_slepc, solve_by_s
 from femtune.model.eigenpairs import DENSE_UP_TO, Pairs, Search, is_iterative, lowest
 from femtune.model.factorise import Factor, factorise
 from femtune.model.pencil import Pencil, indefinite_mass
-from femtune.model.shift import near_shift, negative_stiffness, spectral_shift
+from femtune.model.shift import first_guess, near_shift, negative_stiffness, spectral_shift
 from femtune.model.sparse_products import row_major
 from femtune.model.sturm import Count, Cut, count_below, cut_above, missed, not_counted, separates, with_repeats
 
@@ -22,6 +22,7 @@ __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 
 _DEFAULT_COUNT = 10
 _EXTRA_MODES, _MOST_EXTRA = 6, 400
+_LARGEST = 1e90
 _ONE_FACTOR_FROM = 60_000
 """From this size on, factors are forgotten before others are made: two at a time would fill the memory."""
 
@@ -203,6 +204,21 @@ def _check_matrices(point: ModelPoint, pencil: Pencil) -> None:
         )
     if indefinite_mass(pencil.M):
         raise negative_stiffness(point)
+    _check_sizes(pencil)
+
+
+def _check_sizes(pencil: Pencil) -> None:
+    """The iteration multiplies a mass by the square of a flexibility: that must not overflow."""
+    stiffness, mass, lowest_value = float(np.abs(pencil.K.data).max()), float(np.abs(pencil.M.data).max()), 0.0
+    if max(stiffness, mass) < _LARGEST:
+        lowest_value = first_guess(pencil)
+    if not lowest_value * _LARGEST > 1.0:
+        raise FemtuneError(
+            "eigen.inaccurate",
+            "the modes cannot be computed: products of such masses and stiffnesses have no place in a number",
+            values={"largest stiffness": f"{stiffness:.6g}", "largest mass": f"{mass:.6g}"},
+            hint="look for a wrong exponent of a density, a mass, a modulus or a spring, and in WTMASS",
+        )
 
 
 def _check_start(point: ModelPoint, start: EigenSolution | None) -> None:

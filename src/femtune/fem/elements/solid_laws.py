@@ -25,6 +25,9 @@ Flags = NDArray[np.bool_]
 
 # smallest principal value of a law, its diagonal scaled to one, below which stresses cannot be eliminated
 SINGULAR = 1e-9
+# and without scaling, by the largest: on axes turned from the material's a soft shear is beside stiff strains, whose
+# rounding hides it
+HIDDEN = 1e-12
 # digits of the direction cosines that enter coefficients: elements alike but for rounding share one
 DIGITS = 12
 
@@ -102,11 +105,13 @@ def _assumed_stresses(batch: ElementBatch, structure: Structure, laws: Sequence[
 
 
 def _invertible(batch: ElementBatch, structure: Structure, some: Flags) -> Flags:
-    """(e,) True where the deck's law is positive definite; only `some` are looked at."""
+    """(e,) True where the deck's law is positive definite on any axes; only `some` are looked at."""
     out, law = np.zeros(len(batch), bool), nominal_law(batch, structure, some)
     size = np.sqrt(np.einsum("eii->ei", law))
     scale = np.where(size > 0.0, size, 1.0)
-    out[some] = np.linalg.eigvalsh(law / (scale[:, :, None] * scale[:, None, :]))[:, 0] > SINGULAR
+    scaled = np.linalg.eigvalsh(law / (scale[:, :, None] * scale[:, None, :]))
+    plain = np.linalg.eigvalsh(law)
+    out[some] = (scaled[:, 0] > SINGULAR) & (plain[:, 0] > HIDDEN * plain[:, -1])
     return out
 
 
