@@ -212,6 +212,26 @@ def test_negative_stiffness_is_refused(k: float, n: int):
     assert caught.value.code == "eigen.negative"
 
 
+def scaled_chain(n: int, k: float, m: float) -> ModelPoint:
+    return springs([(i - 1, i, k) for i in range(n)], [m] * n)
+
+
+@pytest.mark.parametrize(("k", "m"), [(1.0, 1e200), (1e200, 1.0), (1e-60, 1e60)])
+@pytest.mark.parametrize("n", [4, 450])
+def test_sizes_whose_products_overflow_are_refused(n: int, k: float, m: float):
+    with pytest.raises(FemtuneError, match="have no place in a number") as caught:
+        solve_modes(scaled_chain(n, k, m), 2)
+    assert caught.value.code == "eigen.inaccurate"
+    assert caught.value.values["largest mass"] == f"{m:g}"
+
+
+@pytest.mark.parametrize(("k", "m"), [(1.0, 1e70), (1e70, 1.0), (1e-35, 1e35), (1e80, 1e80), (1e-80, 1e-80)])
+@pytest.mark.parametrize("n", [4, 450])
+def test_any_other_unit_serves(n: int, k: float, m: float):
+    solution = solve_modes(scaled_chain(n, k, m), 2)
+    np.testing.assert_allclose(solution.eigenvalues[:2], k / m * chain_values(n)[:2], rtol=1e-8)
+
+
 def skip_one(original):
     """An iterative solver that loses the second mode."""
 
