@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -56,3 +58,10 @@ def test_bad_values_are_told(tmp_path: Path, options: tuple[str, ...], code: str
     assert exit_code == 2
     assert f"[{code}" in told
     assert "command line" in told
+
+
+def test_python_dash_m_is_the_command() -> None:
+    told = subprocess.run(
+        [sys.executable, "-m", "femtune", "modes", "--help"], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.startswith("Usage: femtune modes [OPTIONS] PATH")

@@ -367,3 +367,18 @@ def test_free_structure_with_six_rigid_body_modes(bench: Bench) -> None:
     assert max(run.results.modes[0].freq_hz[:6]) < 0.01
     assert run.results.model is not None
     assert run.results.model.configurations[0].rigid_body_check.verdict == "pass"
+
+
+@pytest.mark.parametrize("page", [False, True])
+def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(beam: Bench, page: bool) -> None:
+    study = beam.study()
+
+    def found(**asked: float) -> tuple[float, ...]:
+        if page:
+            return steps.modes_report(study, beam.folder / "modes.html", **asked).modes[0].freq_hz  # type: ignore[arg-type]
+        return steps.modes(study, **asked)[0].freq_hz  # type: ignore[arg-type]
+
+    usual = found()
+    three, nine = found(count=3), found(count=9)
+    assert (len(usual), len(three), len(nine)) == (6, 3, 9)
+    assert len(found(max_hz=0.5 * (usual[1] + usual[2]))) == 2

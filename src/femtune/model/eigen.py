@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Notice
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen_slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
-from femtune.model.eigenpairs import DENSE_UP_TO, Pairs, Search, is_iterative, lowest
+from femtune.model.eigenpairs import DENSE_UP_TO, Pairs, Search, is_iterative, lowest, method_of
 from femtune.model.factorise import Factor, factorise
 from femtune.model.pencil import Pencil, indefinite_mass
 from femtune.model.shift import first_guess, near_shift, negative_stiffness, spectral_shift
@@ -41,6 +41,7 @@ class EigenSolution:
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
         counted from the inertia of K − σM; −1 where it could not be counted
     sturm_factor : factors of K − σM at `sturm_shift`, kept for large models in place of those at `shift`
+    method : eigen-solver and sparse solver that ran, in words; "" where nobody knows
     """
 
     point: ModelPoint = field(repr=False)
@@ -53,6 +54,7 @@ class EigenSolution:
     notices: tuple[Notice, ...] = ()
     known_factor: Factor | None = field(default=None, repr=False)
     sturm_factor: Factor | None = field(default=None, repr=False)
+    method: str = ""
 
     @cached_property
     def factor(self) -> Factor:
@@ -126,7 +128,8 @@ def _proven(point: ModelPoint, search: Search, wanted: int, limit: Count | None)
         complete = asked == possible or len(values) < asked
         cut, found = _counted(search, values, (whole, accurate), complete, limit)
         if cut is not None and found.below in (None, cut[1]):
-            return _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, found))
+            solution = _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, found))
+            return replace(solution, method=method_of(search, asked))
         if asked == possible or extra > _MOST_EXTRA:
             raise missed(cut, found.below)
         known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, found.below)
@@ -182,6 +185,7 @@ def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> Eig
         found.sturm_shift,
         found.sturm_count,
         notices,
+        method="SLEPc (Krylov-Schur) over MPI, sparse factors by MUMPS",
     )
 
 

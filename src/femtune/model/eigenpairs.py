@@ -87,6 +87,14 @@ def _pairs(search: Search, count: int, wanted: int, known: Pairs | None) -> Pair
     return iterative(search, count, wanted, known)
 
 
+def method_of(search: Search, count: int) -> str:
+    """How `lowest` solves for `count` modes, in words, with the sparse solver whose factors it used."""
+    if search.pencil.n <= DENSE_UP_TO:
+        return "dense"
+    way = "block Lanczos" if is_iterative(search.pencil, count) else "dense, condensed to the DOFs with mass"
+    return f"{way}, sparse factors by {search.inverse.solver}"
+
+
 def is_iterative(pencil: Pencil, count: int) -> bool:
     """True where the iteration is the way."""
     heavy = pencil.heavy.size

@@ -20,7 +20,7 @@ from femtune.model.solvers.pardiso import PardisoAnalysis
 from femtune.model.solvers.superlu import SuperLuAnalysis
 from femtune.model.symmetric import SymmetricMatrix, symmetric
 
-__all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise"]
+__all__ = ["Analysis", "Factor", "SingularMatrixError", "analyse", "available_solvers", "factorise", "solver_asked"]
 
 PARDISO_FROM, PARDISO_FROM_COMPLEX = 3000, 300
 """Below these sizes the start of the threaded library costs more than it gains. SuperLU's complex kernels are slower by
@@ -70,12 +70,21 @@ def _digest(matrix: SymmetricMatrix) -> bytes:
     return found.digest()
 
 
+def solver_asked(solver: str | None = None) -> str | None:
+    """The solver that is named, here or in the environment; None where femtune may take the fastest.
+
+    Raises
+    ------
+    FemtuneError : ``solver.unavailable``
+    """
+    asked = solver or os.environ.get(SOLVER_VARIABLE, "").strip()
+    return _named(asked) if asked and asked.lower() != "automatic" else None
+
+
 def _chosen(matrix: SymmetricMatrix, solver: str | None) -> str:
     """The solver that is named, or the fastest one at hand for this size."""
-    asked = solver or os.environ.get(SOLVER_VARIABLE, "").strip()
-    imaginary = bool(np.iscomplexobj(matrix.data))
-    if asked and asked.lower() != "automatic":
-        name = _named(asked)
+    name, imaginary = solver_asked(solver), bool(np.iscomplexobj(matrix.data))
+    if name is not None:
         # what it factorises is Hermitian
         return _indefinite() if imaginary and name == "CHOLMOD" else name
     least = PARDISO_FROM_COMPLEX if imaginary else PARDISO_FROM

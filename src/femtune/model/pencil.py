@@ -70,11 +70,14 @@ class Inverse:
 
     def __init__(self, pencil: Pencil, shift: float, factor: Factor | None = None) -> None:
         self.pencil, self.shift, self.at_hand = pencil, shift, factor
+        self.solver = "" if factor is None else factor.name
+        """Who factorised; known too where the factors are forgotten."""
 
     def solve(self, b: Reals) -> Reals:
         """(K − σM)⁻¹ b for b of shape (n,) or (n, k)."""
         if self.at_hand is None:
             self.at_hand = self.pencil.factorise(self.shift)
+            self.solver = self.at_hand.name
         return self.at_hand.solve(b)
 
     def forget(self) -> None:

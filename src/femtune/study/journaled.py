@@ -71,7 +71,7 @@ def _of_modes(solution: EigenSolution) -> Entry:
     numbers = {name: value.item() if isinstance(value, np.generic) else value for name, value in facts.items()}
     notices = [[n.code, n.what, n.level] for n in solution.notices]
     arrays = {"eigenvalues": solution.eigenvalues, "shapes": solution.shapes}
-    return Entry(arrays, {**numbers, "notices": notices})
+    return Entry(arrays, {**numbers, "notices": notices, "method": solution.method})
 
 
 def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
@@ -82,7 +82,10 @@ def _modes(point: ModelPoint, entry: Entry) -> EigenSolution:
     if (np.diff(values) < 0.0).any() or not shift < values[0]:
         raise ValueError("its eigenvalues are not in their order")
     notices = tuple(_notice(*n) for n in entry.facts["notices"])
-    return EigenSolution(point, values, shapes, wanted, shift, _number(entry, "sturm_shift"), counted, notices)
+    cut, method = _number(entry, "sturm_shift"), entry.facts.get("method", "")
+    if not isinstance(method, str):
+        raise ValueError("its method is no text")
+    return EigenSolution(point, values, shapes, wanted, shift, cut, counted, notices, method=method)
 
 
 def _notice(code: object, what: object, level: object) -> Notice:

@@ -10,7 +10,7 @@ from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.nastran.located import located
-from femtune.files.study_file import ModesTable, StudyFile, read_study_file
+from femtune.files.study_file import ModesTable, StudyFile, read_study_file, with_modes
 from femtune.files.study_file.source import Source
 from femtune.model import ParametricModel, parametric_model
 from femtune.parameters import ParameterSet
@@ -19,6 +19,7 @@ from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
 from femtune.study.imported_model import build_imported, compare_listed
 from femtune.study.progress import Progress, silent
+from femtune.study.solvers import check_solvers
 
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
 
@@ -115,6 +116,7 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     ------
     FemtuneError : whatever is wrong with any of the files; set-up errors are shown together
     """
+    check_solvers()
     path = Path(path)
     file = _study_of_deck(path) if is_deck(path) else read_study_file(path)
     built = _built(file, progress)
@@ -201,6 +203,19 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+
+
+def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> Study:
+    """The study with another number of modes, or another upper frequency, in all its configurations.
+
+    Raises
+    ------
+    FemtuneError : as `with_modes`
+    """
+    file = with_modes(study.file, count, max_hz)
+    limits = {"count": file.modes.wanted, "max_hz": file.modes.max_hz}
+    cases = (c if c.modal is None else replace(c, modal=replace(c.modal, **limits)) for c in study.cases)
+    return replace(study, file=file, cases=tuple(cases))
 
 
 def solved_by(study: Study, solver: ModelSolver) -> Study:

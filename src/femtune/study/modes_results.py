@@ -10,8 +10,7 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.study_file import with_modes
-from femtune.study.load import Study, is_deck, load_study
+from femtune.study.load import Study, is_deck, load_study, with_modes_asked
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Inputs, Stopwatch, input_paths, inputs_of, provenance, study_facts
 from femtune.study.record_correlation import array_prefix
@@ -51,8 +50,7 @@ def modes_results(
     watch = Stopwatch(f"femtune.modes_report({str(path)!r})")
     arrays: Arrays = {}
     with watch.step("read"):
-        loaded = load_study(path, progress)
-        loaded = replace(loaded, file=with_modes(loaded.file, count, max_hz))
+        loaded = with_modes_asked(load_study(path, progress), count, max_hz)
         _check_kept(loaded, keep)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh, remarks) as study:
@@ -62,7 +60,11 @@ def modes_results(
         model = model_facts(loaded)
     facts = _facts(loaded, is_deck(path))
     found = Results(
-        provenance=provenance(inputs, watch), study=facts, model=model, modes=tuple(modes), mode_shapes=tuple(shapes)
+        provenance=provenance(inputs, watch, modes),
+        study=facts,
+        model=model,
+        modes=tuple(modes),
+        mode_shapes=tuple(shapes),
     )
     return found, arrays
 

@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -20,6 +20,7 @@ from femtune.model import available_solvers
 from femtune.model.distributed import slepc_is_chosen
 from femtune.study.load import Study
 from femtune.study.results_base import InputFile, Provenance, StepDuration, StudyFacts
+from femtune.study.results_model import ModelModes
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ class Stopwatch:
             self.durations[name] = self.durations.get(name, 0.0) + time.perf_counter() - begin
 
 
-def provenance(inputs: Inputs, watch: Stopwatch) -> Provenance:
-    """Files, versions and times of a run."""
+def provenance(inputs: Inputs, watch: Stopwatch, modes: Iterable[ModelModes] = ()) -> Provenance:
+    """Files, versions and times of a run, and what solved its modes."""
     return Provenance(
         femtune_version=__version__,
         started_at=watch.started.isoformat(timespec="seconds"),
@@ -59,12 +60,16 @@ def provenance(inputs: Inputs, watch: Stopwatch) -> Provenance:
         python_version=platform.python_version(),
         numpy_version=np.__version__,
         scipy_version=scipy.__version__,
-        eigen_solver=_eigen_solver(),
+        eigen_solver=_eigen_solver(modes),
         durations=tuple(StepDuration(step=name, duration_s=round(t, 3)) for name, t in watch.durations.items()),
     )
 
 
-def _eigen_solver() -> str:
+def _eigen_solver(modes: Iterable[ModelModes]) -> str:
+    """Who solved; before anything is solved who will."""
+    ran = list(dict.fromkeys(m.solver for m in modes if m.solver))
+    if ran:
+        return "; ".join(ran)
     factors = f"sparse factorisation by {' or '.join(available_solvers())}"
     slepc = f"SLEPc over MPI with MUMPS (small models: shift-invert); {factors}"
     return slepc if slepc_is_chosen() else f"shift-invert; {factors}"

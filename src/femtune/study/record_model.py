@@ -284,6 +284,7 @@ def model_modes(name: str, stage: Stage, solution: EigenSolution) -> ModelModes:
         modes_below_shift=below if counted else None,
         sturm_sentence="; ".join([sentence if counted else _NOT_TESTED, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
+        solver=solution.method,
     )
 
 

@@ -82,7 +82,7 @@ class Provenance(Record):
     scipy_version: str
     """Version of scipy."""
     eigen_solver: str
-    """Factorisation and iteration that solved the modes."""
+    """Eigen-solver and sparse solver that solved the modes; several where models of different size are in the run."""
     durations: tuple[StepDuration, ...] = ()
     """Time of each step."""
 

@@ -255,3 +255,6 @@ class ModelModes(Record):
     """Outcome in words, or why it was not tested."""
     effective_masses: EffectiveMasses | None = None
     """Modal effective masses; None in results of before they were computed."""
+    solver: str = ""
+    """Eigen-solver and sparse solver that found them: "block Lanczos, sparse factors by PARDISO"; "" in results of
+    before it was kept."""

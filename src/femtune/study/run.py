@@ -184,7 +184,7 @@ class Run:
     ) -> Results:
         values = {} if written is None else written.written
         parts = {
-            "provenance": provenance(self.inputs, self.watch),
+            "provenance": provenance(self.inputs, self.watch, (m for s in stages for m in s.modes)),
             "modes": tuple(m for s in stages for m in s.modes),
             "correlations": tuple(c for s in stages for c in s.correlations),
             "responses": tuple(r for s in stages for r in s.responses),

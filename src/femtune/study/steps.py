@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
-from femtune.files.study_file import with_modes
 from femtune.modal import ModeSet
 from femtune.study.cases import StudyCase
-from femtune.study.load import Study, load_study, read_study
+from femtune.study.load import Study, load_study, read_study, with_modes_asked
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Stopwatch, inputs_of
 from femtune.study.record_model import model_facts
@@ -49,8 +47,7 @@ def modes(
     Solutions in the journal of the study's run folder are used, not so if `fresh`; `remarks` is told how many.
     `count` or `max_hz` takes the place of [modes] of the study and of METHOD of the deck.
     """
-    loaded = load_study(path, progress)
-    loaded = replace(loaded, file=with_modes(loaded.file, count, max_hz))
+    loaded = with_modes_asked(load_study(path, progress), count, max_hz)
     with looking_up(loaded, fresh, remarks) as study:
         return tuple(modes_of(study, "before", progress))
 

@@ -5,9 +5,22 @@ from __future__ import annotations
 import os
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.model.distributed.launch import launcher, ranks, slepc_python
 
 EIGENSOLVER = "FEMTUNE_EIGENSOLVER"
 _NAMES = ("own", "slepc")
+
+
+def check_slepc() -> None:
+    """Refuse a chosen eigen-solver that is none, or SLEPc where it cannot be started.
+
+    Raises
+    ------
+    FemtuneError : ``solver.unavailable``, ``slepc.not-installed``, ``slepc.launcher``
+    """
+    if slepc_is_chosen():
+        slepc_python()
+        launcher(ranks())
 
 
 def slepc_is_chosen() -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 
 from femtune.report.document import Bar, Block, Cell, Column, Heading, Listing, Paragraph, Table, row
 from femtune.report.numbers import NONE, NOT_TESTED, freq, percent, value, with_unit
+from femtune.report.sections.sturm import solved_by
 from femtune.report.source import Source
 from femtune.study.results_model import EffectiveMasses, ModelModes
 
@@ -27,7 +28,7 @@ def natural_modes(source: Source) -> list[Block]:
     units = _units(source.results.study.units)
     tables = [block for m in found for block in _configuration(m, len(found) > 1, units)]
     note = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
-    return [*tables, *note, Heading("Was a mode missed?"), Listing(tuple(map(_sturm, found)))]
+    return [*tables, *note, Heading("Was a mode missed?"), Listing(tuple(map(_sturm, found))), *solved_by(found)]
 
 
 def _units(units: str) -> tuple[str, str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from femtune.report.document import Block, Cell, Paragraph, Table, columns, row
 from femtune.report.numbers import NONE, NOT_TESTED, freq, listed
 from femtune.report.source import Source
@@ -17,7 +19,16 @@ def sturm(source: Source) -> list[Block]:
     if not found:
         return [Paragraph("Modes were not solved: not run.")]
     heads = columns("Configuration", "Stage", ">Modes", ">Rigid-body", ">Shift Hz", ">Found below it", ">Counted")
-    return [Table("Was a mode missed? (Sturm count)", heads, tuple(map(_row, found)), _sentence(found))]
+    return [
+        Table("Was a mode missed? (Sturm count)", heads, tuple(map(_row, found)), _sentence(found)),
+        *solved_by(found),
+    ]
+
+
+def solved_by(found: Sequence[ModelModes]) -> list[Block]:
+    """Who solved the modes, a line; [] in results of before it was kept."""
+    names = dict.fromkeys(m.solver for m in found if m.solver)
+    return [Paragraph(f"Solved by: {'; '.join(names)}.", "muted")] if names else []
 
 
 def _row(m: ModelModes) -> tuple[Cell, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from femtune.report.document import Block, Cell, Column, Document, Listing, Section, Table, row
 from femtune.report.numbers import NONE, NOT_TESTED, freq
+from femtune.report.sections.sturm import solved_by
 from femtune.report.steps.layout import column_groups
 from femtune.report.steps.subject import Subject
 from femtune.report.verdict import sturm_verdict
@@ -18,7 +19,8 @@ _MODE = "Mode"
 def modes_document(subject: Subject, modes: Sequence[ModelModes]) -> Document:
     """One table of frequencies and a sentence each configuration that says whether a mode was missed."""
     verdict, level = sturm_verdict(modes)
-    blocks: list[Block] = [*_tables(modes), Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))]
+    counts = Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))
+    blocks: list[Block] = [*_tables(modes), counts, *solved_by(modes)]
     return subject.document(verdict, level, [Section("modes", "Natural frequencies, Hz", tuple(blocks))])
 
 
