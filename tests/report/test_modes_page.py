@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from femtune.report.document import Document, Figure, Table
 from femtune.report.sections import MODES_BUILDERS
 from femtune.report.text_file import section_texts
 from femtune.study import record_shapes
+from femtune.study.drawn_mesh import thinned
 from femtune.study.modes_results import modes_results
 from femtune.study.results import Results
 
@@ -171,16 +173,36 @@ def test_more_modes_than_are_kept_leaves_the_first_ones(plate: Path, monkeypatch
     assert "6 more modes are not drawn" in _said(page, "pictures")
 
 
-def test_huge_models_are_not_drawn(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record_shapes, "MOST_FACES", 1)
-    assert "the model has 2 shells, and shapes are kept for drawing up to 1" in _said(_page(plate), "pictures")
+def test_huge_models_are_drawn_coarser_and_say_so(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_faces=1))
+    page = _page(plate)
+    assert "The mesh is drawn coarser than it is: 1 faces in place of 2" in _said(page, "pictures")
+    assert len(_figures(page)) == 2
+
+
+def test_solids_are_drawn_by_their_outside(tmp_path: Path) -> None:
+    """Two bricks side by side: ten of their twelve faces are outside."""
+    deck = tmp_path / "bricks.bdf"
+    grids = [f"GRID,{1 + x + 3 * y + 6 * z},,{x}.,{y}.,{z}." for z in (0, 1) for y in (0, 1) for x in (0, 1, 2)]
+    bricks = [f"CHEXA,{e},1,{e},{e + 1},{e + 4},{e + 3},{e + 6},{e + 7},\n,{e + 10},{e + 9}" for e in (1, 2)]
+    rest = ["PSOLID,1,1", "MAT1,1,2.1+11,,.3,7850.", "EIGRL,1,,,8"]
+    deck.write_text("\n".join(["SOL 103", "CEND", "METHOD = 1", "BEGIN BULK", *grids, *bricks, *rest, "ENDDATA", ""]))
+    results, arrays = modes_results(deck)
+    (kept,) = results.mode_shapes
+    faces, points = arrays[str(kept.faces_key)], arrays[str(kept.points_key)]
+    middles = points[faces].mean(axis=1)
+    assert sorted(map(tuple, middles.tolist())) == sorted(
+        [(0.0, 0.5, 0.5), (2.0, 0.5, 0.5)]
+        + [(x, y, z) for x in (0.5, 1.5) for y, z in ((0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0))]
+    )
+    assert len(_figures(build_modes_page(results, arrays))) == 2
 
 
 def test_models_without_extent_say_so(tmp_path: Path) -> None:
     deck = tmp_path / "scalar.bdf"
     deck.write_text("SOL 103\nCEND\nBEGIN BULK\nSPOINT,1\nCELAS2,1,9.,1\nCMASS2,3,1.,1\nENDDATA\n")
     page = _page(deck)
-    assert "no shells and no two-node or rigid elements to draw" in _said(page, "pictures")
+    assert "no shells, no solids and no two-node or rigid elements to draw" in _said(page, "pictures")
     assert ">nan<" not in html_text(page).lower()
 
 

@@ -126,7 +126,7 @@ def test_no_pairs_at_all_is_said(slim: dict[str, Any], arrays: dict[str, Any]) -
         ("convergence", ["CONVERGED_AT_BOUNDS", "After iteration 2, NC"]),
         ("identifiability", ["I_beam_1 rises while", "9 of 10 combinations"]),
         ("validation", ["4a", "−0.51", "Damping was not compared."]),
-        ("checks", ["PLOTEL", "frame.bdf:88", "11RZ+", "not weighed", "POST"]),
+        ("checks", ["PLOTEL", "frame.bdf:88", "RZ of 3 points, 11 to 13", "not weighed", "POST"]),
         ("write_back", ["2.1+11", "1.2915+11", "updated.bdf:41"]),
         ("criteria", ["≤ 5 %", "≥ 0.9", "fail", "that were not tested"]),
         ("method", ["Gauss-Newton", "90 mode shape residuals"]),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from femtune.files.nastran.build import build_structure
 from femtune.model import Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
 from femtune.study import RunFolder, record_shapes
+from femtune.study.drawn_mesh import DrawnMesh, thinned
 from femtune.study.record_shapes import active_lines, grid_translations
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
@@ -92,11 +95,49 @@ def test_the_model_at_the_sensors_is_the_motion_of_their_points(finished: tuple[
     assert read["test_shapes_key"].shape == (len(rows), 4)
 
 
-def test_very_large_models_are_left_out_with_a_sentence(beam: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(record_shapes, "MOST_LINES", 3)
+def test_of_very_large_models_a_coarser_mesh_is_kept(beam: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_lines=3))
     run = steps.run(beam.study())
-    assert {m.reason for m in run.results.mode_shapes} == {
-        "the model has 4 lines, and shapes are kept for drawing up to 3"
-    }
+    assert {m.reason for m in run.results.mode_shapes} == {""}
+    (sentence,) = {m.simplified for m in run.results.mode_shapes}
+    assert re.fullmatch("the mesh is drawn coarser than it is: [123] lines in place of 4", sentence)
     assert run.report is not None
-    assert "Not drawn: the model has 4 lines" in run.report.read_text("utf-8")
+    assert sentence[1:] in run.report.read_text("utf-8")
+
+
+def _sheet(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """n × n squares of a plate of one metre."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return points, first[:, None] + np.array([0, 1, n + 2, n + 1])
+
+
+def _area(points: np.ndarray, faces: np.ndarray) -> float:
+    at = points[np.where(faces < 0, faces[:, [2]], faces)]
+    return float(np.abs(0.5 * np.cross(at[:, 2] - at[:, 0], at[:, 3] - at[:, 1])[:, 2]).sum())
+
+
+def test_a_coarser_mesh_covers_the_same_area_within_the_limits() -> None:
+    points, faces = _sheet(100)
+    edges = faces[:, :2]
+    mesh = DrawnMesh(edges, np.zeros(len(edges), np.int64), faces)
+    assert thinned(points, mesh) is not mesh
+    fewer = thinned(points, mesh, 4000, 2500)
+    assert 500 < len(fewer.faces) <= 2500
+    assert len(fewer.lines) <= 4000
+    assert _area(points, fewer.faces) > 0.9
+    assert fewer.sentence.startswith(
+        f"the mesh is drawn coarser than it is: {len(fewer.faces)} faces in place of 10000"
+    )
+    whole = DrawnMesh(edges[:9], np.zeros(9, np.int64), faces)
+    assert thinned(points, whole) is whole
+
+
+def test_quadrilaterals_that_lose_a_corner_are_triangles() -> None:
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0.0, 1.0, 0], [1.01, 1.01, 0.0]])
+    faces = np.array([[0, 1, 2, 3], [1, 4, 2, 3], [4, 2, 4, 2], [0, 1, 4, 3]])
+    mesh = DrawnMesh(np.zeros((0, 2), np.int64), np.zeros(0, np.int64), faces)
+    fewer = thinned(points, mesh, most_faces=2)
+    # point 4 lies in the cell of point 2, so that the first and the last face are one
+    assert {tuple(face) for face in fewer.faces.tolist()} == {(0, 1, 2, 3), (1, 2, 3, -1)}

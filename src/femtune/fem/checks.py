@@ -18,6 +18,9 @@ Reals = NDArray[np.float64]
 
 # a force that rigid motion leaves at a DOF, relative to the forces that cancel there
 STRAIN_FREE = 1e-8
+# entries that cancelled when elements were added leave rounding of the diagonal behind; forces of this part of what the
+# diagonals could hold cancel at every DOF
+_CANCELLED = 1e-4
 # masses felt in two directions that differ by less count as one
 SAME_MASS = 1e-9
 
@@ -103,7 +106,8 @@ class RigidMotionCheck:
     motion : "X" to "RZ"
     energy : ½ rᵀKr for a unit motion
     relative_energy : the energy over the sum of the magnitudes of its terms
-    relative_force : largest force left at a DOF over the sum of the magnitudes that cancel there
+    relative_force : largest force left at a DOF over the sum of the magnitudes that cancel there, which counts as no
+        less than a ten-thousandth of what it could be with the stiffness of the DOFs on the diagonal
     worst : DOFs with the largest relative forces, and these, at most ten, only those above the threshold
     """
 
@@ -124,8 +128,15 @@ def rigid_motion_checks(
 ) -> tuple[RigidMotionCheck, ...]:
     """Strain energy and left-over forces of the six rigid motions of the unconstrained structure (n_g, n_g)."""
     motions = rigid_body_modes(nodes, about)
-    forces, sizes = stiffness @ motions, abs(stiffness) @ np.abs(motions)
+    forces, sizes = stiffness @ motions, _force_sizes(stiffness, np.abs(motions))
     return tuple(_motion_check(nodes, i, motions[:, i], forces[:, i], sizes[:, i]) for i in range(6))
+
+
+def _force_sizes(stiffness: sp.csr_array, motions: Reals) -> Reals:
+    """(n_g, 6) Σ_j |K_ij| |r_j|, and no less than a small part of Σ_j √(K_ii K_jj) |r_j|, which bounds it."""
+    root = np.sqrt(np.maximum(stiffness.diagonal(), 0.0))[:, None]
+    pattern = sp.csr_array((np.ones(stiffness.nnz), stiffness.indices, stiffness.indptr), shape=stiffness.shape)
+    return np.maximum(abs(stiffness) @ motions, _CANCELLED * root * (pattern @ (root * motions)))
 
 
 def _motion_check(nodes: NodeTable, i: int, r: Reals, force: Reals, size: Reals) -> RigidMotionCheck:

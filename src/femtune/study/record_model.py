@@ -21,6 +21,7 @@ from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.dof_sets import effect_of
 from femtune.files.nastran.inventory import READ
 from femtune.model import Configuration, EigenSolution, grid_matrix
+from femtune.model.configuration import held_dofs
 from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.study.cases import StudyCase, sensor_tolerance
@@ -94,8 +95,10 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
         free_dofs=case.configured.n_free,
         supports=tuple(_supports(study, configuration)),
+        constraints=tuple(_constraints(study, configuration)),
         held_dofs=tuple(
-            HeldDof(dof=str(d), reason="no element gives it stiffness (AUTOSPC)") for d in case.configured.held_singular
+            HeldDof(dof=str(d), reason="without stiffness of any element (AUTOSPC)")
+            for d in case.configured.held_singular
         ),
         mass=mass.mass,
         centre_of_gravity=_vector(mass.centre) if structure.nodes.located else None,
@@ -117,19 +120,34 @@ def _matrix(values: NDArray) -> tuple[Vector3, Vector3, Vector3]:
 
 
 def _supports(study: Study, configuration: Configuration) -> Iterable[str]:
+    """What holds how many DOFs, each DOF counted once."""
     structure = study.model.structure
-    if len(structure.permanent):
-        yield f"{len(structure.permanent)} DOFs held by the grid points themselves"
     chosen = configuration.support_set
     chosen = structure.default_support_set if chosen is None else chosen
-    if chosen is not None:
-        yield f"SPC set {chosen}: {len(structure.support_sets[chosen])} DOFs"
-    equations = configuration.multipoint_set
-    equations = structure.default_multipoint_set if equations is None else equations
-    if equations is not None:
-        yield f"MPC set {equations}: {len(structure.multipoint_sets[equations])} equations"
-    if len(structure.rigid):
-        yield f"{len(structure.rigid)} equations of rigid elements"
+    held = set(held_dofs(structure, configuration).tolist())
+    own = held & set(structure.permanent.tolist())
+    of_set = (held & set(structure.support_sets[chosen].tolist())) - own if chosen is not None else set()
+    counts = {"grid points themselves (PS)": own, f"SPC set {chosen}": of_set, "configuration": held - own - of_set}
+    return (f"{name}: {_dofs(len(dofs))}" for name, dofs in counts.items() if dofs)
+
+
+def _dofs(count: int) -> str:
+    return f"{count} DOF" if count == 1 else f"{count} DOFs"
+
+
+def _constraints(study: Study, configuration: Configuration) -> Iterable[str]:
+    structure = study.model.structure
+    number = configuration.multipoint_set
+    number = structure.default_multipoint_set if number is None else number
+    rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(configuration.elements_off)))
+    if number is not None:
+        yield f"MPC set {number}: {_equations(len(structure.multipoint_sets[number]))}"
+    if len(rigid):
+        yield f"rigid elements: {_equations(len(rigid))}"
+
+
+def _equations(count: int) -> str:
+    return f"{count} equation" if count == 1 else f"{count} equations"
 
 
 def _overlay(configuration: Configuration) -> Iterable[str]:
@@ -156,7 +174,7 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
     elements = _grounding(structure, configuration, mass.centre) if grounded else ()
     if grounded and structure.assembled and not structure.batches:
         return _supports_inside(checks)
-    meant = grounded and not tied and {e.element for e in elements} <= _ending_on_ground(structure)
+    meant = bool(elements) and not tied and {e.element for e in elements} <= _ending_on_ground(structure)
     return RigidBodyCheck(
         strain_energies=tuple(c.energy for c in checks),
         relative_energies=tuple(c.relative_energy for c in checks),
@@ -198,7 +216,7 @@ def _ending_on_ground(structure: Structure) -> set[int]:
 def _meant_sentence(elements: tuple[GroundingElement, ...]) -> str:
     names = list(dict.fromkeys(f"{e.card} {e.element}" for e in elements))
     shown = ", ".join(names[:6]) + (f" … ({len(names)} in all)" if len(names) > 6 else "")
-    return f"rigid motion strains only elements that end on the ground: {shown}"
+    return f"without its supports rigid motion strains nothing but elements that end on the ground: {shown}"
 
 
 def _grounding(structure: Structure, configuration: Configuration, about: NDArray) -> tuple[GroundingElement, ...]:
@@ -212,10 +230,12 @@ def _rigid_sentence(checks: tuple[RigidMotionCheck, ...], tied: int) -> str:
     bad = [c.motion for c in checks if not c.passed]
     parts = []
     if bad:
-        parts.append(f"rigid motion {', '.join(bad)} strains the free model: something ties it to the ground")
+        parts.append(
+            f"rigid motion {', '.join(bad)} strains the model without its supports: something ties it to the ground"
+        )
     if tied:
-        parts.append(f"{tied} constraint equations do not let the model move as a rigid body")
-    return "; ".join(parts) or "all six rigid motions of the free model are free of strain"
+        parts.append(f"{_equations(tied)} do not let the model move as a rigid body")
+    return "; ".join(parts) or "without its supports the model moves in all six rigid motions without strain"
 
 
 def _worst(checks: tuple[RigidMotionCheck, ...]) -> tuple[GroundedDof, ...]:

@@ -10,46 +10,51 @@ from femtune.fem import ConstraintRows, ElementBatch, Structure
 from femtune.fem.structure import NodeTable
 from femtune.model import ConfiguredModel, EigenSolution
 from femtune.study.cases import StudyCase
+from femtune.study.drawn_mesh import DrawnMesh, outer_faces, thinned
 from femtune.study.results_base import Stage
 from femtune.study.results_shapes import ModeShapes
 
 Arrays = dict[str, NDArray]
 
-MOST_LINES, MOST_FACES, MOST_MODES = 4000, 30_000, 50
+MOST_MODES = 50
 ELEMENT, RIGID = 0, 1
 _LINE_KINDS = ("bar", "tapered-beam", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
-_FACE_KINDS = ("shell-quad", "shell-tri")
+_FACE_KINDS = ("shell-quad", "shell-tri", "shear-panel")
 
 
 def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: str, arrays: Arrays) -> ModeShapes:
-    """The record; its arrays go into `arrays` under `prefix`. Very large models and very many modes are not kept."""
-    lines, kinds = active_lines(case.configured)
-    faces = active_faces(case.configured)
-    reason = _too_much(len(lines), len(faces), solution.wanted)
+    """The record; its arrays go into `arrays` under `prefix`. Of large models a coarser mesh is kept, of very many
+    modes none."""
+    mesh = drawn_mesh(case.configured)
+    reason = _not_drawn(mesh, solution.wanted)
     if reason:
         return ModeShapes(configuration=case.name, stage=stage, reason=reason)
-    nodes = case.configured.model.structure.nodes
+    rows = mesh.used
+    counted = mesh.counted_from(rows)
     found: Arrays = {
-        "points": nodes.xyz,
-        "lines": lines.astype(np.int32),
-        "line_kinds": kinds.astype(np.int8),
-        "faces": faces.astype(np.int32),
-        "translations": grid_translations(case.configured, solution),
+        "points": case.configured.model.structure.nodes.xyz[rows],
+        "lines": counted.lines.astype(np.int32),
+        "line_kinds": counted.kinds.astype(np.int8),
+        "faces": counted.faces.astype(np.int32),
+        "translations": grid_translations(case.configured, solution, rows),
         **_measured(case, solution),
     }
     small = {name: a.astype(np.float32) if a.dtype == float else a for name, a in found.items()}
     arrays |= {f"{prefix}/shapes/{name}": a for name, a in small.items()}
     keys = {f"{name}_key": f"{prefix}/shapes/{name}" for name in found}
-    return ModeShapes.model_validate({"configuration": case.name, "stage": stage, **keys})
+    record = {"configuration": case.name, "stage": stage, "simplified": mesh.sentence, **keys}
+    return ModeShapes.model_validate(record)
 
 
-def _too_much(lines: int, faces: int, modes: int) -> str:
-    if lines == faces == 0:
-        return "the model has no shells and no two-node or rigid elements to draw"
-    if lines > MOST_LINES:
-        return f"the model has {lines} lines, and shapes are kept for drawing up to {MOST_LINES}"
-    if faces > MOST_FACES:
-        return f"the model has {faces} shells, and shapes are kept for drawing up to {MOST_FACES}"
+def drawn_mesh(configured: ConfiguredModel) -> DrawnMesh:
+    """Lines and faces of the active elements, no more than pictures can show."""
+    mesh = DrawnMesh(*active_lines(configured), active_faces(configured))
+    return thinned(configured.model.structure.nodes.xyz, mesh)
+
+
+def _not_drawn(mesh: DrawnMesh, modes: int) -> str:
+    if not len(mesh.lines) and not len(mesh.faces):
+        return "the model has no shells, no solids and no two-node or rigid elements to draw"
     return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
 
 
@@ -66,10 +71,14 @@ def active_lines(configured: ConfiguredModel) -> tuple[NDArray[np.int64], NDArra
 
 
 def active_faces(configured: ConfiguredModel) -> NDArray[np.int64]:
-    """Rows of the grid points at the corners of the active shells, (faces, 4); −1 for the fourth of a triangle."""
-    off = list(configured.configuration.elements_off)
-    found = [_batch_faces(b, off) for b in configured.model.structure.batches if b.kind in _FACE_KINDS]
-    return np.concatenate([np.zeros((0, 4), np.int64), *found])
+    """Rows of the grid points at the corners of active shells and of the outside of active solids, (faces, 4).
+
+    −1 stands for the fourth corner of a triangle.
+    """
+    off, batches = list(configured.configuration.elements_off), configured.model.structure.batches
+    shells = [_batch_faces(b, off) for b in batches if b.kind in _FACE_KINDS]
+    solids = outer_faces([(b, ~np.isin(b.ids, off)) for b in batches])
+    return np.concatenate([np.zeros((0, 4), np.int64), *shells, solids])
 
 
 def _batch_faces(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:
@@ -96,12 +105,15 @@ def _drawable(structure: Structure, lines: NDArray[np.int64]) -> NDArray[np.int6
     return lines[np.linalg.norm(xyz[lines[:, 1]] - xyz[lines[:, 0]], axis=1) > 0.0]
 
 
-def grid_translations(configured: ConfiguredModel, solution: EigenSolution) -> NDArray[np.float64]:
-    """(grid points, 3, modes) motion of the wanted modes in basic axes."""
+def grid_translations(
+    configured: ConfiguredModel, solution: EigenSolution, rows: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    """(grid points, 3, modes) motion of the wanted modes in basic axes, at some rows of the grid points or at all."""
     nodes = configured.model.structure.nodes
-    moved = configured.transformation @ solution.shapes[:, : solution.wanted]
-    own = moved[: 6 * len(nodes.ids)].reshape(len(nodes.ids), 6, -1)[:, :3]
-    return np.einsum("nij,njm->nim", nodes.frames, own)
+    rows = np.arange(len(nodes.ids)) if rows is None else rows
+    at = (6 * rows[:, None] + np.arange(3)).ravel()
+    own = (configured.transformation[at] @ solution.shapes[:, : solution.wanted]).reshape(len(rows), 3, -1)
+    return np.einsum("nij,njm->nim", nodes.frames[rows], own)
 
 
 def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:

@@ -102,7 +102,7 @@ class ModelConfiguration(Record):
     free_dofs: int
     """Number of DOFs that are solved for."""
     supports: tuple[str, ...]
-    """Supports and constraint sets that act, in words."""
+    """What holds DOFs, in words: grid points themselves, SPC set, configuration; each DOF is counted once."""
     held_dofs: tuple[HeldDof, ...]
     """Every DOF held by AUTOSPC."""
     mass: float
@@ -117,6 +117,8 @@ class ModelConfiguration(Record):
     """(model − weighed)/weighed in %; None where nothing was weighed."""
     rigid_body_check: RigidBodyCheck
     """Strain energy of rigid motions."""
+    constraints: tuple[str, ...] = ()
+    """Multipoint constraints and rigid elements that act, in words; results of before have them among the supports."""
     overlay: tuple[str, ...] = ()
     """What this configuration changes in the deck, in words: elements off, masses added, supports."""
 

@@ -13,14 +13,14 @@ class ModeShapes(Record):
     stage: Stage
     """"before", "after" or "after as written"."""
     points_key: str | None = None
-    """Key of the coordinates of the points, shape (points, 3); None where no shapes were kept."""
+    """Key of the coordinates of the points that are drawn, shape (points, 3); None where no shapes were kept."""
     lines_key: str | None = None
     """Key of the lines, shape (lines, 2): rows of the points at both ends."""
     line_kinds_key: str | None = None
     """Key of the kinds of the lines, shape (lines,): 0 for two-node elements, 1 for rigid elements."""
     faces_key: str | None = None
-    """Key of the shells, shape (faces, 4): rows of the points at their corners, −1 for the fourth of a triangle; None
-    in results of before shells were drawn."""
+    """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
+    fourth of a triangle; None in results of before shells were drawn."""
     translations_key: str | None = None
     """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz."""
     sensor_positions_key: str | None = None
@@ -33,5 +33,7 @@ class ModeShapes(Record):
     """Key of the measured shapes, shape (sensors, test modes), modes as in CorrelationResults.mac_test_labels."""
     model_at_sensors_key: str | None = None
     """Key of the model's motion seen by the sensors, shape (sensors, modes)."""
+    simplified: str = ""
+    """What lines and faces leave out of a large mesh, in words; "" where they are all there."""
     reason: str = ""
     """Why no shapes were kept; "" where they were."""

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 # matplotlib measures with the font that it brings; readers see a sans-serif of their own, which is narrower
 _MEASURED = "'DejaVu Sans'"
 
-_SHADE = 5
-"""Step between the levels of a channel of pixels; a divisor of 255."""
+_COLOURS = 64
+"""Different colours of pixels: more of them than shades that an eye tells apart would make the file larger."""
 
 _STYLE: dict[str, Any] = {
     "svg.hashsalt": "femtune",
@@ -72,10 +72,10 @@ def draw_png(width_in: float, height_in: float, draw: Callable[[Figure], None], 
         canvas = sheet.FigureCanvasAgg(figure)
         draw(figure)
         canvas.draw()
-        # shades that no eye tells apart are made one: the file becomes smaller
-        pixels = np.rint(np.asarray(canvas.buffer_rgba()) / _SHADE) * _SHADE
-        pixels = pixels.astype(np.uint8)
-        require("matplotlib.image").imsave(buffer, pixels, format="png", metadata={"Software": None})
+        images = require("PIL.Image")
+        image = images.fromarray(np.asarray(canvas.buffer_rgba()))
+        few = image.quantize(_COLOURS, method=images.Quantize.FASTOCTREE, dither=images.Dither.NONE)
+        few.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

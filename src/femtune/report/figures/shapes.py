@@ -156,10 +156,21 @@ def _factor(frame: Wireframe, used: NDArray[np.int64], panel: ShapePanel) -> flo
 
 def _rest(sheet: _Sheet) -> Iterable[str]:
     frame, flat = sheet.frame, sheet.view.flat(sheet.frame.points)
-    yield silhouette(flat[closed(frame.faces)], _REST_FILL)
     edges = sheet.outline
-    yield strokes(flat[edges[:, 0]], flat[edges[:, 1]], _REST, 0.6)
+    if len(frame.faces) > VECTOR_FACES:
+        yield rastered(_silhouette(flat[closed(frame.faces)], flat[edges]), (_PANEL, sheet.height + _TITLE))
+    else:
+        yield silhouette(flat[closed(frame.faces)], _REST_FILL)
+        yield strokes(flat[edges[:, 0]], flat[edges[:, 1]], _REST, 0.6)
     yield from _wires(frame, flat, _REST)
+
+
+def _silhouette(faces: Reals, edges: Reals) -> Painting:
+    """All faces (f, 4, 2) in one colour, the edges (e, 2, 2) on top."""
+    many, few = len(faces), len(edges)
+    colours = [_REST_FILL] * many + [_REST] * few
+    line = np.arange(many + few) >= many
+    return Painting(np.concatenate([faces, edges[:, [0, 1, 1, 0]]]), colours, colours, np.where(line, 0.6, 0.0), line)
 
 
 def _wires(frame: Wireframe, flat: Reals, colour: str) -> Iterable[str]:

@@ -17,13 +17,13 @@ from femtune.report.document import (
     row,
     table_or_none,
 )
-from femtune.report.numbers import NONE, counted, short, signed_percent, value
+from femtune.report.held import held_lines
+from femtune.report.numbers import NONE, short, signed_percent, value
 from femtune.report.sections.sturm import sturm
 from femtune.report.source import Source
 from femtune.study.results_model import ModelConfiguration, ModelFacts
 
 _MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
-_LISTED = 60
 _ROUNDING = 1e-12
 
 
@@ -72,7 +72,7 @@ def _mass_row(c: ModelConfiguration) -> tuple[Cell, ...]:
         value(c.weighed_mass, "not weighed"),
         signed_percent(c.mass_difference_percent),
         *([NONE] * 3 if c.centre_of_gravity is None else map(short, c.centre_of_gravity)),
-        "; ".join(c.supports) or "free",
+        ": ".join(filter(None, support_words(c))) if not c.supports else "; ".join(c.supports),
     )
 
 
@@ -163,18 +163,15 @@ def _cards(model: ModelFacts) -> list[Block]:
 
 
 def _held(model: ModelFacts) -> list[Block]:
-    """Many DOFs held for the same reason share a sentence; the results file lists each."""
-    lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c, _LISTED)]
+    lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c)]
     return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines)) if lines else Paragraph("None was held.")]
 
 
-def held_lines(c: ModelConfiguration, most: int | None = None) -> list[str]:
-    """A sentence each reason, with `most` DOFs, or all."""
-    reasons = dict.fromkeys(h.reason for h in c.held_dofs)
-    return [_held_line(reason, [h.dof for h in c.held_dofs if h.reason == reason], most) for reason in reasons]
-
-
-def _held_line(reason: str, dofs: list[str], most: int | None) -> str:
-    shown = dofs[:most]
-    more = f" … and {len(dofs) - len(shown)} more in results.json" if len(dofs) > len(shown) else ""
-    return f"{counted(len(dofs), 'DOF')}, {reason}: {' '.join(shown)}{more}"
+def support_words(c: ModelConfiguration) -> tuple[str, str]:
+    """How the model is held, in a word, and by what."""
+    check = c.rigid_body_check
+    if c.supports:
+        return "held", "; ".join(c.supports)
+    if check.grounded and check.verdict == "not tested":
+        return "in the matrices", "held DOFs were left out of them"
+    return ("none", "something ties the model to the ground all the same") if check.grounded else ("free", "")

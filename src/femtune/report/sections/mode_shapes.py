@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from femtune.report.document import Block, Figure, Heading, Paragraph
 from femtune.report.figures.shapes import ShapePanel, Wireframe, shapes_svg
 from femtune.report.numbers import NOT_TESTED, counted, unit_fraction
-from femtune.report.sections.pictures import parts_of
+from femtune.report.sections.pictures import parts_of, simplified
 from femtune.report.sections.structure import structure_of
 from femtune.report.source import STAGE_WORDS, Source
 from femtune.study.results_correlation import CorrelationResults, PairedMode
@@ -59,7 +59,8 @@ def _configuration(source: Source, name: str) -> list[Block]:
     most = max(1, _MOST_PARTS // parts_of(drawn.frame))
     shown = stage.pairs[:most]
     groups = [shown[i : i + _A_FIGURE] for i in range(0, len(shown), _A_FIGURE)]
-    return [Heading(name), *(_figure(drawn, stage, g, axes=g is groups[0]) for g in groups), *_rest(stage, len(shown))]
+    figures = (_figure(drawn, stage, g, axes=g is groups[0]) for g in groups)
+    return [Heading(name), *simplified(kept), *figures, *_rest(stage, len(shown))]
 
 
 def _last_kept(source: Source, name: str) -> ModeShapes | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from femtune.report.document import AlertBox, Block, Heading, KeyNumber, KeyNumbers, Paragraph
-from femtune.report.numbers import NONE, freq, value, with_unit
+from femtune.report.numbers import NONE, counted, freq, value, with_unit
+from femtune.report.sections.checks import support_words
 from femtune.report.source import Source
 from femtune.study.results_model import ModelConfiguration, ModelModes
 
@@ -34,8 +35,14 @@ def _numbers(source: Source, c: ModelConfiguration) -> list[KeyNumber]:
         ),
         KeyNumber("Rigid-body check", check.verdict, remark=check.sentence),
         *([_modes(modes)] if modes else []),
-        KeyNumber("Supports", "free" if not c.supports else "held", remark="; ".join(c.supports)),
+        KeyNumber("Supports", support_words(c)[0], remark="; ".join([*_held(c), *c.constraints])),
     ]
+
+
+def _held(c: ModelConfiguration) -> list[str]:
+    """By what the model is held, and what no element stiffens."""
+    words, loose = support_words(c)[1], len(c.held_dofs)
+    return [*([words] if words else []), *([f"AUTOSPC: {counted(loose, 'DOF')}"] if loose else [])]
 
 
 def _modes(m: ModelModes) -> KeyNumber:

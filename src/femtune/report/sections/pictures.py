@@ -40,7 +40,13 @@ def _configuration(source: Source, modes: ModelModes, room: int) -> list[Block]:
     most = min(max(1, room // parts_of(frame)), motion.shape[2], len(modes.freq_hz))
     groups = [range(i, min(i + _A_FIGURE, most)) for i in range(0, most, _A_FIGURE)]
     figures = [_figure(modes, frame, motion, group) for group in groups]
-    return [*head, *figures, *_left(len(modes.freq_hz) - most)]
+    return [*head, *simplified(kept), *figures, *_left(len(modes.freq_hz) - most)]
+
+
+def simplified(kept: ModeShapes | None) -> list[Block]:
+    """That a large mesh is drawn with fewer faces and lines; [] where it is drawn as it is."""
+    sentence = kept.simplified if kept else ""
+    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", "muted")] if sentence else []
 
 
 def _why(kept: ModeShapes | None) -> str:

@@ -23,14 +23,15 @@ from femtune.report.document import (
     row,
     without_column,
 )
+from femtune.report.held import held_lines
 from femtune.report.numbers import NOT_TESTED, counted, listed, signed_percent, value, with_unit
 from femtune.report.sections.checks import (
     cards,
     grounding_dofs,
     grounding_elements,
-    held_lines,
     named_sets,
     rigid_body_table,
+    support_words,
 )
 from femtune.report.steps.damping import damping_blocks
 from femtune.report.steps.subject import Subject
@@ -126,8 +127,15 @@ def _facts(c: ModelConfiguration) -> list[KeyNumber]:
         KeyNumber("Overlay", "; ".join(c.overlay) or "none: the deck as it is"),
         KeyNumber("Grids", str(c.grids)),
         KeyNumber("Free DOFs", str(c.free_dofs)),
-        KeyNumber("Supports", "; ".join(c.supports) or "none: free"),
+        KeyNumber("Supports", _supports(c)),
+        *([KeyNumber("Constraints", "; ".join(c.constraints))] if c.constraints else []),
+        *([KeyNumber("Held by AUTOSPC", counted(len(c.held_dofs), "DOF"))] if c.held_dofs else []),
     ]
+
+
+def _supports(c: ModelConfiguration) -> str:
+    state, words = support_words(c)
+    return words if c.supports else f"none: {words or state}"
 
 
 def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
