@@ -85,5 +85,5 @@ def test_a_free_structure_of_shells_and_solids_is_called_free(deck: Path) -> Non
     assert (found.supports, results.modes[0].rigid_body_modes) == ((), 6)
     numbers = {n.name: n for n in model_summary(Source(results, arrays))[0].numbers}  # type: ignore[union-attr]
     supports = numbers["Supports"]
-    assert supports.value == "free"
+    assert supports.before == "free"
     assert supports.remark == f"AUTOSPC: {len(found.held_dofs)} DOFs; {found.constraints[0]}"
