@@ -294,7 +294,7 @@ def test_products(entries_from: int, diagonal: bool, monkeypatch: pytest.MonkeyP
     A = sp.csr_array(sp.diags_array(rng.standard_normal(200))) if diagonal else sp.csr_array(A + A.T)
     for block in (0, 4):
         times = product(symmetric(A), block)
-        for shape in ((200,), (200, 1), (200, 7)):
+        for shape in ((200,), (200, 1), (200, 7), (200, 0)):
             x = rng.standard_normal(shape)
             np.testing.assert_allclose(times @ x, A @ x, atol=1e-13)
             np.testing.assert_allclose(times @ np.asfortranarray(x), A @ x, atol=1e-13)

@@ -94,6 +94,9 @@ class _LibraryMatrix:
 
     def __call__(self, x: Reals) -> Reals:
         """A x; the library is several times as fast on rows, and the change of order costs little."""
+        if not x.size:
+            # the library refuses a block without columns
+            return np.zeros(x.shape)
         block = row_major(np.asarray(x.reshape(self._n, -1), dtype=np.float64))
         out = np.empty_like(block)
         columns = ctypes.c_int(block.shape[1])
