@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import tempfile
@@ -31,6 +32,9 @@ from femtune.parameters import ParameterSet
 from .mutations import Files, mutant
 
 SECONDS = 20.0
+_MEMORY = "/dev/shm"
+FOLDER = _MEMORY if os.access(_MEMORY, os.W_OK) else None
+"""Mutants are written here, in memory where that can be: writing waits until a file is on the disc."""
 
 # problems of a whole file or of what a deck lacks: they name the file, but no line
 OF_A_FILE = frozenset({"deck.not-text", "deck.not-found", "deck.unreadable", "deck.missing-set", "deck.no-points",
@@ -66,7 +70,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 def trial(files: Files, number: int) -> tuple[str, str]:
     """Outcome of a mutant ("result", the codes of its errors, or "FAILURE") and an explanation of a failure."""
     changed = mutant(files, number)
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+    with tempfile.TemporaryDirectory(dir=FOLDER) as folder, warnings.catch_warnings():
         warnings.simplefilter("error")
         path = Path(folder) / "in"
         path.mkdir()

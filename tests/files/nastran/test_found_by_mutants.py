@@ -27,6 +27,8 @@ MAT1,1,2.+11,,.3,7800.
         (BAR + "MPC,1,1,1,1.-20,2,1,1.+20\n", 5, "a coefficient of an MPC is beyond all sizes"),
         (BAR + "MAT1,2,2.+11,0.\nPBEAM,1,2,1.-2,1.-5,1.-5,,1.-5\n,,,,,,,,\n,YES,1.,2.-2,1.-5,1.-5,,1.-5\nCBEAM,1,1,1,2,"
          "0.,1.,0.\n", 6, "needs a material with a shear modulus"),
+        (BAR + "PCOMP,1\n,1,.1,,,1,1.+59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply is beyond all sizes"),
+        (BAR + "PCOMP,1\n,1,.1,,,1,1.-59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply is beyond all sizes"),
     ],
 )  # fmt: skip
 def test_refused_with_their_line(deck_of: DeckOf, text: str, line: int, message: str) -> None:
@@ -45,3 +47,12 @@ def test_an_orientation_point_counts_beside_the_vector_of_baror(deck_of: DeckOf)
     names_point = build_structure(deck_of(BAR + bar.replace(",2,3\n", ",2\n") + "BAROR,,,,,3\n"))
     for name, fact in alone.structure.batches[0].facts.items():
         np.testing.assert_array_equal(fact, names_point.structure.batches[0].facts[name], err_msg=name)
+
+
+def test_a_stiff_laminate_keeps_its_transverse_shear(deck_of: DeckOf) -> None:
+    """Of its flexibility even the determinant's powers are numbers: κ G t with κ = 5/6 of one ply."""
+    stiff = "1.+58"
+    deck = deck_of(BAR + f"MAT8,2,{stiff},{stiff},.3,{stiff},{stiff},{stiff}\nPCOMP,1\n,2,.1,0.\nCTRIA3,1,1,1,2,3\n")
+    structure = build_structure(deck).structure
+    found = structure.values.values[structure.batches[0].roles["S11"]]
+    np.testing.assert_allclose(found, 5.0 / 6.0 * 1e58 * 0.1)

@@ -330,10 +330,50 @@ ENDDATA
 """
 )
 
+LAMINATES = """SOL 103
+CEND
+METHOD = 10
+SPC = 1
+BEGIN BULK
+EIGRL   10                      3
+GRID    1               0.      0.      0.
+GRID    2               1.      0.      0.
+GRID    3               2.      0.      0.
+GRID    4               0.      1.      0.
+GRID    5               1.      1.      0.
+GRID    6               2.      1.      .1
+GRID    7               3.      0.      0.
+CORD2R,5,,0.,0.,0.,0.,0.,1.
+,1.,0.,0.
+MAT1,1,2.+11,,.3,7800.,,,.01
+MAT2    2       2.+11   5.+10           2.+11           8.+10   7000.
+MAT8*                  3           1.+11           1.+10              .3
+*                   5.+9            4.+9            3.+9           1600.
+PCOMP   11      -.02    1.5                             .02
+        3       .01     30.     YES     3       .01     -30.    NO
+        1       .02                             90.
+PCOMP   12                                                      SYM
+        3       .005    0.              3       .005    45.
+PCOMP,13,,,,,,,SMCORE
+,2,.002,,,1,.03
+PCOMPG  14      -.01    .5                              .03
+        101     3       .01     30.     YES
+        7       1       .02
+        5               .01     60.
+CQUAD4  1       11      1       2       5       4       30.
+CQUAD4  2       12      2       3       6       5       5       .01
+CTRIA3  3       14      3       7       6       0.
+CTRIA3,4,13,2,7,5
+NSM1    2       PCOMP   1.      11      12
+SPC1    1       123456  1       4
+ENDDATA
+"""
+
 DECKS = {
     "frame": {"deck.bdf": FRAME, "more.inc": MORE},
     "beams": {"deck.bdf": BEAMS},
     "shells": {"deck.bdf": SHELLS},
     "solids": {"deck.bdf": SOLIDS},
     "springs": {"deck.bdf": SPRINGS},
+    "laminates": {"deck.bdf": LAMINATES},
 }

@@ -110,10 +110,16 @@ def turned_flexibility(entry: str) -> Rule:
 
 @cache
 def shear_inverse(entry: str) -> Rule:
-    """Entry of the inverse of a symmetric 2 × 2 matrix given by 11, 12 and 22."""
+    """Entry of the inverse of a positive definite 2 × 2 matrix given by 11, 12 and 22.
+
+    By what one row leaves of the other: of the determinant of very stiff sheets' flexibility no third power is a number.
+    """
 
     def inverse(a: Any, b: Any, d: Any) -> Any:
-        return {"11": d, "12": -b, "22": a}[entry] / (a * d - b * b)
+        if entry == "11":
+            return 1.0 / (a - b * (b / d))
+        rest = 1.0 / (d - b * (b / a))
+        return rest if entry == "22" else -(b / a) * rest
 
     return inverse
 

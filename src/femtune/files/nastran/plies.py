@@ -13,6 +13,9 @@ from femtune.files.nastran.record import Record
 _FIRST = 8
 _FIELDS = {"PCOMP": (4, ("MID", "T", "THETA", "SOUT")), "PCOMPG": (8, ("GPLYID", "MID", "T", "THETA", "SOUT"))}
 
+_THINNEST = 1e-15
+"""Sixth powers of thicknesses stand beside squares of moduli: within these bounds none overflows."""
+
 
 @dataclass(frozen=True)
 class Ply:
@@ -79,10 +82,13 @@ def _read(building: Building, ply: Record, pid: int, number: int, before: Ply | 
 def _thickness(building: Building, ply: Record, pid: int, name: str, before: Ply | None) -> int:
     if ply.blank(name) and before is not None:
         return before.thickness
-    if ply.real(name) <= 0.0:
-        raise _thin(ply, name)
+    thickness = ply.real(name)
+    if thickness <= 0.0:
+        raise _refused(ply, name, "should be positive")
+    if not _THINNEST < thickness < 1.0 / _THINNEST:
+        raise _refused(ply, name, "is beyond all sizes")
     return building.value(ply, pid, name)
 
 
-def _thin(ply: Record, name: str) -> FemtuneError:
-    return ply.error("deck.laminate", "the thickness of a ply should be positive", at=name, hint="correct the value")
+def _refused(ply: Record, name: str, why: str) -> FemtuneError:
+    return ply.error("deck.laminate", f"the thickness of a ply {why}", at=name, hint="correct the value")
