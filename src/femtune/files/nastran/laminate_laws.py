@@ -112,7 +112,7 @@ def turned_flexibility(entry: str) -> Rule:
 def shear_inverse(entry: str) -> Rule:
     """Entry of the inverse of a positive definite 2 × 2 matrix given by 11, 12 and 22.
 
-    By what one row leaves of the other: of the determinant of very stiff sheets' flexibility no third power is a number.
+    By what one row leaves of the other: the determinant of the flexibility of very stiff sheets has no third power.
     """
 
     def inverse(a: Any, b: Any, d: Any) -> Any:
