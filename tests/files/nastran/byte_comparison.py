@@ -79,8 +79,12 @@ def check_bytes(deck: WrittenDeck, plan: WritePlan, indices: Sequence[int], valu
         return
     assert list(texts) == [str(deck.target)]
     new = texts[str(deck.target)].encode("latin-1")
-    match = re.fullmatch(pattern(old, deck, indices), new, re.DOTALL)
-    assert match, (old[deck.start :], new[deck.start :])
+    head, tail = old[: deck.start], old[deck.start + deck.card.end :]
+    assert new.startswith(head)
+    assert new.endswith(tail)
+    card = new[len(head) : len(new) - len(tail)]
+    match = re.fullmatch(pattern(deck, indices), card, re.DOTALL)
+    assert match, (old[deck.start :], card)
     for text in match.groups()[:-1]:
         found = parse_real(text.strip(b" ,\t").decode())
         assert found == value
@@ -91,18 +95,15 @@ def texts_at(deck: WrittenDeck, index: int) -> str:
     return deck.card.text[first:last]
 
 
-def pattern(old: bytes, deck: WrittenDeck, indices: Sequence[int]) -> bytes:
-    """The old file as an expression in which the fields, and lines behind the card where there are none, are open."""
+def pattern(deck: WrittenDeck, indices: Sequence[int]) -> bytes:
+    """The old card as an expression in which the fields, and lines behind it where there are none, are open."""
+    card = deck.files[deck.target][deck.start :]
     out, at = b"", 0
     for first, last, width in _spans(deck, indices):
-        out += (
-            re.escape(old[at : deck.start + first]) + b"(" + (CHANGED if width is None else rb"[ 0-9.+\-]{%d}" % width)
-        )
-        out += b")"
-        at = deck.start + last
-    end = deck.start + deck.card.end
+        out += re.escape(card[at:first]) + b"(" + (CHANGED if width is None else rb"[ 0-9.+\-]{%d}" % width) + b")"
+        at = last
     beyond = any(i not in deck.card.spans for i in indices)
-    return out + re.escape(old[at:end]) + b"(" + (NEW_LINES if beyond else b"") + b")" + re.escape(old[end:])
+    return out + re.escape(card[at : deck.card.end]) + b"(" + (NEW_LINES if beyond else b"") + b")"
 
 
 def _spans(deck: WrittenDeck, indices: Sequence[int]) -> list[tuple[int, int, int | None]]:
