@@ -39,7 +39,8 @@ def still_directions(scaled: Reals, r: Reals) -> tuple[Reals, float]:
     determine: noise would drive them to their bounds. Where all residuals are far smaller, the deviations are weights
     that say nothing of scatter, and only combinations without any effect but rounding are held.
     """
-    _, s, vt = np.linalg.svd(scaled)
+    # left vectors are not wanted: all of them would be as many as there are residuals
+    _, s, vt = np.linalg.svd(scaled, full_matrices=len(scaled) < scaled.shape[1])
     s = np.concatenate([s, np.zeros(len(vt) - len(s))])
     still = s <= _ROUNDING * s.max(initial=0.0)
     if np.sqrt(np.mean(r**2)) > NO_EFFECT:
