@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,17 @@ from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
 from femtune.files.reduced_basis import load_basis, save_basis
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
-from femtune.model.reduce import Trained, Trainer, TrainingRules, TrainingStatus, certified_error, reduced_modes
+from femtune.model.reduce import (
+    Estimator,
+    Trained,
+    Trainer,
+    TrainingRules,
+    TrainingStatus,
+    certified_error,
+    reduced_modes,
+)
 from femtune.model.reduce.candidates import candidates
+from femtune.model.reduce.training import TRIED
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
@@ -147,3 +157,21 @@ def test_candidates_fill_the_box_and_are_the_same_every_time() -> None:
     quarters = (points[:32] > 0.5 * (lower + upper)) @ [1, 2]
     assert np.bincount(quarters).min() >= 6
     assert np.isin(points[32:, 0], [-0.25, 0.25]).all()
+
+
+def test_few_candidates_are_tried_before_the_worst_of_them_is_solved(
+    trainer: Trainer, plate: ConfiguredModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    many = replace(trainer, rules=replace(RULES, full_solutions=3, inner=20), report=lambda t: tried.append(0))
+    estimate = Estimator.at
+    monkeypatch.setattr(Estimator, "at", lambda *given: tried.append(1) or estimate(*given))
+    found = many.train(many.start())
+    solutions = [i for i, one in enumerate(tried) if not one]
+    assert [sum(tried[a:b]) for a, b in pairwise(solutions)] == [TRIED, TRIED]
+    # where the solutions are used up all are tried, so that the worst of the box is known
+    assert sum(tried[solutions[-1] :]) > TRIED
+    assert np.isfinite(found.worst_estimate)
+    assert len(found.certified) == 3
+    for point in found.certified[1:]:
+        assert point.estimate > point.error

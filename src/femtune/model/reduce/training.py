@@ -23,6 +23,9 @@ Reals = NDArray[np.float64]
 FIRST_MODES = 1.5
 """Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
 down among these."""
+TRIED = 8
+"""Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
+an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
 
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
 
@@ -77,21 +80,29 @@ class Trainer:
     def train(self, trained: Trained) -> Trained:
         """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached."""
         while True:
-            trained = self.estimated(trained)
-            status = self._status(trained)
-            if status is not TrainingStatus.UNFINISHED:
-                return replace(trained, status=status)
-            trained = self.certify(trained, trained.points[int(np.argmax(trained.estimates))])
+            used_up = self._limit(trained)
+            trained, worst = self._estimated(trained, TRIED if used_up is None else len(trained.points))
+            if trained.worst_estimate <= self.rules.tolerance:
+                return replace(trained, status=TrainingStatus.CONVERGED)
+            if used_up is not None:
+                return replace(trained, status=used_up)
+            trained = self._certified(trained, trained.points[worst], float(trained.estimates[worst]))
 
     def certify(self, trained: Trained, x: Reals) -> Trained:
         """Solve the full model at a point: its true error, and the basis enriched by what it misses there."""
-        point = self.configured.at(x)
-        return self.enriched(trained, x, self.solve(point, self.rules.count, _nearby(trained, point)))
+        return self._certified(trained, x, _estimate(trained, x))
 
     def enriched(self, trained: Trained, x: Reals, solution: EigenSolution) -> Trained:
         """As `certify`, with a solution of the full model at `x` that is there already."""
+        return self._enriched(trained, x, solution, _estimate(trained, x))
+
+    def _certified(self, trained: Trained, x: Reals, before: float) -> Trained:
+        point = self.configured.at(x)
+        return self._enriched(trained, x, self.solve(point, self.rules.count, _nearby(trained, point)), before)
+
+    def _enriched(self, trained: Trained, x: Reals, solution: EigenSolution, before: float) -> Trained:
+        """The basis with a solution at `x`, where the error was estimated as `before`."""
         values = solution.eigenvalues[: solution.wanted]
-        before = trained.estimator.at(trained.model, trained.basis, x).worst
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
         basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
@@ -106,27 +117,32 @@ class Trainer:
         self.report(trained)
         return trained
 
-    def estimated(self, trained: Trained) -> Trained:
-        """The worst candidate found: errors fall as a basis grows, so that only those that may be the worst are tried.
+    def _estimated(self, trained: Trained, enough: int) -> tuple[Trained, int]:
+        """The estimates at the candidates that may be the worst, and the worst of those tried.
 
-        An estimate that is older than the basis counts as an upper bound.
+        Errors fall as a basis grows, so that an estimate that is older than the basis counts as an upper bound. Once
+        `enough` candidates are tried and one of them is above the tolerance, the others wait.
         """
-        estimates = trained.estimates.copy()
+        estimates, worst, tried = trained.estimates.copy(), 0, 0
         fresh = np.zeros(len(estimates), bool)
         while len(estimates):
             i = int(np.argmax(estimates))
-            if fresh[i] or estimates[i] <= self.rules.tolerance:
+            over = tried >= enough and estimates[worst] > self.rules.tolerance
+            if over or fresh[i] or estimates[i] <= self.rules.tolerance:
                 break
-            estimates[i] = trained.estimator.at(trained.model, trained.basis, trained.points[i]).worst
-            fresh[i] = True
-        return replace(trained, estimates=estimates)
+            estimates[i], fresh[i], tried = _estimate(trained, trained.points[i]), True, tried + 1
+            worst = int(np.argmax(np.where(fresh, estimates, -np.inf)))
+        return replace(trained, estimates=estimates), worst
 
-    def _status(self, trained: Trained) -> TrainingStatus:
-        if trained.worst_estimate <= self.rules.tolerance:
-            return TrainingStatus.CONVERGED
+    def _limit(self, trained: Trained) -> TrainingStatus | None:
+        """The limit that the training has reached."""
         if len(trained.certified) >= self.rules.full_solutions:
             return TrainingStatus.SOLUTIONS
-        return TrainingStatus.ORDER if trained.model.order >= self.rules.order else TrainingStatus.UNFINISHED
+        return TrainingStatus.ORDER if trained.model.order >= self.rules.order else None
+
+
+def _estimate(trained: Trained, x: Reals) -> float:
+    return trained.estimator.at(trained.model, trained.basis, x).worst
 
 
 def _nearby(trained: Trained, point: ModelPoint) -> EigenSolution:
