@@ -166,3 +166,14 @@ def test_cross_orthogonality_conjugates_complex_test_shapes() -> None:
     test, mass = _random(12, n=3), np.diag([1.0, 2.0, 3.0])
     root = np.sqrt(np.diag(mass))[:, None]
     assert cross_orthogonality(test, test, mass) ** 2 == pytest.approx(mac(root * test, root * test))
+
+
+def test_a_weighted_mac_is_the_same_whether_some_entries_are_unknown_or_not_there() -> None:
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal((6, 3)) + 1j * rng.standard_normal((6, 3)), rng.standard_normal((6, 4))
+    root = rng.standard_normal((6, 6))
+    weight = root @ root.T
+    unknown = np.vstack([a, np.full((1, 3), np.nan)])
+    more = np.eye(7)
+    more[:6, :6] = weight
+    np.testing.assert_allclose(mac(unknown, np.vstack([b, np.ones((1, 4))]), more), mac(a, b, weight), rtol=1e-12)

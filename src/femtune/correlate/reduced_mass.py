@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, qr
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csc_array, sparray, spmatrix
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_array, csr_array, sparray, spmatrix
 
 from femtune.modal import ModeSet
 from femtune.modal.mac import mac_where_defined
+from femtune.model.factorise import SingularMatrixError, factorise
 
 Reals = NDArray[np.float64]
 Sparse: TypeAlias = spmatrix | sparray
@@ -111,9 +111,8 @@ def _static_shapes(K: Sparse, M: Sparse, rows: csc_array, shift: float, solve: S
     if solve is not None and shift == 0.0:
         return solve(right)
     try:
-        A = csc_array(K + shift * M)
-        x = splu(A, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(right)
-    except RuntimeError:  # SuperLU's word for a zero pivot
+        x = factorise(csr_array(K + shift * M)).solve(right)
+    except SingularMatrixError:
         return None
     return x if np.isfinite(x).all() else None
 

@@ -170,6 +170,9 @@ def _products(a: NDArray, b: NDArray) -> tuple[NDArray, Reals, Reals]:
 def _weighted_products(a: NDArray, b: NDArray, weight: NDArray) -> tuple[NDArray, Reals, Reals]:
     check_rows(weight, a)
     shape = (a.shape[1], b.shape[1])
+    if not (np.isnan(a).any() or np.isnan(b).any()):
+        own_a, own_b = (np.einsum("ij,ij->j", s.conj(), weight @ s).real for s in (a, b))
+        return a.conj().T @ (weight @ b), np.broadcast_to(own_a[:, None], shape), np.broadcast_to(own_b, shape)
     inner, norm_a, norm_b = np.empty(shape, complex), np.empty(shape), np.empty(shape)
     for at in np.ndindex(shape):
         x, y = a[:, at[0]], b[:, at[1]]
