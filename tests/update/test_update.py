@@ -10,9 +10,10 @@ import pytest
 
 import femtune.update.sensitivity_method as method_module
 from femtune.errors import FemtuneError
-from femtune.model import AddedMass, Configuration, ConfiguredModel
+from femtune.model import AddedMass, Configuration, ConfiguredModel, EigenSolution, ModelPoint
 from femtune.parameters import Parameter, tied
 from femtune.residuals import ModalCase, PairingRules, ResidualRules, UpdateProblem
+from femtune.residuals.solver import direct
 from femtune.status import Status
 from femtune.testing.springs import factor_model, sensor_rows, simulated_case, spring_structure
 from femtune.update import Regularisation, SensitivityMethod, UpdateResult, update
@@ -172,7 +173,7 @@ def test_solve_failed(monkeypatch: pytest.MonkeyPatch):
     """Trial points that cannot be solved, however near: the last good one is kept."""
     problem = problem_of(simulated_case(chain(), TRUTH, range(4), 4))  # type: ignore[arg-type]
 
-    def fails(*arguments: object) -> None:
+    def fails(*arguments: object, **more: object) -> None:
         raise FemtuneError("eigen.mechanism", "no")
 
     monkeypatch.setattr(UpdateProblem, "follow", fails)
@@ -289,3 +290,26 @@ def test_intervals_cover_with_shapes_too(frequency: float, shape: float):
     size = np.sqrt(np.mean(np.square(z), axis=0))
     # the mean square of 150 draws scatters by √(2/150); misfits above one widen the intervals a little
     assert ((size > 0.8) & (size < 1.0 + 3.0 * np.sqrt(0.5 / 150))).all(), size
+
+
+def test_a_refused_trial_costs_no_derivatives(monkeypatch: pytest.MonkeyPatch):
+    """Derivatives belong to accepted points, their number to those of the history."""
+    case = simulated_case(chain(), (0.9, -0.7, 0.8, -0.6), range(4), 4)
+    problem = problem_of(noisy(case, 0.02, 0.3, 1))  # type: ignore[arg-type]
+    solved: list[tuple[float, ...]] = []
+    derived: set[tuple[float, ...]] = set()
+    modes, derivative = type(direct).modes, type(direct).derivative
+
+    def counted(self: object, point: ModelPoint, *more: object) -> object:
+        solved.append(tuple(point.x))
+        return modes(self, point, *more)  # type: ignore[arg-type]
+
+    def noted(self: object, solution: EigenSolution, *more: object) -> object:
+        derived.add(tuple(solution.point.x))
+        return derivative(self, solution, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(type(direct), "modes", counted)
+    monkeypatch.setattr(type(direct), "derivative", noted)
+    result = update(problem)
+    assert derived == {tuple(i.x) for i in result.history}
+    assert len(set(solved)) > len(derived)

@@ -25,6 +25,7 @@ from femtune.residuals.case import (
     track,
 )
 from femtune.residuals.frequency import frequency_residual
+from femtune.residuals.seen import seen_only
 from femtune.residuals.shape import mac_residual, shape_difference
 
 Reals = NDArray[np.float64]
@@ -53,11 +54,12 @@ class ResidualRules:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals at one point, with the states that they were taken at."""
+    """Residuals at one point, with the states that they were taken at; a Jacobian of no columns without derivatives."""
 
     x: Reals
     states: tuple[CaseState, ...]
     blocks: tuple[ResidualBlock, ...]
+    has_derivatives: bool = True
 
     @property
     def residuals(self) -> Reals:
@@ -95,7 +97,11 @@ class UpdateProblem:
     rules: ResidualRules = ResidualRules()
 
     def start(self, x: Reals) -> Evaluation:
-        """Solve and pair afresh.
+        """Solve and pair afresh; errors as of `solved`."""
+        return self.assess(x, self.solved(x))
+
+    def solved(self, x: Reals) -> list[CaseState]:
+        """States that are paired afresh, without residuals and their derivatives.
 
         Raises
         ------
@@ -107,34 +113,37 @@ class UpdateProblem:
             states.append(CaseState(case, solution, groups_of(pair_case(case, solution))))
         if not any(s.groups for s in states):
             raise _no_pairs(states)
-        return self.assess(x, states)
+        return states
 
-    def follow(self, x: Reals, before: Evaluation) -> Evaluation:
+    def follow(self, x: Reals, before: Evaluation, derivatives: bool = True) -> Evaluation:
         """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""
         states = []
         for state in before.states:
             solution = solve_case(state.case, x)
             states.append(CaseState(state.case, solution, track(state.groups, state.solution, solution)))
-        return self.assess(x, states)
+        return self.assess(x, states, derivatives)
 
     def pair_again(self, at: Evaluation) -> Evaluation:
-        """The same point, paired afresh; modes that were paired stay so unless something better claims the partner."""
+        """The same point, paired afresh; modes that were paired stay so unless something better claims the partner.
+
+        What comes back has its derivatives.
+        """
         states = []
         for s in at.states:
             fresh = groups_of(pair_case(s.case, s.solution))
             states.append(CaseState(s.case, s.solution, keep_paired(s.groups, fresh)))
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
-        return at if same else self.assess(at.x, states)
+        return at if same and at.has_derivatives else self.assess(at.x, states)
 
-    def assess(self, x: Reals, states: Sequence[CaseState]) -> Evaluation:
-        """Residual blocks of given states."""
-        blocks = [b for s in states for group in s.groups for b in self._blocks(s, group)]
-        return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks))
+    def assess(self, x: Reals, states: Sequence[CaseState], derivatives: bool = True) -> Evaluation:
+        """Residual blocks of given states; without derivatives, which cost more than the modes, where not wanted."""
+        blocks = [b for s in states for group in s.groups for b in self._blocks(s, group, derivatives)]
+        return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks), derivatives)
 
-    def _blocks(self, state: CaseState, group: Group) -> list[ResidualBlock]:
+    def _blocks(self, state: CaseState, group: Group, derivatives: bool) -> list[ResidualBlock]:
         tests, models = group
         case = state.case
-        derivative = case.solver.derivative(state.solution, models, case.sensors)
+        derivative = (case.solver.derivative if derivatives else seen_only)(state.solution, models, case.sensors)
         test = case.test.shapes[:, list(tests)]
         aligned = align(derivative, test)
         out = []

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.reduce import Trained, Trainer, TrainingRules, TrainingStatus, certified_error
-from femtune.residuals import Evaluation, ModalCase, UpdateProblem
+from femtune.residuals import CaseState, Evaluation, ModalCase, UpdateProblem
 from femtune.residuals.reduced import reduced_case
 from femtune.update.result import Iteration, UpdateResult
 from femtune.update.sensitivity_method import SensitivityMethod, update
@@ -92,15 +92,15 @@ class _Search:
         cases = (reduced_case(c, t.model) for c, t in zip(self.problem.cases, self.trained))
         return replace(self.problem, cases=tuple(cases))
 
-    def errors(self, full: Evaluation) -> list[float]:
+    def errors(self, x: Reals, states: list[CaseState]) -> list[float]:
         """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
-        pairs = zip(self.trained, (s.solution for s in full.states))
-        return [float(certified_error(t.model, full.x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
+        pairs = zip(self.trained, (s.solution for s in states))
+        return [float(certified_error(t.model, x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
 
-    def enrich(self, full: Evaluation) -> None:
+    def enrich(self, x: Reals, states: list[CaseState]) -> None:
         """Put the full modes at a point into the bases."""
-        states = (s.solution for s in full.states)
-        self.trained = [t.enriched(m, full.x, s) for t, m, s in zip(self.trainers, self.trained, states)]
+        some = (s.solution for s in states)
+        self.trained = [t.enriched(m, x, s) for t, m, s in zip(self.trainers, self.trained, some)]
 
     @property
     def used_up(self) -> bool:
@@ -134,17 +134,18 @@ def update_reduced(
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report)
-        x, full = found.x, problem.start(found.x)
-        errors = search.errors(full)
+        x, states = found.x, problem.solved(found.x)
+        errors = search.errors(x, states)
         agree = max(errors, default=0.0) <= rules.tolerance
         rounds.append(_sentence(len(rounds) + 1, search, max(errors, default=0.0), agree))
         if agree or search.used_up:
             break
-        search.enrich(full)
+        search.enrich(x, states)
     facts = tuple(
         ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
         for c, t, first, error in zip(problem.cases, search.trained, search.estimates, errors)
     )
+    full = problem.assess(x, states)
     return ReducedUpdate(_on_full_model(problem, method, before, full, found, search), facts, tuple(rounds), agree)
 
 

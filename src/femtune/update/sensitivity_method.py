@@ -79,11 +79,11 @@ def update(
     report(history[0])
     damping, status = _DAMPING_START, _finished(problem, method, point, history)
     while status is None:
-        trial, damping, status = _step(problem, method, point, damping)
-        if trial is not None:
-            paired = _point(problem, method, problem.pair_again(trial.evaluation))
+        taken, damping, status = _step(problem, method, point, damping)
+        if taken is not None:
+            trial, paired = taken
             moved = float(np.abs(trial.x - point.x).max(initial=0.0))
-            events = _events(trial.evaluation, paired.evaluation)
+            events = _events(trial, paired.evaluation)
             history.append(_iteration(problem, len(history), paired, moved, damping, events))
             report(history[-1])
             point = paired
@@ -128,18 +128,19 @@ def _room(problem: UpdateProblem, point: _Point) -> tuple[Reals, Reals]:
 
 def _step(
     problem: UpdateProblem, method: SensitivityMethod, point: _Point, damping: float
-) -> tuple[_Point | None, float, Status | None]:
-    """The next accepted point and its damping, or the status that ends the iteration."""
+) -> tuple[tuple[Evaluation, _Point] | None, float, Status | None]:
+    """The next accepted point, before and after it is paired afresh, and its damping; or the status that ends it."""
     failed = False
     while damping <= _DAMPING_MOST:
         d = bounded_step(point.residuals, point.jacobian, damping, *_room(problem, point), problem.parameters.prior[1])
         if np.abs(d).max(initial=0.0) <= method.tolerance:
             break
-        trial = _try(problem, method, point, d)
-        failed = failed or trial is None
-        gain = _gain(point, d, trial)
-        if trial is not None and gain > 1e-4:
-            return trial, _relaxed(damping, gain), None
+        trial = _try(problem, point, d)
+        gain = _gain(problem, method, point, d, trial)
+        paired = None if trial is None or gain <= 1e-4 else _paired(problem, method, trial)
+        if trial is not None and paired is not None:
+            return (trial, paired), _relaxed(damping, gain), None
+        failed = failed or trial is None or gain > 1e-4
         damping = max(10.0 * damping, 1e-6)
     return None, damping, _end(problem, method, point, failed)
 
@@ -151,21 +152,33 @@ def _end(problem: UpdateProblem, method: SensitivityMethod, point: _Point, faile
     return Status.SOLVE_FAILED if failed else Status.STALLED
 
 
-def _try(problem: UpdateProblem, method: SensitivityMethod, point: _Point, d: Reals) -> _Point | None:
+def _try(problem: UpdateProblem, point: _Point, d: Reals) -> Evaluation | None:
+    """A trial point without derivatives, which cost more than its modes and are of no use where it is refused."""
     lower, upper = problem.parameters.bounds
     try:
-        return _point(problem, method, problem.follow(np.clip(point.x + d, lower, upper), point.evaluation))
+        return problem.follow(np.clip(point.x + d, lower, upper), point.evaluation, derivatives=False)
     except FemtuneError:
         # A trial point may be unsolvable (a mechanism at an extreme value); a shorter step is tried instead.
         return None
 
 
-def _gain(point: _Point, d: Reals, trial: _Point | None) -> float:
+def _paired(problem: UpdateProblem, method: SensitivityMethod, trial: Evaluation) -> _Point | None:
+    """An accepted point with its derivatives, paired afresh; None where they cannot be had."""
+    try:
+        return _point(problem, method, problem.pair_again(trial))
+    except FemtuneError:
+        return None
+
+
+def _gain(
+    problem: UpdateProblem, method: SensitivityMethod, point: _Point, d: Reals, trial: Evaluation | None
+) -> float:
     """Actual over predicted decrease of the objective."""
     if trial is None:
         return -1.0
     predicted = _predicted(point, d)
-    actual = point.objective - trial.objective
+    extra, _ = method.regularisation.rows(problem.parameters, trial.x)
+    actual = point.objective - trial.objective - 0.5 * float(extra @ extra)
     if predicted <= 1e-14 * point.objective:
         return 1.0 if actual >= 0.0 else -1.0
     return actual / predicted
