@@ -94,6 +94,42 @@ _register(
     year="2004",
 )
 _register(
+    "bathe1986",
+    "article",
+    author="Bathe, K.-J. and Dvorkin, E. N.",
+    title="A formulation of general shell elements: the use of mixed interpolation of tensorial components",
+    journal="International Journal for Numerical Methods in Engineering",
+    volume="22",
+    year="1986",
+)
+_register(
+    "macneal1992",
+    "article",
+    author="MacNeal, R. H. and Harder, R. L.",
+    title="Eight nodes or nine?",
+    journal="International Journal for Numerical Methods in Engineering",
+    volume="33",
+    year="1992",
+)
+_register(
+    "bathe1989",
+    "article",
+    author="Bathe, K.-J. and Brezzi, F. and Cho, S. W.",
+    title="The MITC7 and MITC9 plate bending elements",
+    journal="Computers and Structures",
+    volume="32",
+    year="1989",
+)
+_register(
+    "neunteufel2021",
+    "article",
+    author="Neunteufel, M. and Schoberl, J.",
+    title="Avoiding membrane locking with Regge interpolation",
+    journal="Computer Methods in Applied Mechanics and Engineering",
+    volume="373",
+    year="2021",
+)
+_register(
     "fox1968",
     "article",
     author="Fox, R. L. and Kapoor, M. P.",

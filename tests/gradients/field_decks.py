@@ -182,9 +182,47 @@ PCOMP,4,,2.,,,,.02,SMCORE
 ,1,.1
 """
 
+_CURVED = """
+MAT1,1,2.1+11,,.3,7850.,,,.02
+MAT2,3,8.+9,1.+9,,6.+9,,,2700.
+,,,,,.05
+MAT8,4,1.4+11,1.+10,.3,5.+9,4.+9,3.+9,1600.
+,
+,.04
+GRID,1,,0.,0.,0.,,123456
+GRID,2,,1.,.1,.05
+GRID,3,,1.1,.9,0.
+GRID,4,,0.,1.,0.,,123456
+GRID,5,,2.,0.,.1
+GRID,6,,2.1,1.2,.2
+GRID,11,,.5,.03,.08
+GRID,12,,1.1,.5,.1
+GRID,13,,.55,1.,.1
+GRID,14,,1.5,.03,.12
+GRID,15,,2.1,.6,.2
+GRID,16,,1.6,1.1,.15
+GRID,17,,1.6,.5,.2
+CQUAD8,1,1,1,2,3,4,11,12
+,13,,.05,.055,.06,.052,20.,.01
+CQUAD8,2,2,1,2,3,4,11,12
+,13,,,,,,10.,-.02
+CTRIA6,3,4,2,5,6,14,15,17
+,30.,.015,1.2,1.1,1.3,1
+CTRIA6,4,2,2,6,3,17,16,12
+NSM1,9,ELEMENT,.3,1,3
+NSML1,9,PSHELL,.8,1
+PSHELL,1,1,.05,1,1.2,1,.8,3.
+,,,3
+PSHELL,4,1,.04,4,1.1,4,.9,1.
+PCOMP,2,-.02,3.,,,,.01
+,4,.01,30.,YES,1,.02,10.,NO
+,4,.015,-45.
+"""
+
 DECKS = {
     "lines": f"{_HEAD}{_LINES.strip()}\nENDDATA\n",
     "shells": f"{_HEAD}{_SHELLS.strip()}\nENDDATA\n",
+    "curved": f"{_HEAD}{_CURVED.strip()}\nENDDATA\n",
     "laminates": f"{_HEAD}{_LAMINATES.strip()}\nENDDATA\n",
     "solids": f"{_HEAD.replace('NSM=9', 'ECHO=NONE')}{_SOLIDS.strip()}\nENDDATA\n",
     "small": f"{_HEAD.replace('NSM=9', 'ECHO=NONE')}{_SMALL.strip()}\nENDDATA\n",

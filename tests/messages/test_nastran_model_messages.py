@@ -36,7 +36,7 @@ DECKS = {
     "deck.material": _BASE.replace("2.1+11", "-2.1+11") + _BAR,
     "deck.section": _BASE + "PBARL,4,1,,DBOX\n,1.,2.,3.,4.\nCBAR,7,4,1,2,0.,1.,0.\n",
     "deck.missing-set": "SOL 103\nCEND\nSPC = 3\nBEGIN BULK\nGRID,1,,0.,0.,0.\nSPC1,1,123456,1\nENDDATA\n",
-    "deck.unsupported-element": _BASE + "CQUAD8,21,9,1,2,3,4\nCQUAD8,22,9,3,4,5,6\n",
+    "deck.unsupported-element": _BASE + "CQUADR,21,9,1,2,3,4\nCQUADR,22,9,3,4,5,6\n",
     "deck.field-value": _BASE + "CELAS2,9,1.+5,1,12\n",
     "deck.fluid-point": "GRID,1,,0.,0.,0.,-1\n",
     "deck.offset-frame": _BASE + "CBAR,7,3,1,2,0.,1.,0.,EEG\n",

@@ -19,7 +19,14 @@ Arrays = dict[str, NDArray]
 MOST_MODES = 50
 ELEMENT, RIGID = 0, 1
 _LINE_KINDS = ("bar", "tapered-beam", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
-_FACE_KINDS = ("shell-quad", "shell-tri", "shear-panel")
+_FACES = {
+    "shell-quad": ((0, 1, 2, 3),),
+    "shell-tri": ((0, 1, 2, -1),),
+    "shear-panel": ((0, 1, 2, 3),),
+    "shell-quad8": ((0, 4, 7, -1), (1, 5, 4, -1), (2, 6, 5, -1), (3, 7, 6, -1), (4, 5, 6, 7)),
+    "shell-tri6": ((0, 3, 5, -1), (1, 4, 3, -1), (2, 5, 4, -1), (3, 4, 5, -1)),
+}
+"""Faces of a shell by place in its element, −1 for the fourth corner of a triangle."""
 
 
 def mode_shapes(case: StudyCase, stage: Stage, solution: EigenSolution, prefix: str, arrays: Arrays) -> ModeShapes:
@@ -73,17 +80,23 @@ def active_lines(configured: ConfiguredModel) -> tuple[NDArray[np.int64], NDArra
 def active_faces(configured: ConfiguredModel) -> NDArray[np.int64]:
     """Rows of the grid points at the corners of active shells and of the outside of active solids, (faces, 4).
 
-    −1 stands for the fourth corner of a triangle.
+    −1 stands for the fourth corner of a triangle. A shell with mid-side grid points has some faces, with the corners
+    alone where one of these is left out.
     """
     off, batches = list(configured.configuration.elements_off), configured.model.structure.batches
-    shells = [_batch_faces(b, off) for b in batches if b.kind in _FACE_KINDS]
+    shells = [_batch_faces(b, off) for b in batches if b.kind in _FACES]
     solids = outer_faces([(b, ~np.isin(b.ids, off)) for b in batches])
     return np.concatenate([np.zeros((0, 4), np.int64), *shells, solids])
 
 
 def _batch_faces(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:
-    corners = batch.nodes[~np.isin(batch.ids, off), :4]
-    return np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])), constant_values=-1)
+    nodes = batch.nodes[~np.isin(batch.ids, off)]
+    lacking = (nodes < 0).any(axis=1)
+    corners = nodes[lacking, : nodes.shape[1] // 2]
+    # the place −1 is the column after the last
+    whole = np.pad(nodes[~lacking], ((0, 0), (0, 1)), constant_values=-1)
+    faces = whole[:, np.array(_FACES[batch.kind])].reshape(-1, 4)
+    return np.concatenate([faces, np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])), constant_values=-1)])
 
 
 def _batch_lines(batch: ElementBatch, off: list[int]) -> NDArray[np.int64]:

@@ -46,7 +46,12 @@ def citations(keys: Iterable[str]) -> tuple[Citation, ...]:
 
 
 _ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
-_BY_KIND = {"shell-quad": ("dvorkin1984", "pian1984"), "shell-tri": ("lee2004",)}
+_BY_KIND = {
+    "shell-quad": ("dvorkin1984", "pian1984"),
+    "shell-tri": ("lee2004",),
+    "shell-quad8": ("bathe1986", "macneal1992"),
+    "shell-tri6": ("bathe1989", "neunteufel2021"),
+}
 
 
 def what_ran(study: Study) -> tuple[Citation, ...]:

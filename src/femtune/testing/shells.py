@@ -26,13 +26,21 @@ Mapped = Callable[[Reals, Reals], ArrayLike]
 
 MEMBRANE = ("11", "12", "13", "22", "23", "33")
 SHEAR = ("11", "12", "22")
+CARDS = {
+    4: ("shell-quad", "CQUAD4"),
+    3: ("shell-tri", "CTRIA3"),
+    8: ("shell-quad8", "CQUAD8"),
+    6: ("shell-tri6", "CTRIA6"),
+}
+"""Kind of batch and card by the number of nodes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShellMesh:
-    """Nodes (n, 3) of a grid of nu × nv cells, and the cells (e, 4) or (e, 3) as rows of the nodes.
+    """Nodes (n, 3) of a grid of nu × nv cells, and the cells (e, 4), (e, 3), (e, 8) or (e, 6) as rows of the nodes.
 
-    `rows` (nu + 1, nv + 1) holds the node of each grid point; in a closed mesh the last row is the first.
+    `rows` (nu + 1, nv + 1) holds the node of each grid point; in a closed mesh the last row is the first. With mid-side
+    nodes it is (2 nu + 1, 2 nv + 1), −1 where no node is.
     """
 
     xyz: Reals
@@ -58,20 +66,45 @@ def shell_mesh(
 
     Parameters
     ----------
-    cells : "quad"; or two triangles a cell: "right" and "left" by the slope of the diagonal, "union" alternating
+    cells : "quad"; or two triangles a cell: "right" and "left" by the slope of the diagonal, "union" alternating;
+        each with mid-side nodes as "quad8", "right6", "left6", "union6", these at the mapping of the sides' middles
     closed : True joins u = 1 to u = 0
     distort : inner grid points are moved at random by up to this part of a cell, in (u, v)
     """
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, nu + 1), np.linspace(0.0, 1.0, nv + 1), indexing="ij")
+    place = np.stack(np.meshgrid(np.linspace(0.0, 1.0, nu + 1), np.linspace(0.0, 1.0, nv + 1), indexing="ij"))
     move = np.random.default_rng(seed).uniform(-distort, distort, (2, nu - 1, nv - 1))
-    u[1:-1, 1:-1] += move[0] / nu
-    v[1:-1, 1:-1] += move[1] / nv
-    rows = np.arange((nu + 1) * (nv + 1)).reshape(nu + 1, nv + 1)
+    place[:, 1:-1, 1:-1] += move / np.array([nu, nv])[:, None, None]
+    corners, curved = cells.rstrip("68"), cells[-1] in "68"
+    if curved:
+        place = _with_middles(place, corners)
+    u, v = place
+    rows = np.arange(u.size).reshape(u.shape)
     xyz = np.stack([np.broadcast_to(x, u.shape) for x in mapping(u, v)], axis=-1).reshape(-1, 3)  # type: ignore[union-attr]
     if closed:
         rows[-1] = rows[0]
-        xyz = xyz[: nu * (nv + 1)]
-    return ShellMesh(np.asarray(xyz, float), _cells(rows, cells), rows)
+    found = _curved_cells(rows, corners) if curved else _cells(rows, corners)
+    used, at = np.unique(found, return_inverse=True)
+    new = np.full(len(xyz), -1)
+    new[used] = np.arange(len(used))
+    return ShellMesh(np.asarray(xyz[used], float), at.reshape(found.shape), new[rows])
+
+
+def _with_middles(place: Reals, cells: str) -> Reals:
+    """(2, 2 nu + 1, 2 nv + 1) parameters of grid points and of the middles of the lines between them."""
+    out = np.zeros((2, *(2 * n - 1 for n in place.shape[1:])))
+    out[:, ::2, ::2] = place
+    out[:, 1::2, ::2] = 0.5 * (place[:, 1:] + place[:, :-1])
+    out[:, ::2, 1::2] = 0.5 * (place[:, :, 1:] + place[:, :, :-1])
+    nu, nv = (n - 1 for n in place.shape[1:])
+    ends = place[:, :-1, :-1] + place[:, 1:, 1:], place[:, 1:, :-1] + place[:, :-1, 1:]
+    out[:, 1::2, 1::2] = 0.5 * np.where(_right(nu, nv, cells), *ends)
+    return out
+
+
+def _right(nu: int, nv: int, cells: str) -> NDArray[np.bool_]:
+    """(nu, nv) True where the diagonal runs from the first corner."""
+    i, j = np.indices((nu, nv))
+    return np.asarray({"right": i >= 0, "left": i < 0, "union": (i + j) % 2 == 0, "quad": i >= 0}[cells])
 
 
 def _cells(rows: Integers, cells: str) -> Integers:
@@ -79,11 +112,19 @@ def _cells(rows: Integers, cells: str) -> Integers:
     quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
     if cells == "quad":
         return quads
-    i, j = np.indices(a.shape)
-    right = {"right": 0 * i == 0, "left": 0 * i == 1, "union": (i + j) % 2 == 0}[cells].ravel()
+    nu, nv = a.shape
+    right = _right(nu, nv, cells).ravel()
     one = np.where(right[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
     two = np.where(right[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
     return np.stack([one, two], axis=1).reshape(-1, 3)
+
+
+def _curved_cells(rows: Integers, cells: str) -> Integers:
+    """Corners, then the middles of the sides, from rows of twice as fine a grid."""
+    corners = _cells(np.arange(rows.size).reshape(rows.shape)[::2, ::2], cells)
+    at = np.stack(np.unravel_index(corners, rows.shape))
+    places = np.concatenate([at, (at + np.roll(at, -1, axis=2)) // 2], axis=2)
+    return np.asarray(rows[places[0], places[1]])
 
 
 def rectangle(a: float, b: float, skew: float = 0.0) -> Mapped:
@@ -178,8 +219,8 @@ def shell_structure(
 def _shell_batch(number: int, first: int, part: ShellPart, table: ValueTableBuilder) -> ElementBatch:
     cells = np.asarray(part.cells, np.int64)
     e, n = cells.shape
-    kind, card = {4: ("shell-quad", "CQUAD4"), 3: ("shell-tri", "CTRIA3")}[n]
-    dofs = (6 * cells[:, :, None] + np.arange(6)).reshape(e, -1)
+    kind, card = CARDS[n]
+    dofs = np.where(cells[:, :, None] >= 0, 6 * cells[:, :, None] + np.arange(6), -1).reshape(e, -1)
     roles = {name: np.full(e, at) for name, at in _roles(number, part.section, table).items()}
     section = part.section
     flags = {

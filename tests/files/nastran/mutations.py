@@ -17,7 +17,8 @@ ODD = (b"", b"0", b"-1", b"1", b"2", b"7", b"99", b"1.", b"-1.", b"0.", b".5", b
        b"3.-", b"999999999", b"99999999999999999999", b"-7", b"THRU", b"BY", b"ALL", b"YES", b"K", b"GE", b"UM",
        b"ALPHA", b"*(1)", b"=", b"==", b"'<b>'", b"$", b"+A", b"\xe9")  # fmt: skip
 BYTES = b" ,+*=$\n\r\t\"'A1.-(\xe9\x00\xff\x1b0E"
-CARDS = (b"GRID", b"CBAR", b"CBEAM", b"CQUAD4", b"CTRIA3", b"PBAR", b"PBARL", b"PBEAM", b"PSHELL", b"PBUSH", b"MAT1",
+CARDS = (b"GRID", b"CBAR", b"CBEAM", b"CQUAD4", b"CTRIA3", b"CQUAD8", b"CTRIA6", b"PBAR", b"PBARL", b"PBEAM", b"PSHELL",
+         b"PBUSH", b"MAT1",
          b"MAT8", b"CONM2", b"CONM1", b"RBE2", b"RBE3", b"RBE1", b"MPC", b"SPC1", b"SPC", b"CELAS2", b"CHEXA", b"NSM1",
          b"CPENTA", b"CSHEAR", b"PSOLID", b"MAT9", b"PCOMP", b"PCOMPG",
          b"XYZ", b"DMIG", b"INCLUDE", b"ENDDATA", b"BEGIN", b"TABDMP1", b"SPOINT", b"ASET1", b"PARAM")  # fmt: skip

@@ -31,6 +31,13 @@ CARDS = (
     "CQUAD4,22,11,1,2,3,4,30.",
     "CTRIA3,23,12,1,2,3,,-.02",
     ",,,.1,.11,.12",
+    "GRID,5,,.5,0.,0.",
+    "GRID,6,,1.,.5,.04",
+    "CQUAD8,24,11,1,2,3,4,5,6",
+    ",,,.1,.11,,.13,5,.01",
+    ",1",
+    "CTRIA6,25,12,1,2,3,5,6",
+    ",30.,-.02,.1,.11,.12",
     "PARAM,K6ROT,100.",
 )
 VALUES = ("", "0", "-1.", "1", "2", "5", "11", ".5", "1.-30", "-1.+30", "1.+200", "1.7+308", "999999999999", "'<b>'")
@@ -67,7 +74,7 @@ def path(tmp_path: Path) -> Path:
 def test_the_deck_is_sound(path: Path) -> None:
     path.write_text(changed([]))
     structure = build_structure(read_deck(path)).structure
-    assert [len(batch) for batch in structure.batches] == [2, 1]
+    assert [len(batch) for batch in structure.batches] == [2, 1, 1, 1]
     assert np.isfinite(assemble(structure, "stiffness").toarray()).all()
 
 

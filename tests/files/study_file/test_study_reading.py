@@ -20,7 +20,7 @@ _FULL = """\
 title = "Two-storey steel building"
 deck = "building.bdf"
 units = "m-kg-s"
-allow_ignored = ["CQUAD8"]
+allow_ignored = ["CQUADR"]
 
 [modes]
 count = 8

@@ -17,12 +17,14 @@ from femtune.fem.elements.penta15 import penta15
 from femtune.fem.elements.point_mass import concentrated_mass, general_mass
 from femtune.fem.elements.pyram5 import pyram5
 from femtune.fem.elements.pyram13 import pyram13
+from femtune.fem.elements.quad8 import quad8, quad8_pieces
 from femtune.fem.elements.rod import rod
 from femtune.fem.elements.shear_panel import shear_panel
 from femtune.fem.elements.shell import shell_quad, shell_quad_pieces, shell_tri, shell_tri_pieces
 from femtune.fem.elements.tapered_beam import tapered_beam
 from femtune.fem.elements.tetra4 import tetra4
 from femtune.fem.elements.tetra10 import tetra10
+from femtune.fem.elements.tri6 import tri6, tri6_pieces
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
@@ -42,6 +44,8 @@ KERNELS: dict[str, ElementKernel] = {
     "shear-panel": shear_panel,
     "shell-quad": shell_quad,
     "shell-tri": shell_tri,
+    "shell-quad8": quad8,
+    "shell-tri6": tri6,
     "hexa8": hexa8,
     "hexa20": hexa20,
     "penta15": penta15,
@@ -57,6 +61,8 @@ KERNELS: dict[str, ElementKernel] = {
 PIECES: dict[str, Callable[[ElementBatch, Structure], Iterator[list[Contribution]]]] = {
     "shell-quad": shell_quad_pieces,
     "shell-tri": shell_tri_pieces,
+    "shell-quad8": quad8_pieces,
+    "shell-tri6": tri6_pieces,
 }
 """Kernels that go through a batch themselves, since its elements have something in common."""
 

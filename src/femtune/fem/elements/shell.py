@@ -5,7 +5,9 @@ The stiffness is a list of products of rows, each with one coefficient; the rows
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +17,9 @@ from femtune.fem.elements.placement import CHUNK
 from femtune.fem.elements.quad import QUAD
 from femtune.fem.elements.shell_checks import check_shells
 from femtune.fem.elements.shell_laws import ShellTerm, couples, stiffness_terms
-from femtune.fem.elements.shell_mass import ShellMass, lumped
+from femtune.fem.elements.shell_mass import ShellMass, lumped, shell_mass
 from femtune.fem.elements.shell_normals import shared_normals
-from femtune.fem.elements.shell_placement import ShellPlane, shell_plane
+from femtune.fem.elements.shell_placement import PlacedShells, ShellPlane, shell_plane
 from femtune.fem.elements.shell_strains import Rows, ShellFormulation, ShellStrains, nodal_rows
 from femtune.fem.elements.tri import TRI
 from femtune.fem.structure import ElementBatch, Structure
@@ -60,41 +62,84 @@ def shell_pieces(
     check_shells(batch, structure)
     residual = formulation.residual and formulation.residual(structure.nodes.xyz[batch.nodes])
     terms = stiffness_terms(batch, structure, formulation.uniaxial, residual)
-    normals, mass = shared_normals(batch, structure), _mass(batch)
-    for part in _chunks(len(batch)):
-        plane = shell_plane(batch, structure, normals, part)
-        shares = formulation.shares(plane.corners) * structure.mass_factor
-        stiffness = _stiffness(batch, structure, formulation, terms, plane, part)
-        yield [*stiffness, *mass.contributions(plane, shares if structure.consistent_mass else lumped(shares), part)]
+    normals = shared_normals(batch, structure)
+    return placed_pieces(
+        batch,
+        structure,
+        terms,
+        shell_mass(batch),
+        lambda part: FlatShells(formulation, shell_plane(batch, structure, normals, part)),
+    )
 
 
-def _mass(batch: ElementBatch) -> ShellMass:
-    """Where the mass is offset otherwise than the stiffness, it has a value of its own."""
-    return ShellMass(np.flatnonzero(batch.facts["offset_given"]), "zm" if "zm" in batch.roles else "z0")
+@dataclass(frozen=True, eq=False)
+class FlatShells:
+    """Shells on their mean planes."""
+
+    formulation: ShellFormulation
+    plane: ShellPlane
+
+    @property
+    def frames(self) -> Reals:
+        """Displacement frames of the grid points."""
+        return self.plane.frames
+
+    @property
+    def normals(self) -> Reals:
+        """Those of the mean planes."""
+        return np.broadcast_to(self.plane.axes[:, None, :, 2], (*self.plane.heights.shape, 3))
+
+    @cached_property
+    def _strains(self) -> ShellStrains:
+        return self.formulation.strains(self.plane)
+
+    def rows(self, offsets: bool, coupling: bool) -> Rows:
+        """Strain rows on the grid points."""
+        return nodal_rows(self._strains, self.plane, offsets, coupling)
+
+    def shares(self, consistent: bool, point: int | None = None) -> Reals:
+        """Integrals of products of the shape functions, or their row sums."""
+        shares = self.formulation.shares(self.plane.corners)
+        return shares if consistent else lumped(shares)
+
+    def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
+        """Cosine and sine of a uniaxial row's direction in material axes."""
+        x, y = self._strains.along[own, number - 1].T
+        c, s = self.plane.material[own].T
+        return c * x + s * y, c * y - s * x
 
 
-def _chunks(count: int) -> Iterator[slice]:
-    return (slice(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK))
+def placed_pieces(
+    batch: ElementBatch,
+    structure: Structure,
+    terms: list[ShellTerm],
+    mass: ShellMass,
+    place: Callable[[slice], PlacedShells],
+    chunk: int = CHUNK,
+) -> Iterator[list[Contribution]]:
+    """Stiffness by its terms and mass, `chunk` elements at a time, of shells that `place` puts where they are."""
+    for part in _chunks(len(batch), chunk):
+        placed = place(part)
+        yield [*_stiffness(batch, structure, terms, placed, part), *mass.contributions(placed, structure, part)]
+
+
+def _chunks(count: int, size: int) -> Iterator[slice]:
+    return (slice(i, min(i + size, count)) for i in range(0, count, size))
 
 
 def _stiffness(
-    batch: ElementBatch,
-    structure: Structure,
-    formulation: ShellFormulation,
-    terms: list[ShellTerm],
-    plane: ShellPlane,
-    part: slice,
+    batch: ElementBatch, structure: Structure, terms: list[ShellTerm], placed: PlacedShells, part: slice
 ) -> Iterator[Contribution]:
-    strains = formulation.strains(plane)
-    offsets, coupling = bool(batch.facts["offset_given"][part].any()), bool(couples(batch)[part].any())
-    rows = nodal_rows(strains, plane, offsets, coupling)
+    rows = placed.rows(bool(batch.facts["offset_given"][part].any()), bool(couples(batch)[part].any()))
     for name in [name for name in rows if name.startswith("drill")]:
         rows[name] = rows[name] * np.sqrt(DRILLING * structure.drilling)
     for term in terms:
         lo, hi = np.searchsorted(term.at, [part.start, part.stop])
         if lo < hi:
             own = term.at[lo:hi] - part.start
-            facts = {name: fact[lo:hi] for name, fact in term.facts.items()} | _direction(term, strains, plane, own)
+            facts = {name: fact[lo:hi] for name, fact in term.facts.items()}
+            if term.direction:
+                facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, own)))
             matrices = _squares(rows, term, own)
             yield Contribution(
                 "stiffness", term.label, term.at[lo:hi], matrices, term.roles, term.coefficient, facts, term.loss
@@ -103,23 +148,15 @@ def _stiffness(
 
 def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64]) -> Reals:
     """LᵀL or LᵀR + RᵀL, exactly symmetric."""
-    left = _together(rows, term.left, own)
+    left = _together(rows, term.left, term.point, own)
     # LᵀL is half of itself twice, so that both cases are one pass
-    right = _together(rows, term.right, own) if term.right else 0.5 * left
+    right = _together(rows, term.right, term.point, own) if term.right else 0.5 * left
     half = np.swapaxes(left, 1, 2) @ right
     return np.asarray(half + np.swapaxes(half, 1, 2))
 
 
-def _together(rows: Rows, names: tuple[str, ...], own: NDArray[np.int64]) -> Reals:
+def _together(rows: Rows, names: tuple[str, ...], point: int | None, own: NDArray[np.int64]) -> Reals:
     """Rows of several names one after the other, of some elements of the chunk."""
-    whole = np.concatenate([rows[name] for name in names], axis=1)
+    places = slice(None) if point is None else slice(point, point + 1)
+    whole = np.concatenate([rows[name][:, places] for name in names], axis=1)
     return whole if len(own) == len(whole) else whole[own]
-
-
-def _direction(term: ShellTerm, strains: ShellStrains, plane: ShellPlane, own: NDArray) -> dict[str, Reals]:
-    """Cosine and sine of a uniaxial row's direction in material axes."""
-    if not term.direction:
-        return {}
-    x, y = strains.along[own, term.direction - 1].T
-    c, s = plane.material[own].T
-    return {"cos": c * x + s * y, "sin": c * y - s * x}

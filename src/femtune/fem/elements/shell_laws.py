@@ -32,7 +32,8 @@ SINGULAR = 1e-9
 class ShellTerm:
     """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL where there is a `right`.
 
-    `direction` is the number of the uniaxial row whose angle to the material's x axis enters the coefficient, else 0.
+    `direction` is the number of the uniaxial row whose angle to the material's x axis enters the coefficient, else 0;
+    `point` is the only place of the rows that counts, None where all do.
     """
 
     label: str
@@ -43,6 +44,7 @@ class ShellTerm:
     right: Names = ()
     loss: str = "GE"
     direction: int = 0
+    point: int | None = None
     facts: dict[str, NDArray] = field(default_factory=dict)
 
 

@@ -9,9 +9,13 @@ that meet at larger angles, as in a box, keep their own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.fem.elements.curved_shape import QUAD8_SHAPE, TRI6_SHAPE, CurvedShape
+from femtune.fem.elements.curved_surface import CurvedNodes
 from femtune.fem.structure import ElementBatch, Structure
 
 Reals = NDArray[np.float64]
@@ -21,16 +25,23 @@ FOLD = np.radians(40.0)
 
 
 def shared_normals(batch: ElementBatch, structure: Structure) -> Reals:
-    """(e, n, 3) unit normals at the corners of a batch of shells, in the basic frame, on its positive side."""
-    shells = [b for b in structure.batches if b.kind in ("shell-quad", "shell-tri") and b is not batch]
-    normals, nodes = zip(*(_corners(b.nodes, structure) for b in (batch, *shells)))
-    e, n = batch.nodes.shape
-    return smoothed(np.concatenate(normals), np.concatenate(nodes))[: e * n].reshape(e, n, 3)
+    """(e, n, 3) unit normals at the nodes of a batch of shells, in the basic frame, on its positive side.
+
+    Those of mid-side nodes that are left out are zero.
+    """
+    shells = [b for b in structure.batches if b.kind in _NORMALS and b is not batch]
+    normals, nodes = zip(*(_of_batch(b, structure) for b in (batch, *shells)))
+    given = batch.nodes >= 0
+    out = np.zeros((*batch.nodes.shape, 3))
+    out[given] = smoothed(np.concatenate(normals), np.concatenate(nodes))[: given.sum()]
+    return out
 
 
-def _corners(nodes: NDArray[np.int64], structure: Structure) -> tuple[Reals, NDArray[np.int64]]:
-    """Normals (e·n, 3), as long as the corner's angle, and the grid points they stand on."""
-    return corner_normals(structure.nodes.xyz[nodes]).reshape(-1, 3), nodes.ravel()
+def _of_batch(batch: ElementBatch, structure: Structure) -> tuple[Reals, NDArray[np.int64]]:
+    """Normals (c, 3), as long as the corner's angle, and the grid points they stand on."""
+    given = batch.nodes >= 0
+    xyz = np.where(given[:, :, None], structure.nodes.xyz[batch.nodes], 0.0)
+    return _NORMALS[batch.kind](xyz, given)[given], batch.nodes[given]
 
 
 def corner_normals(xyz: Reals) -> Reals:
@@ -67,3 +78,27 @@ def _pairs(nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int6
     first = np.repeat(np.repeat(start, count), each)
     local = np.arange(len(one)) - np.repeat(np.cumsum(each) - each, each)
     return order[one], order[first + local]
+
+
+def _flat(xyz: Reals, given: NDArray[np.bool_]) -> Reals:
+    return corner_normals(xyz)
+
+
+def _curved(shape: CurvedShape) -> Callable[[Reals, NDArray[np.bool_]], Reals]:
+    def normals(xyz: Reals, given: NDArray[np.bool_]) -> Reals:
+        """Of the quadratic surface at its nodes, as long as the angle between the sides there."""
+        sides = CurvedNodes(shape, xyz, np.zeros_like(xyz), ~given).sides()
+        cross = np.cross(sides[:, :, 0], sides[:, :, 1])
+        size = np.linalg.norm(cross, axis=2)
+        angle = np.arctan2(size, np.sum(sides[:, :, 0] * sides[:, :, 1], axis=2))
+        return np.asarray(np.divide(angle, size, out=np.zeros_like(size), where=size > 0.0)[:, :, None] * cross)
+
+    return normals
+
+
+_NORMALS: dict[str, Callable[[Reals, NDArray[np.bool_]], Reals]] = {
+    "shell-quad": _flat,
+    "shell-tri": _flat,
+    "shell-quad8": _curved(QUAD8_SHAPE),
+    "shell-tri6": _curved(TRI6_SHAPE),
+}

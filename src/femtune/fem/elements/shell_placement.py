@@ -6,6 +6,7 @@ Nothing here depends on the number of nodes; what a warped shape makes of the he
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,29 @@ from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import ElementBatch, Structure
 
 Reals = NDArray[np.float64]
+
+
+class PlacedShells(Protocol):
+    """m shells with n nodes: what their stiffness and mass are made of.
+
+    `frames` (m, n, 3, 3) are the displacement frames of the nodes, `normals` (m, n, 3) the basic directions in which an
+    offset moves what stands on them.
+    """
+
+    @property
+    def frames(self) -> Reals: ...
+
+    @property
+    def normals(self) -> Reals: ...
+
+    def rows(self, offsets: bool, coupling: bool) -> dict[str, Reals]:
+        """Strain rows (m, r, 6n) by name on the nodes' displacements, each times the root of its weight."""
+
+    def shares(self, consistent: bool, point: int | None = None) -> Reals:
+        """(m, n, n) integrals of products of the shape functions over the area, or lumped ones; of a point alone."""
+
+    def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
+        """Cosine and sine of the angle from the material's x axis to a uniaxial row, of some of the shells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +110,10 @@ def material_axis(axes: Reals, theta: Reals, direction: Reals) -> Reals:
     return out
 
 
-def offset_arms(plane: ShellPlane) -> Reals:
-    """(m, n, 3, 6) basic displacements, for a unit offset along the normal, from those of each grid point."""
-    m, n = plane.heights.shape
-    normals = np.broadcast_to(plane.axes[:, None, :, 2], (m, n, 3)).reshape(-1, 3)
+def offset_arms(normals: Reals, frames: Reals) -> Reals:
+    """(m, n, 3, 6) basic displacements, for a unit offset along each node's normal (m, n, 3), from the node's own."""
+    m, n, _ = normals.shape
     basic = np.broadcast_to(np.eye(3), (m * n, 3, 3))
-    lifted = arm_transform(basic, normals, plane.frames.reshape(-1, 3, 3))[:, :3]
+    lifted = arm_transform(basic, normals.reshape(-1, 3), frames.reshape(-1, 3, 3))[:, :3]
     lifted[:, :, :3] = 0.0
     return lifted.reshape(m, n, 3, 6)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import Notice
+from femtune.fem.elements.shell_areas import areas
 from femtune.fem.structure import ElementBatch, NodeTable
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building
@@ -137,7 +138,7 @@ def _mass_roles(batch: ElementBatch) -> list[str]:
 def _table(building: Building, nodes: NodeTable, batch: ElementBatch) -> _Elements:
     refs = [building.values.refs[int(at)] for at in batch.roles[_mass_roles(batch)[0]]]
     area = batch.nodes.shape[1] > 2
-    size = _areas(nodes, batch) if area else _lengths(nodes, batch)
+    size = areas(nodes, batch) if area else _lengths(nodes, batch)
     cards, properties = np.array([r.card for r in refs]), np.array([r.id for r in refs], dtype=np.int64)
     return _Elements(batch.ids, cards, properties, size, np.full(len(batch), area))
 
@@ -146,14 +147,6 @@ def _lengths(nodes: NodeTable, batch: ElementBatch) -> Reals:
     """Between the two ends, offsets counted."""
     ends = [nodes.xyz[batch.nodes[:, k]] + batch.facts.get(f"offset_{end}", 0.0) for k, end in enumerate("ab")]
     return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=1))
-
-
-def _areas(nodes: NodeTable, batch: ElementBatch) -> Reals:
-    """Half of the product of the diagonals (of a warped quadrilateral: its area in the mean plane)."""
-    corners = [nodes.xyz[batch.nodes[:, k]] for k in range(batch.nodes.shape[1])]
-    last = corners[3] if len(corners) > 3 else corners[0]
-    one, other = corners[2] - corners[0], last - corners[1]
-    return 0.5 * np.asarray(np.linalg.norm(np.cross(one, other), axis=1))
 
 
 def _added(building: Building, elements: _Elements, entries: Iterable[_Entry]) -> Reals:

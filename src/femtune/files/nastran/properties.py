@@ -24,7 +24,7 @@ FAMILIES: Mapping[str, tuple[str, ...]] = {
     "CMASS3": ("PMASS",),
     **dict.fromkeys(("CHEXA", "CPENTA", "CTETRA", "CPYRAM"), ("PSOLID",)),
     "CSHEAR": ("PSHEAR",),
-    **dict.fromkeys(("CQUAD4", "CTRIA3"), ("PSHELL", "PCOMP", "PCOMPG")),
+    **dict.fromkeys(("CQUAD4", "CTRIA3", "CQUAD8", "CTRIA6"), ("PSHELL", "PCOMP", "PCOMPG")),
 }
 """Property cards that an element may refer to."""
 

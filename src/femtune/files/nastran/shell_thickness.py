@@ -1,10 +1,11 @@
-"""Thickness of a shell element: its property's, or the mean of what stands at its corners."""
+"""Thickness of a shell element: its property's, or what stands at its corners, and the mean of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
+from operator import mul
 from typing import Any
 
 from femtune.errors import Notice, Where
@@ -18,10 +19,14 @@ _MOST_DIFFERENCE = 0.2
 
 @dataclass
 class Thicknesses:
-    """Positions of the thicknesses of one card's elements, and those whose corners differ much."""
+    """Positions of the thicknesses of one card's elements, and those whose corners differ much.
+
+    `made_even` is False where the elements have the thickness that varies, and not its mean.
+    """
 
     building: Building
     corners: tuple[str, ...]
+    made_even: bool = True
     uneven: list[Where] = field(default_factory=list)
 
     def get(self, record: Record, eid: int, section: ShellSection) -> int:
@@ -31,13 +36,7 @@ class Thicknesses:
         ------
         FemtuneError : ``deck.shell-section`` where there is none, ``deck.field-value`` for TFLAG
         """
-        if len(record.card.fields) <= record.at("TFLAG"):
-            return self._of_property(record, section)
-        given = [name for name in self.corners if not record.blank(name)]
-        if given and section.layered:
-            raise record.error("deck.shell-section", f"{self._names} stand on an element whose property is a laminate",
-                               at=given[0], hint="leave them blank: the plies have the thickness")  # fmt: skip
-        relative = self._relative(record)
+        given, relative = self._given(record, section)
         if not given:
             return self._of_property(record, section)
         # factors are of the property's thickness, and blank corners have it
@@ -48,6 +47,34 @@ class Thicknesses:
         self._check(record, [values[i] for i in corners], own, relative)
         nominal = rule(*(values[i] for i in (*own, *corners)))
         return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *own, *corners, nominal=nominal)
+
+    def at_corners(self, record: Record, eid: int, section: ShellSection) -> list[int] | None:
+        """Positions of the thickness at each corner, None where all of it is the property's; errors as of ``get``."""
+        given, relative = self._given(record, section)
+        if not given:
+            return None
+        return [self._corner(record, eid, section, name, name in given, relative) for name in self.corners]
+
+    def _corner(
+        self, record: Record, eid: int, section: ShellSection, name: str, given: bool, relative: bool
+    ) -> int:  # fmt: skip
+        if not given:
+            return self._of_property(record, section)
+        value = self.building.value(record, eid, name)
+        if not relative:
+            return value
+        ref = FieldRef(record.name, eid, f"{name} thickness")
+        return self.building.values.derive(ref, mul, value, self._of_property(record, section))
+
+    def _given(self, record: Record, section: ShellSection) -> tuple[list[str], bool]:
+        """Names of the fields that are filled, and whether they are factors."""
+        if len(record.card.fields) <= min(record.at("TFLAG"), record.at(self.corners[0])):
+            return [], False
+        given = [name for name in self.corners if not record.blank(name)]
+        if given and section.layered:
+            raise record.error("deck.shell-section", f"{self._names} stand on an element whose property is a laminate",
+                               at=given[0], hint="leave them blank: the plies have the thickness")  # fmt: skip
+        return given, self._relative(record)
 
     def _of_property(self, record: Record, section: ShellSection) -> int:
         if section.thickness is None:
@@ -73,7 +100,7 @@ class Thicknesses:
                                hint="correct the thickness")  # fmt: skip
         blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
         every = [*corners, *[blank] * (len(self.corners) - len(corners))]
-        if max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
+        if self.made_even and max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
             self.uneven.append(record.where)
 
     def notices(self, card: str) -> list[Notice]:

@@ -1,4 +1,4 @@
-"""Shells: CQUAD4 and CTRIA3 with PSHELL, PCOMP or PCOMPG."""
+"""Shells: CQUAD4, CTRIA3, CQUAD8 and CTRIA6 with PSHELL, PCOMP or PCOMPG."""
 
 from __future__ import annotations
 
@@ -25,30 +25,52 @@ from femtune.files.nastran.shell_thickness import Thicknesses
 
 Reals = NDArray[np.float64]
 
-_CORNERS = {"CQUAD4": ("G1", "G2", "G3", "G4"), "CTRIA3": ("G1", "G2", "G3")}
-_KINDS = {"CQUAD4": "shell-quad", "CTRIA3": "shell-tri"}
+
+class _Shape(NamedTuple):
+    """Corners of a card, all of its grid points, and the kind of its batch."""
+
+    corners: int
+    nodes: int
+    kind: str
+
+    @property
+    def curved(self) -> bool:
+        """Whether it has mid-side grid points."""
+        return self.nodes > self.corners
+
+
+_SHAPES = {
+    "CQUAD4": _Shape(4, 4, "shell-quad"),
+    "CTRIA3": _Shape(3, 3, "shell-tri"),
+    "CQUAD8": _Shape(4, 8, "shell-quad8"),
+    "CTRIA6": _Shape(3, 6, "shell-tri6"),
+}
+_LACKING = -1
 _ALONG = 1e-6
 _NO_DIRECTION = np.zeros(3)
 
 
 def read_shells(building: Building, grids: Grids, materials: Materials) -> list[ElementBatch]:
-    """Batches of CQUAD4 and of CTRIA3."""
+    """Batches of shells, those of each card apart."""
     laws = PlaneLaws(building, materials)
-    return [batch for card in _CORNERS for batch in _read(card, building, grids, laws)]
+    return [batch for card in _SHAPES for batch in _read(card, building, grids, laws)]
 
 
 def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[ElementBatch]:
     if not building.deck.by_name(card):
         return []
     reading = _Reading(building, grids, ShellProperties(building, read_properties(building, card), laws), card)
-    sizes = (len(_CORNERS[card]),)
+    sizes = tuple({_SHAPES[card].corners, _SHAPES[card].nodes})
     read_elements(building, grids, card, sizes, reading.properties.get, reading.add_plain, reading.add)
     building.notices += reading.thicknesses.notices(card)
     return reading.batches()
 
 
 class _Row(NamedTuple):
-    """One element: its number, rows of its nodes, positions of thickness and offsets, material direction."""
+    """One element: its number, rows of its nodes, positions of thickness and offsets, material direction.
+
+    `corners` are the positions of thicknesses at the corners where these stand for themselves.
+    """
 
     id: int
     nodes: list[int]
@@ -59,6 +81,7 @@ class _Row(NamedTuple):
     offset_given: bool
     theta: float
     direction: Reals
+    corners: list[int] | None = None
 
 
 @dataclass
@@ -72,9 +95,12 @@ class _Reading:
     rows: list[_Row] = field(default_factory=list)
     thicknesses: Thicknesses = field(init=False)
     none: int = field(init=False)
+    shape: _Shape = field(init=False)
 
     def __post_init__(self) -> None:
-        self.thicknesses = Thicknesses(self.building, tuple(f"T{name[1]}" for name in _CORNERS[self.card]))
+        self.shape = _SHAPES[self.card]
+        names = tuple(f"T{i + 1}" for i in range(self.shape.corners))
+        self.thicknesses = Thicknesses(self.building, names, not self.shape.curved)
         self.none = self.building.values.add(FieldRef(self.card, 0, "none"), 0.0)
 
     def add_plain(self, eid: int, section: ShellSection, nodes: list[int]) -> bool:
@@ -83,6 +109,7 @@ class _Reading:
             return False
         off = section.offset is not None
         offset = self.none if section.offset is None else section.offset
+        nodes = [*nodes, *[_LACKING] * (self.shape.nodes - len(nodes))]
         row = _Row(eid, nodes, section, section.thickness, offset, self.none, off, 0.0, _NO_DIRECTION)
         self.rows.append(row)
         return True
@@ -95,8 +122,9 @@ class _Reading:
         thickness = self.thicknesses.get(record, eid, section)
         lift, offset = self._offsets(record, eid, section)
         given = not record.blank("ZOFFS") or section.offset is not None
-        theta, direction = _material_axis(record, self.grids, nodes)
-        self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction))
+        theta, direction = _material_axis(record, self.grids, nodes[: self.shape.corners])
+        corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
+        self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction, corners))
 
     def _offsets(self, record: Record, eid: int, section: ShellSection) -> tuple[int, int]:
         """Positions of the offsets of the mass (ZOFFS) and of the stiffness (with that of a laminate's middle)."""
@@ -112,14 +140,18 @@ class _Reading:
         """The batch, or nothing where no element was added."""
         if not self.rows:
             return []
-        ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction = zip(*self.rows)
+        ids, nodes, sections, thickness, offset, lift, offset_given, theta, direction, corners = zip(*self.rows)
         at = np.array(nodes, dtype=np.int64)
-        dofs = (6 * at[:, :, None] + np.arange(6)).reshape(len(at), -1)
+        dofs = np.where(at[:, :, None] >= 0, 6 * at[:, :, None] + np.arange(6), -1).reshape(len(at), -1)
         roles, facts = _section_columns(sections)
         roles |= {"t": np.array(thickness, np.int64), "z0": np.array(offset, np.int64)}
         roles["zm"] = roles["z0"] if lift == offset else np.array(lift, np.int64)
         facts |= {"offset_given": np.array(offset_given), "theta": np.array(theta), "direction": np.array(direction)}
-        return [ElementBatch(_KINDS[self.card], self.card, np.array(ids, np.int64), at, dofs, roles, facts)]
+        if any(own is not None for own in corners):
+            facts["uneven"] = np.array([own is not None for own in corners])
+            every = np.array([[t] * self.shape.corners if own is None else own for own, t in zip(corners, thickness)])
+            roles |= {f"t{i + 1}": column for i, column in enumerate(every.T)}
+        return [ElementBatch(self.shape.kind, self.card, np.array(ids, np.int64), at, dofs, roles, facts)]
 
 
 def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
@@ -142,19 +174,27 @@ def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDAr
 
 
 def _nodes(record: Record, grids: Grids) -> list[int]:
-    """Rows of the corners in the node table."""
-    corners = _CORNERS[record.name]
-    if len(corners) == 4 and record.blank("G4"):
+    """Rows of the grid points in the node table, −1 for a mid-side one that is left out."""
+    shape = _SHAPES[record.name]
+    if record.name == "CQUAD4" and record.blank("G4"):
         raise record.error("deck.shell-corners", "a CQUAD4 has four corners; G4 is blank", at="G4",
                            hint="make the element a CTRIA3, or fill G4")  # fmt: skip
-    numbers = [record.integer(name) for name in corners]
+    names = [f"G{i + 1}" for i in range(shape.nodes)]
+    numbers = [record.integer(name, 0 if i >= shape.corners else ...) for i, name in enumerate(names)]
     for i, number in enumerate(numbers):
-        if number in numbers[:i]:
-            quad = len(corners) == 4 and len(set(numbers)) == 3
-            raise record.error("deck.shell-corners", f"two corners of the element are grid point {number}",
-                               at=corners[i], hint="make it a CTRIA3 of its three grid points" if quad else
-                               "correct the grid points, or remove the element")  # fmt: skip
-    return [grids.row(number, record) for number in numbers]
+        if number and number in numbers[:i]:
+            what = "two corners of the element are" if i < shape.corners else "the element names twice"
+            raise record.error("deck.shell-corners", f"{what} grid point {number}",
+                               at=names[i], hint=_instead(numbers, shape))  # fmt: skip
+    given = [number or i < shape.corners for i, number in enumerate(numbers)]
+    return [grids.row(number, record) if own else _LACKING for number, own in zip(numbers, given)]
+
+
+def _instead(numbers: list[int], shape: _Shape) -> str:
+    """What a collapsed element should have been."""
+    if shape.corners == 4 and len(set(numbers[:4])) == 3:
+        return "make it a CTRIA6 of its grid points" if shape.curved else "make it a CTRIA3 of its three grid points"
+    return "correct the grid points, or remove the element"
 
 
 def _material_axis(record: Record, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
