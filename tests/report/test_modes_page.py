@@ -93,16 +93,29 @@ def test_the_page_loads_nothing(plate: Path, tmp_path: Path) -> None:
         ElementTree.fromstring(svg)
 
 
+def _table(page: Document) -> Table:
+    blocks = next(s for s in page.sections if s.id == "natural_modes").blocks
+    return next(b for b in blocks if isinstance(b, Table))
+
+
 def test_rigid_body_modes_share_a_row_and_carry_everything(plate: Path) -> None:
-    blocks = next(s for s in _page(plate).sections if s.id == "natural_modes").blocks
-    table = next(b for b in blocks if isinstance(b, Table))
-    rows = [[cell.text for cell in line] for line in table.rows]
-    assert rows[0][:2] == ["1 to 6", "rigid body"]
-    assert rows[0][2:] == ["100.00"] * 6
-    assert all(line[2:] == ["–"] * 6 for line in rows[1:3])
+    """In its plane the plate is free; out of it and in rotations across it is held."""
+    text = plate.read_text().replace("METHOD = 1", "METHOD = 1\nSPC = 1")
+    plate.write_text(text.replace("ENDDATA", "SPC1,1,345,1,THRU,5\nENDDATA"))
+    rows = [[cell.text for cell in line] for line in _table(_page(plate)).rows]
+    assert rows[0][:2] == ["1 to 3", "rigid body"]
+    assert rows[0][2:4] == ["100.00", "100.00"]
+    assert all(line[2:4] == ["–"] * 2 for line in rows[1:3])
     assert rows[-2][:2] == ["all", "sum"]
     # quadrilateral of 1 m², triangle of .5 m², bar
     assert float(rows[-1][2]) == pytest.approx(7850 * (0.01 * 1.5 + 1e-3 * 2**0.5), rel=1e-4)
+
+
+def test_a_free_structure_has_no_table_of_dashes(plate: Path) -> None:
+    table = _table(_page(plate))
+    assert [c.title for c in table.columns] == ["Mode", "Hz"]
+    assert [cell.text for cell in table.rows[0]] == ["1 to 6", "rigid body"]
+    assert "its rigid-body motions carry all of its mass" in table.note
 
 
 def test_units_are_told_by_a_study_and_not_by_a_deck(plate: Path) -> None:

@@ -38,8 +38,11 @@ def percent(number: float | None, none: str = NONE) -> str:
 
 
 def signed_percent(number: float | None, none: str = NONE) -> str:
-    """Two decimals with a sign."""
-    return none if number is None else typeset(f"{number:+.2f}")
+    """Two decimals with a sign, unless nothing is left."""
+    if number is None:
+        return none
+    text = f"{number:+.2f}"
+    return typeset(text) if float(text) else text[1:]
 
 
 def unit_fraction(number: float | None, none: str = NOT_TESTED) -> str:

@@ -15,7 +15,7 @@ from femtune.report.numbers import (
     value,
 )
 from femtune.report.sections.summary import summary
-from femtune.report.source import Source
+from femtune.report.source import Source, stages
 from femtune.study.results_correlation import CorrelationResults, PairedMode
 from femtune.study.results_update import ParameterFacts
 
@@ -135,7 +135,9 @@ def _not_tested(source: Source) -> list[Block]:
 def _untested_criteria(source: Source) -> list[str]:
     """A line each reason: what is compared, with the standards that ask for it."""
     reasons: dict[str, dict[str, set[str]]] = {}
-    for c in (c for s in source.results.correlations for c in s.criteria if c.verdict == NOT_TESTED):
+    # reasons hold numbers that the update moves: those of the last stage are told
+    last = [s for s in source.results.correlations if s.stage == stages(source)[-1]]
+    for c in (c for s in last for c in s.criteria if c.verdict == NOT_TESTED):
         quantity, _, standard = c.name.rpartition(", ")
         reasons.setdefault(c.remark, {}).setdefault(quantity or c.name, set()).add(standard if quantity else "")
     return [f"criteria{reason and f', since {reason}'}: {_with_standards(names)}" for reason, names in reasons.items()]

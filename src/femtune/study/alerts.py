@@ -83,7 +83,7 @@ def _of_writing(results: Results) -> Iterable[Alert]:
         yield _alert("warning" if sentence in shared else "info", "write.without-field", sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
-        errors = f"a mean error of {as_written:.3g} % instead of {update.objective_after_percent:.3g} %"
+        errors = f"a weighted mean error of {as_written:.3g} % instead of {update.objective_after_percent:.3g} %"
         if shared:
             yield _alert(
                 "warning", "write.incomplete", f"without the values that were not written the deck has {errors}"

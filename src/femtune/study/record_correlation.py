@@ -53,8 +53,13 @@ def array_prefix(stage: Stage, name: str, number: int) -> str:
     return f"{stage.replace(' ', '_')}/{safe if safe == name else f'{safe}({number})'}"
 
 
-def correlation_results(name: str, stage: Stage, c: Correlation, prefix: str, arrays: Arrays) -> CorrelationResults:
-    """The record; its matrices are put into `arrays` under keys that begin with `prefix`."""
+def correlation_results(
+    name: str, stage: Stage, c: Correlation, prefix: str, arrays: Arrays, rigid: int = 0
+) -> CorrelationResults:
+    """The record; its matrices are put into `arrays` under keys that begin with `prefix`.
+
+    `rigid` is the number of rigid-body modes of the model.
+    """
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
         arrays[f"{prefix}/cross_orthogonality"] = _spread(c)
@@ -69,7 +74,8 @@ def correlation_results(name: str, stage: Stage, c: Correlation, prefix: str, ar
         unpaired_test=tuple(
             UnpairedTestMode(**_unpaired(c, u.test, u.reason)) for u in c.pairing.unpaired_test if not u.left_out
         ),
-        unpaired_model=tuple(_unpaired_model(c)),
+        unpaired_model=tuple(_unpaired_model(c, rigid)),
+        rigid_body_modes=rigid,
         clusters=tuple(_clusters(c)),
         mac_key=f"{prefix}/mac",
         mac_test_labels=c.test.labels,
@@ -111,15 +117,10 @@ def _unpaired(c: Correlation, i: int, reason: str) -> dict:
     return {"test_label": c.test.labels[i], "test_freq_hz": float(c.test.freq_hz[i]), "reason": reason}
 
 
-def _unpaired_model(c: Correlation) -> Iterable[UnpairedModelMode]:
-    highest = float(c.test.freq_hz.max(initial=0.0))
+def _unpaired_model(c: Correlation, rigid: int) -> Iterable[UnpairedModelMode]:
     for j in c.pairing.unpaired_model:
-        if c.model.freq_hz[j] <= 1.2 * highest:
-            yield UnpairedModelMode(
-                model_number=j + 1,
-                model_freq_hz=float(c.model.freq_hz[j]),
-                reason="no test mode was paired with it",
-            )
+        reason = "no test mode was paired with it" if j >= rigid else "rigid-body motion"
+        yield UnpairedModelMode(model_number=j + 1, model_freq_hz=float(c.model.freq_hz[j]), reason=reason)
 
 
 def _clusters(c: Correlation) -> Iterable[ClusterMatch]:

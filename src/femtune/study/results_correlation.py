@@ -118,7 +118,7 @@ class CorrelationResults(Record):
     unpaired_test: tuple[UnpairedTestMode, ...]
     """Test modes without a partner."""
     unpaired_model: tuple[UnpairedModelMode, ...]
-    """Model modes without a partner."""
+    """Model modes without a partner, all that were solved, rigid-body modes too."""
     clusters: tuple[ClusterMatch, ...]
     """Close modes that were compared as subspaces."""
     mac_key: str | None
@@ -145,6 +145,8 @@ class CorrelationResults(Record):
     """Sensors that it leaves out, since in the model they only repeat others (as on a rigid body)."""
     criteria: tuple[Criterion, ...]
     """Acceptance criteria."""
+    rigid_body_modes: int = 0
+    """How many of the model modes, from the lowest, are rigid-body motions; 0 in results of before it was kept."""
     mac_gate: float | None = None
     """Least MAC of a pair, 0 to 1, as the study asks; None where not recorded."""
 

@@ -157,7 +157,7 @@ class Run:
         def report(iteration: Iteration) -> None:
             # kept before it is shown: whoever shows it may be interrupted
             history.add(iteration)
-            text = f"update: mean error {100 * iteration.mean_error:.4g} %"
+            text = f"update: weighted mean error {100 * iteration.mean_error:.4g} %"
             self.progress.step(text, iteration.number, table.max_iterations)
 
         reduction = self.study.file.reduction

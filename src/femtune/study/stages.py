@@ -114,7 +114,7 @@ def stage_records(
         if case.modal is not None:
             with located_in(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
-            record = correlation_results(case.name, stage, raw[case.name], prefix, arrays)
+            record = correlation_results(case.name, stage, raw[case.name], prefix, arrays, found[-1].rigid_body_modes)
             records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
     return StageRecords(tuple(found), tuple(records), tuple(shapes), raw)
 

@@ -50,7 +50,7 @@ def convergence_svg(
 def _objective(axes: Axes, iterations: Sequence[int], objective: Sequence[float]) -> None:
     axes.plot(iterations, objective, "o-", color=BLUE, markersize=4, linewidth=1.4)
     axes.set_ylim(0.0, 1.1 * max([*objective, 1e-12]))
-    axes.set_ylabel("mean error in %")
+    axes.set_ylabel("weighted mean error in %")
 
 
 def _parameters(axes: Axes, iterations: Sequence[int], names: Sequence[str], places: np.ndarray) -> None:

@@ -65,7 +65,7 @@ def _events(update: UpdateResults) -> Block:
 
 
 def _table(update: UpdateResults) -> Block:
-    heads = columns(">Iteration", ">Mean error %", ">Step", ">Damping", "At a bound", "Pairing")
+    heads = columns(">Iteration", ">Weighted mean error %", ">Step", ">Damping", "At a bound", "Pairing")
     rows = [
         row(
             str(i.iteration),

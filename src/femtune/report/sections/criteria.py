@@ -46,21 +46,27 @@ def untested(criteria: Iterable[Criterion]) -> dict[str, tuple[str, ...]]:
 
 
 def _not_tested(source: Source) -> list[Block]:
-    """Stages and configurations with the same criteria and the same reason share a row."""
-    found: dict[tuple[tuple[str, ...], str, Stage], list[str]] = {}
-    for stage in stages(source):
-        for c in (c for c in source.results.correlations if c.stage == stage):
-            for reason, names in untested(c.criteria).items():
-                found.setdefault((names, reason, stage), []).append(c.configuration)
-    joined: dict[tuple[tuple[str, ...], str, tuple[str, ...]], list[str]] = {}
-    for (names, reason, stage), configurations in found.items():
-        joined.setdefault((names, reason, tuple(configurations)), []).append(STAGE_HEADS[stage])
+    """Configurations with the same criteria and the same reason share a row; of two stages the last one's is told."""
+    found: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
+    for name in source.results.study.configurations:
+        for names, (when, reason) in _of_configuration(source, name).items():
+            found.setdefault((names, tuple(when), reason), []).append(name)
     rows = [
         row(", ".join(where), " and ".join(when), "; ".join(names), reason or NONE)
-        for (names, reason, where), when in joined.items()
+        for (names, when, reason), where in found.items()
     ]
     heads = columns("Configurations", "When", "Criteria", "Reason")
     return [Table("Criteria that were not tested", heads, tuple(rows))] if rows else []
+
+
+def _of_configuration(source: Source, name: str) -> dict[tuple[str, ...], tuple[list[str], str]]:
+    """Stages and reason by the criteria; reasons hold numbers that differ from stage to stage."""
+    found: dict[tuple[str, ...], tuple[list[str], str]] = {}
+    for stage in stages(source):
+        at = source.at(name, stage)
+        for reason, names in untested(at.criteria if at else ()).items():
+            found[names] = ([*found.get(names, ([], ""))[0], STAGE_HEADS[stage]], reason)
+    return found
 
 
 def criterion_cells(c: Criterion) -> tuple[Cell, ...]:

@@ -39,10 +39,10 @@ def _figure(source: Source, stage: CorrelationResults, key: str | None, what: st
     values = source.array(key)
     if values is None or values.size == 0:
         return None
-    rows = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
-    columns = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
+    rows, kept = _labels(stage.mac_test_labels, stage.mac_test_freq_hz), shown_columns(stage)
+    framed = tuple((i, kept.index(j)) for i, j in pair_places(stage))
     title = f"{what} {STAGE_HEADS[stage.stage]}"
-    picture = MatrixPicture(values, rows, columns, "test", "model", title, pair_places(stage))
+    picture = MatrixPicture(values[:, kept], rows, _model_labels(stage, kept), "test", "model", title, framed)
     return _shown(picture, f"{stage.configuration}, {title}")
 
 
@@ -65,6 +65,17 @@ def _labels(names: Any, freqs: tuple[float, ...]) -> tuple[str, ...]:
     return tuple(f"{name}: {freq(f)} Hz" for name, f in zip(names, freqs, strict=True))
 
 
+def shown_columns(stage: CorrelationResults) -> list[int]:
+    """Positions of the model modes that are worth a column: all but rigid-body motions without a partner."""
+    paired = {j for _, j in pair_places(stage)}
+    return [j for j, n in enumerate(stage.mac_model_numbers) if n > stage.rigid_body_modes or j in paired]
+
+
+def _model_labels(stage: CorrelationResults, kept: list[int]) -> tuple[str, ...]:
+    labels = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
+    return tuple(labels[j] for j in kept)
+
+
 def pair_places(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
     """Row and column of each pair in the MAC matrix."""
     rows, columns = stage.mac_test_labels, stage.mac_model_numbers
@@ -78,21 +89,22 @@ def pair_places(stage: CorrelationResults) -> tuple[tuple[int, int], ...]:
 def _auto(source: Source, stage: CorrelationResults) -> list[Block]:
     """AutoMAC of test and model: which shapes the sensors can tell apart."""
     test = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
-    model = _labels(map(str, stage.mac_model_numbers), stage.mac_model_freq_hz)
+    kept = shown_columns(stage)
     parts = (
-        ("AutoMAC of the test", stage.auto_mac_test_key, test),
-        ("AutoMAC of the model", stage.auto_mac_model_key, model),
+        ("AutoMAC of the test", stage.auto_mac_test_key, test, list(range(len(test)))),
+        ("AutoMAC of the model", stage.auto_mac_model_key, _model_labels(stage, kept), kept),
     )
-    figures = [_square(source.array(key), labels, title) for title, key, labels in parts if key is not None]
+    figures = [_square(source.array(key), labels, title, some) for title, key, labels, some in parts if key is not None]
     if not figures:
         return [Paragraph("AutoMAC: not tested.", tone="muted")]
     return _rows(figures)  # fmt: skip
 
 
-def _square(values: NDArray[Any] | None, labels: tuple[str, ...], title: str) -> Figure:
+def _square(values: NDArray[Any] | None, labels: tuple[str, ...], title: str, kept: list[int]) -> Figure:
     assert values is not None
+    values = values[np.ix_(kept, kept)]
     off = values - np.diag(np.diag(values))
-    most = f", largest off the diagonal {_text(np.nanmax(off))}" if values.shape[0] > 1 else ""
+    most = f", largest off the diagonal {_text(np.nanmax(off))}" if np.isfinite(off).any() and len(off) > 1 else ""
     return _shown(MatrixPicture(values, labels, labels, "", "", title), f"{title}{most}")
 
 

@@ -19,6 +19,11 @@ _NOTE = (
     "listed leave to 100 % belongs to higher modes, and to mass on the supports themselves."
 )
 
+_FREE = (
+    "The structure is free: its rigid-body motions carry all of its mass, and the modal effective mass of the other "
+    "modes is nothing."
+)
+
 
 def natural_modes(source: Source) -> list[Block]:
     """A table each configuration; then the sentences on missed modes."""
@@ -44,8 +49,17 @@ def _configuration(m: ModelModes, named: bool, units: tuple[str, str]) -> list[B
         return [Table(m.configuration if named else "", heads, tuple(_rows(m, None)))]
     group = "Modal effective mass, %"
     heads = (Column("Mode", "right"), Column("Hz", "right"), *(Column(d, "right", group) for d in _DIRECTIONS))
+    if _is_free(m, masses):
+        return [Table(m.configuration if named else "", heads[:2], tuple(_rows(m, None)), _FREE)]
     rows = [*_rows(m, masses), _sum(masses), _total(masses, units)]
     return [Table(m.configuration if named else "", heads, tuple(rows))]
+
+
+def _is_free(m: ModelModes, masses: EffectiveMasses) -> bool:
+    """True where the rigid-body motions carry all: a table of dashes would say no more."""
+    elastic = range(m.rigid_body_modes, len(m.freq_hz))
+    parts = (part or 0.0 for i in elastic for part in _parts(masses, range(i, i + 1)))
+    return m.rigid_body_modes == 6 and len(elastic) > 0 and max(parts) < _SHOWN
 
 
 def _rows(m: ModelModes, masses: EffectiveMasses | None) -> list[tuple[Cell, ...]]:

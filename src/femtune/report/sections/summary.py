@@ -31,7 +31,7 @@ def _objective(source: Source) -> tuple[KeyNumber, ...]:
         return ()
     written = update.objective_as_written_percent
     final = update.objective_after_percent if written is None else written
-    name = "Objective: weighted mean error"
+    name = "Weighted mean error"
     return (KeyNumber(name, f"{percent(update.objective_before_percent)} %", f"{percent(final)} %"),)
 
 
@@ -39,14 +39,21 @@ def _meaning(source: Source, before: Scores, after: Scores | None) -> Paragraph:
     """What each number is, and over which modes."""
     update = source.results.update
     counts = listed(counted(c.count, f"{c.kind} residual") for c in update.residual_counts) if update else ""
-    fitted = f"The objective weighs all that the update fits{f' ({counts})' if counts else ''}. " if update else ""
+    fitted = (
+        f"The weighted mean error is what the update lessens, over all that it fits{f' ({counts})' if counts else ''}. "
+        if update
+        else ""
+    )
     modes = f"{before.pairs} before, {after.pairs} after" if after else str(before.pairs)
-    return Paragraph(f"{fitted}Errors and MAC: over all paired modes ({modes}), unweighted.", "muted")
+    return Paragraph(
+        f"{fitted}Frequency errors and MAC: over all paired modes ({modes}), unweighted; the mean is of magnitudes.",
+        "muted",
+    )
 
 
 def _scores(before: Scores, after: Scores | None) -> list[KeyNumber]:
     return [
-        KeyNumber("Mean |frequency error|", _mean(before), _mean(after) if after else ""),
+        KeyNumber("Mean frequency error", _mean(before), _mean(after) if after else ""),
         KeyNumber(
             "Worst frequency error", _worst(before), _worst(after) if after else "", (after or before).worst_label
         ),

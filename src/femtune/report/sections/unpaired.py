@@ -7,10 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.report.document import Block, Cell, Table, columns, row
-from femtune.report.numbers import NONE, freq, unit_fraction
+from femtune.report.document import Block, Cell, Paragraph, Table, columns, row
+from femtune.report.numbers import NONE, counted, freq, unit_fraction
 from femtune.report.source import STAGE_HEADS, Source
 from femtune.study.results_correlation import CorrelationResults
+
+_Row = tuple[str, int, dict[str, float], CorrelationResults]
+"""Configuration, number, frequency by stage, and the last stage where a mode has no partner."""
+
+ABOVE = 1.2
+"""Model modes up to so many times the highest test mode are listed one by one."""
 
 
 def unpaired_test(source: Source, names: list[str]) -> list[Block]:
@@ -29,13 +35,47 @@ def unpaired_test(source: Source, names: list[str]) -> list[Block]:
 
 
 def unpaired_model(source: Source, names: list[str]) -> list[Block]:
-    """Model modes without a partner by configuration and number."""
-    rows = [r for name in names for r in _model_rows(source.shown(name))]
+    """Model modes without a partner by configuration and number: those that a test up to its highest mode could show.
+
+    How many lie higher is said, and rigid-body motions share a line.
+    """
+    found = [_model_rows(source.shown(name)) for name in names]
+    near = [r for rows in found for r in rows if _in_range(r)]
+    if not any(found):
+        return []
     heads = columns("Configuration", ">Model mode", ">Hz before", ">Hz after", "Remark")
-    return [Table("Model modes without a partner", heads, tuple(_plain(source, r) for r in rows))] if rows else []
+    notes = [note for rows in found for note in _notes(rows)]
+    table = Table("Model modes without a partner", heads, tuple(_plain(source, r) for r in near), " ".join(notes))
+    return [table] if near else [Paragraph(f"Model modes without a partner: {note}", "muted") for note in notes]
 
 
-def _model_rows(stages: list[CorrelationResults]) -> list[tuple[str, int, dict[str, float], CorrelationResults]]:
+def _in_range(entry: _Row) -> bool:
+    _, number, hz, stage = entry
+    return number > stage.rigid_body_modes and min(hz.values()) <= highest_hz(stage)
+
+
+def highest_hz(stage: CorrelationResults) -> float:
+    """Up to where model modes without a partner are listed one by one: a fifth above the highest test mode."""
+    return ABOVE * max(stage.mac_test_freq_hz, default=0.0)
+
+
+def _notes(rows: list[_Row]) -> list[str]:
+    """What is not listed one by one, of one configuration."""
+    if not rows:
+        return []
+    name, _, _, stage = rows[-1]
+    rigid = sum(number <= stage.rigid_body_modes for _, number, *_ in rows)
+    return others(name, stage, rigid, len(rows) - rigid - sum(map(_in_range, rows)))
+
+
+def others(name: str, stage: CorrelationResults, rigid: int, higher: int) -> list[str]:
+    """A sentence on the modes that are not listed one by one; [] where all are."""
+    parts = [counted(rigid, "rigid-body motion")] if rigid else []
+    parts += [f"{counted(higher, 'mode')} above {freq(highest_hz(stage))} Hz"] if higher else []
+    return [f"{name}: besides, {' and '.join(parts)} without a partner."] if parts else []
+
+
+def _model_rows(stages: list[CorrelationResults]) -> list[_Row]:
     """Configuration, number, frequency by stage, and the last stage where it has no partner."""
     found: dict[int, tuple[dict[str, float], CorrelationResults]] = {}
     for stage in stages:
@@ -45,7 +85,7 @@ def _model_rows(stages: list[CorrelationResults]) -> list[tuple[str, int, dict[s
     return [(stage.configuration, number, hz, stage) for number, (hz, stage) in sorted(found.items())]
 
 
-def _plain(source: Source, entry: tuple[str, int, dict[str, float], CorrelationResults]) -> tuple[Cell, ...]:
+def _plain(source: Source, entry: _Row) -> tuple[Cell, ...]:
     name, number, hz, stage = entry
     remark = model_mode_remark(source.array(stage.mac_key), stage, number)
     by_head = {STAGE_HEADS[s.stage]: s for s in source.shown(name)}

@@ -20,9 +20,9 @@ from femtune.report.document import (
 )
 from femtune.report.numbers import NONE, freq, listed, signed_percent, typeset, unit_fraction
 from femtune.report.sections.criteria import criterion_cells, tested, untested
-from femtune.report.sections.mac import dropped_sensors, pair_places
+from femtune.report.sections.mac import dropped_sensors, pair_places, shown_columns
 from femtune.report.sections.modes import cluster_paragraphs, mac_cell, pair_remark
-from femtune.report.sections.unpaired import model_mode_remark
+from femtune.report.sections.unpaired import highest_hz, model_mode_remark, others
 from femtune.report.source import left_out_modes, scores_of
 from femtune.report.steps.subject import Subject
 from femtune.report.verdict import agreement
@@ -88,8 +88,12 @@ def _unpaired_model(c: CorrelationResults, arrays: Arrays) -> list[Block]:
     rows = tuple(
         row(str(m.model_number), freq(m.model_freq_hz), model_mode_remark(mac, c, m.model_number))
         for m in c.unpaired_model
+        if c.rigid_body_modes < m.model_number and m.model_freq_hz <= highest_hz(c)
     )
-    return [Table("Model modes without a partner", columns(">Model mode", ">Hz", "Remark"), rows)] if rows else []
+    rigid = sum(m.model_number <= c.rigid_body_modes for m in c.unpaired_model)
+    note = " ".join(others(c.configuration, c, rigid, len(c.unpaired_model) - rigid - len(rows)))
+    table = [Table("Model modes without a partner", columns(">Model mode", ">Hz", "Remark"), rows, note)]
+    return table if rows else [Paragraph(note, "muted")] if note else []
 
 
 def _mac(c: CorrelationResults, arrays: Arrays) -> list[Block]:
@@ -111,7 +115,7 @@ def _matrix(title: str, c: CorrelationResults, values: NDArray[Any], paired: boo
     """Two digits, pairs marked; `paired` leaves out the modes without a partner."""
     framed = pair_places(c)
     rows = sorted({i for i, _ in framed}) if paired else list(range(values.shape[0]))
-    cols = sorted({j for _, j in framed}) if paired else list(range(values.shape[1]))
+    cols = sorted({j for _, j in framed}) if paired else shown_columns(c)
     if len(cols) > _WIDEST:
         return Paragraph(f"{title}: {len(rows)} by {len(cols)}, too wide for a terminal; the report shows it.", "muted")
     heads = columns("", *(f">{c.mac_model_numbers[j]}" for j in cols))
