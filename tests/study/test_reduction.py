@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.report.build import build_report
 from femtune.study import RunFolder
+from femtune.study.reduction import TrainingProgress
 
 Bench = Any
 
@@ -82,3 +84,48 @@ def test_the_report_says_order_price_and_errors(bench: Bench) -> None:
     (model,) = run.results.update.reduction.models
     assert "The search ran on reduced models" in text
     assert f"order {model.order}" in text
+
+
+class _Heard:
+    """A progress that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, int, int | None]] = []
+
+    def step(self, text: str, done: int, total: int | None) -> None:
+        self.lines.append((text, done, total))
+
+
+def test_progress_says_cost_order_and_errors(bench: Bench) -> None:
+    bench.uff(bench.measure(bench.truth()))
+    heard = _Heard()
+    run = steps.update(bench.study(EI + "[reduction]\nfull_solutions = 12\n"), progress=heard)
+    first = "reduced model of as the deck: it takes at most 12 full solutions; the first is made now"
+    own = [line for line in heard.lines if line[0].startswith(("reduced model", "search"))]
+    assert own[0] == (first, 0, 12)
+    solved = [done for text, done, total in own if total == 12]
+    assert solved == sorted(solved)
+    assert any("order " in text and "estimate " in text and "of 48 points looked at" in text for text, *_ in own)
+    assert any("worst error at the last point" in text for text, *_ in own)
+    assert ("search 1 has ended: solving the full model there", 0, None) in own
+    assert run.results.update is not None
+    assert run.results.update.reduction is not None
+    (model,) = run.results.update.reduction.models
+    ends = sum(text.startswith("search") for text, *_ in own)
+    assert model.full_solutions == max(solved) + ends
+
+
+def test_the_time_that_is_left_is_told() -> None:
+    heard, now = _Heard(), [100.0]
+    told = TrainingProgress(heard, 20, clock=lambda: now[0])
+    told.begin(["a"])
+    model = SimpleNamespace(order=90)
+    points = [SimpleNamespace(error=float("nan")), SimpleNamespace(error=0.0123)]
+    for n, seconds in ((1, 110.0), (2, 130.0)):
+        now[0] = seconds
+        told.trained("a", SimpleNamespace(model=model, certified=points[:n]))  # type: ignore[arg-type]
+    assert [text for text, *_ in heard.lines[1:]] == [
+        "reduced model of a: order 90, 10 s a solution, at most 3 min more; full solutions",
+        "reduced model of a: order 90, worst error at the last point 1.2 %, 15 s a solution, at most 4 min more; "
+        "full solutions",
+    ]

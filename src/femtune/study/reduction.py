@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from femtune.files.study_file.steps import ReductionTable
 from femtune.model.reduce import Trained
@@ -11,6 +15,66 @@ from femtune.study.load import Study
 from femtune.study.progress import Progress
 from femtune.study.results_reduction import ReducedModelResults, ReductionResults
 from femtune.update import Iteration, ReducedUpdate, ReductionRules, SensitivityMethod, UpdateResult, update_reduced
+
+
+@dataclass(eq=False)
+class TrainingProgress:
+    """Says how far training and searches are, with the time that they may still take.
+
+    `clock` is in seconds; `most` are the full solutions of one configuration that the study allows.
+    """
+
+    progress: Progress
+    most: int
+    clock: Callable[[], float] = time.monotonic
+    begun: dict[str, float] = field(default_factory=dict)
+
+    def begin(self, names: Iterable[str]) -> None:
+        """Before anything is solved: what it will cost at most."""
+        for name in names:
+            text = f"reduced model of {name}: it takes at most {self.most} full solutions; the first is made now"
+            self.progress.step(text, 0, self.most)
+        self.begun[""] = self.clock()
+
+    def trained(self, name: str, trained: Trained) -> None:
+        """A full solution was made."""
+        self._say(name, trained, self._errors(trained))
+
+    def estimated(self, name: str, trained: Trained, count: int) -> None:
+        """A candidate was estimated."""
+        known = bool(np.isfinite(trained.estimates).all())
+        far = f", estimate {_percent(trained.worst_estimate)}" if known else ""
+        self._say(name, trained, f"{self._errors(trained)}{far}, {count} of {len(trained.points)} points looked at")
+
+    def searched(self, number: int) -> None:
+        """A search ended."""
+        self.progress.step(f"search {number} has ended: solving the full model there", 0, None)
+
+    def _say(self, name: str, trained: Trained, errors: str) -> None:
+        done = len(trained.certified)
+        text = f"reduced model of {name}: order {trained.model.order}{errors}{self._time(name, done)}; full solutions"
+        self.progress.step(text, done, self.most)
+
+    @staticmethod
+    def _errors(trained: Trained) -> str:
+        """The true error of the model at the last point, before its modes were taken in."""
+        error = trained.certified[-1].error
+        return f", worst error at the last point {_percent(error)}" if np.isfinite(error) else ""
+
+    def _time(self, name: str, done: int) -> str:
+        """Time of a full solution with the estimates that come with it, and what all that are allowed would take."""
+        start = self.begun.setdefault(name, self.begun.get("", self.clock()))
+        self.begun[""] = self.clock()
+        each = (self.begun[""] - start) / done
+        return f", {each:.2g} s a solution, at most {_duration(each * (self.most - done))} more" if each > 0.5 else ""
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
 
 
 def find_on_reduced(
@@ -22,13 +86,10 @@ def find_on_reduced(
     progress: Progress,
 ) -> tuple[UpdateResult, ReductionResults]:
     """The parameters, and how the reduced models did."""
-    rules = ReductionRules(table.tolerance, table.full_solutions, table.order)
-
-    def told(name: str, trained: Trained) -> None:
-        text = f"training the reduced model of {name}: order {trained.model.order}"
-        progress.step(text, len(trained.certified), table.full_solutions)
-
-    found = update_reduced(study.problem(), method, rules, report, at, told)
+    rules, problem = ReductionRules(table.tolerance, table.full_solutions, table.order), study.problem()
+    told = TrainingProgress(progress, table.full_solutions)
+    told.begin(case.name for case in problem.cases)
+    found = update_reduced(problem, method, rules, report, at, told)
     return found.result, _results(found, rules)
 
 

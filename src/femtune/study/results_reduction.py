@@ -13,7 +13,8 @@ class ReducedModelResults(Record):
     order: int
     """Its order at the end."""
     full_solutions: int
-    """How many times the full model was solved for it, the solution at the end included."""
+    """How many times the full model was solved for its modes to train the model, and where each search ended. The modes
+    of the comparison before the update and of the written deck, and derivatives at the end, come on top."""
     estimate_percent: float
     """Largest estimated error of a frequency in the box of the parameters when the search began, in %."""
     certified_error_percent: float

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,35 @@ SEARCH = 10.0
 """The search may be this many times less accurate than its end."""
 KEPT = 3
 """Full solutions that the training leaves for points where the search ends."""
+
+
+class Told(Protocol):
+    """Who is told how far an update on reduced models is."""
+
+    def trained(self, name: str, trained: Trained) -> None:
+        """After every full solution of the training of a configuration."""
+        ...
+
+    def estimated(self, name: str, trained: Trained, count: int) -> None:
+        """After every estimate: `count` candidates were estimated with this basis, of those in `trained.points`."""
+        ...
+
+    def searched(self, number: int) -> None:
+        """Search `number` has ended; the full models are solved next."""
+        ...
+
+
+class _Nobody:
+    """Listens to nothing."""
+
+    def trained(self, name: str, trained: Trained) -> None:
+        """Nothing."""
+
+    def estimated(self, name: str, trained: Trained, count: int) -> None:
+        """Nothing."""
+
+    def searched(self, number: int) -> None:
+        """Nothing."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +76,8 @@ class ReducedCaseFacts:
 
     Parameters
     ----------
-    order, full_solutions : of the last model
+    order : of the last model
+    full_solutions : of the full model for its modes: those of the training and one where each search ended
     estimate : worst estimated relative frequency error at the candidates of the box, before the search
     certified_error : worst true one at the end point, of the model that the search used; NaN where none was made
     status : how the training before the search ended
@@ -107,13 +138,16 @@ class _Search:
         return any(len(t.certified) + 1 >= self.rules.full_solutions for t in self.trained)
 
 
+_NOBODY: Told = _Nobody()
+
+
 def update_reduced(
     problem: UpdateProblem,
     method: SensitivityMethod,
     rules: ReductionRules,
     report: Callable[[Iteration], None] = lambda i: None,
     start: Evaluation | None = None,
-    told: Callable[[str, Trained], None] = lambda name, trained: None,
+    told: Told = _NOBODY,
 ) -> ReducedUpdate:
     """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
 
@@ -123,7 +157,7 @@ def update_reduced(
     Parameters
     ----------
     report, start : as for `update`
-    told : the name of a configuration and its model after every full solution of the training
+    told : hears how far training and searches are
 
     Raises
     ------
@@ -134,6 +168,7 @@ def update_reduced(
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report)
+        told.searched(len(rounds) + 1)
         x, states = found.x, problem.solved(found.x)
         errors = search.errors(x, states)
         agree = max(errors, default=0.0) <= rules.tolerance
@@ -149,14 +184,13 @@ def update_reduced(
     return ReducedUpdate(_on_full_model(problem, method, before, full, found, search), facts, tuple(rounds), agree)
 
 
-def _trained(
-    problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Callable[[str, Trained], None]
-) -> _Search:
+def _trained(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Told) -> _Search:
     trainers, trained = [], []
     for case, state in zip(problem.cases, before.states):
         most = max(rules.full_solutions - KEPT, 1)
         asked = TrainingRules(state.solution.wanted, SEARCH * rules.tolerance, most, rules.order)
-        trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), partial(told, case.name)))
+        hears = partial(told.trained, case.name), partial(told.estimated, case.name)
+        trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), *hears))
         trained.append(trainers[-1].train(trainers[-1].start()))
     return _Search(problem, rules, trainers, trained, trained, [])
 

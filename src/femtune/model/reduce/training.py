@@ -39,6 +39,7 @@ class Trainer:
     rows : (s, n_free) where the modes are wanted
     solve : the full solution of a model point and a number of modes, from modes nearby where they are given
     report : told after every full solution
+    looking : told after every estimate, with the estimates so far and how many of them are of this basis
     """
 
     configured: ConfiguredModel
@@ -46,6 +47,7 @@ class Trainer:
     rows: NDArray | None = None
     solve: Solve = field(default=lambda point, count, start: solve_modes(point, count, start=start))
     report: Callable[[Trained], None] = field(default=lambda trained: None)
+    looking: Callable[[Trained, int], None] = field(default=lambda trained, estimated: None)
 
     def start(self, inputs: Reals | None = None) -> Trained:
         """The basis of the nominal modes, with the static shapes (K0 − σM0)⁻¹F of the inputs F (n_free, f)."""
@@ -132,6 +134,7 @@ class Trainer:
                 break
             estimates[i], fresh[i], tried = _estimate(trained, trained.points[i]), True, tried + 1
             worst = int(np.argmax(np.where(fresh, estimates, -np.inf)))
+            self.looking(replace(trained, estimates=estimates), tried)
         return replace(trained, estimates=estimates), worst
 
     def _limit(self, trained: Trained) -> TrainingStatus | None:

@@ -6,6 +6,11 @@ from femtune.report.document import Block, Listing, Paragraph, Table, columns, r
 from femtune.report.numbers import short
 from femtune.study.results_reduction import ReductionResults
 
+_COST = (
+    "Full solutions: for the training, and where each search ended. Those of the comparison before the update and of "
+    "the written deck, and the derivatives at the end, come on top."
+)
+
 
 def reduced_models(reduction: ReductionResults | None) -> list[Block]:
     """A table of the models, and what was found each time the search ended; nothing without reduced models."""
@@ -24,7 +29,7 @@ def reduced_models(reduction: ReductionResults | None) -> list[Block]:
         for m in reduction.models
     ]
     rounds = tuple(text[:1].upper() + text[1:] + "." for text in reduction.rounds)
-    return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows)), Listing(rounds)]
+    return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows), _COST), Listing(rounds)]
 
 
 def _verdict(reduction: ReductionResults) -> str:
