@@ -19,10 +19,11 @@ from femtune.study.respond import respond_results
 from femtune.study.results import Results
 from femtune.study.results_response import ResponseResults
 from femtune.study.run_folder import read_results
-from femtune.study.steps import RunFolder, correlate, info, mode_sets, modes, select, update
+from femtune.study.steps import RunFolder, SimulatedTest, correlate, info, mode_sets, modes, select, update
 
 __all__ = [
     "RunFolder",
+    "SimulatedTest",
     "correlate",
     "info",
     "mode_sets",
@@ -73,6 +74,7 @@ def modes_report(
     remarks: list[str] | None = None,
     count: int | None = None,
     max_hz: float | None = None,
+    simulate: SimulatedTest | None = None,
 ) -> Results:
     """Write a page of the natural modes of a study, or of a deck alone, with a picture of each; returns what it shows.
 
@@ -80,7 +82,7 @@ def modes_report(
     ----------
     path : the study file, or the deck
     page : the HTML file to write: one file that loads nothing from elsewhere
-    fresh, remarks, count, max_hz : as for `modes`
+    fresh, remarks, count, max_hz, simulate : as for `modes`
 
     Raises
     ------
@@ -92,10 +94,10 @@ def modes_report(
     page = Path(page)
     check_page(page)
     results, arrays = modes_results(
-        path, progress, fresh=fresh, remarks=remarks, keep=[page], count=count, max_hz=max_hz
+        path, progress, fresh=fresh, remarks=remarks, keep=[page], count=count, max_hz=max_hz, simulate=simulate
     )
     progress.step("drawing the modes", 0, None)
-    write_html(build_modes_page(results, arrays), page)
+    write_html(build_modes_page(results, arrays), page, progress)
     return results
 
 
@@ -162,7 +164,7 @@ def respond_report(
         path, options or {}, progress, fresh=fresh, remarks=remarks, uff=file, units=units, keep=[page]
     )
     progress.step("drawing the responses", 0, None)
-    write_html(build_responses_page(results, arrays), page)
+    write_html(build_responses_page(results, arrays), page, progress)
     return results
 
 
@@ -181,4 +183,4 @@ def report(path: Path | str, progress: Progress = silent) -> Path:
         folder = read_study_file(folder).output_folder
     progress.step("writing the report", 0, None)
     results, arrays = read_results(folder)
-    return write_html(build_report(results, arrays), folder / REPORT_FILE)
+    return write_html(build_report(results, arrays), folder / REPORT_FILE, progress)

@@ -17,6 +17,7 @@ from femtune.cli.guard import GuardedGroup, Running
 from femtune.errors import printable
 
 _FILE = click.Path(path_type=Path)
+_SCATTER = click.FloatRange(min=0.0, max=1.0)
 
 _study = click.argument("study", type=_FILE)
 _quiet = click.option("--quiet", is_flag=True, help="No progress, and no tables.")
@@ -66,16 +67,41 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write a page (HTML) with a picture of each mode.")
 @click.option("--count", type=int, help="Number of modes, in place of that of the study or deck.")
 @click.option("--max-hz", type=float, metavar="HZ", help="All modes up to here, in place of --count.")
+@click.option("--uff", type=_FILE, metavar="FILE", help="Write the modes as a simulated test (Universal File, 55).")
+@click.option("--sensor", "sensors", multiple=True, metavar="12Z+", help='For --uff; or "101 THRU 160:123".')
+@click.option("--units", metavar="m-kg-s", help="Units of a deck alone, for --uff.")
+@click.option("--frequency-scatter", type=_SCATTER, default=0.0, metavar="PART", help="For --uff: .002 is 0.2 %.")
+@click.option("--shape-scatter", type=_SCATTER, default=0.0, metavar="PART", help="For --uff: of the largest entry.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="For --uff: of the scatter.")
 @_eigensolver
 @_fresh
 @_json
 @_quiet
-def modes(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+def modes(
+    path: Path,
+    page: Path | None,
+    fresh: bool,
+    as_json: bool,
+    quiet: bool,
+    count: int | None,
+    max_hz: float | None,
+    uff: Path | None,
+    sensors: tuple[str, ...],
+    **scatter: Any,
+) -> None:
     """Natural frequencies and modes of each configuration.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
-    _show("modes", path, as_json, quiet, fresh, page, **asked)
+    if sensors and uff is None:
+        raise click.UsageError("--sensor belongs to --uff, which names the file to write")
+    more = {} if uff is None else {"simulate": _simulated(uff, sensors, scatter)}
+    _show("modes", path, as_json, quiet, fresh, page, count=count, max_hz=max_hz, **more)
+
+
+def _simulated(uff: Path, sensors: tuple[str, ...], scatter: dict[str, Any]) -> Any:
+    """What the options say of a simulated test."""
+    return importlib.import_module("femtune.study.simulated_test").SimulatedTest(uff, sensors, **scatter)
 
 
 @main.command()

@@ -10,23 +10,35 @@ from typing import Any
 import jinja2
 
 from femtune.errors import FemtuneError, Where, printable
-from femtune.report.document import Bar, Document
+from femtune.report.document import Bar, Document, Figure, FigureRow
+from femtune.study.progress import Progress, silent
 
 
-def write_html(document: Document, path: Path | str) -> Path:
-    """Write the document to `path`.
+def write_html(document: Document, path: Path | str, progress: Progress = silent) -> Path:
+    """Write the document to `path`; `progress` is told of every picture that is drawn.
 
     Raises
     ------
     FemtuneError : ``run.unwritable``
     """
     path = Path(path)
+    _draw(document, progress)
     content = html_text(document).encode()
     try:
         path.write_bytes(content)
     except (OSError, ValueError) as error:
         raise _unwritable(path, error) from error
     return path
+
+
+def _draw(document: Document, progress: Progress) -> None:
+    """Draw all pictures, which a document keeps."""
+    blocks = [block for section in document.sections for block in section.blocks]
+    rows = [block.figures if isinstance(block, FigureRow) else (block,) for block in blocks]
+    figures = [figure for row in rows for figure in row if isinstance(figure, Figure)]
+    for i, figure in enumerate(figures):
+        progress.step("drawing the pictures of the page", i, len(figures))
+        _ = figure.svg
 
 
 def check_page(path: Path | str) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Where
+from femtune.model import EigenSolution
+from femtune.study.cases import StudyCase
 from femtune.study.load import Study, is_deck, load_study, with_modes_asked
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Inputs, Stopwatch, input_paths, inputs_of, provenance, study_facts
@@ -20,7 +22,8 @@ from femtune.study.results import Results
 from femtune.study.results_base import StudyFacts
 from femtune.study.results_model import ModelModes
 from femtune.study.results_shapes import ModeShapes
-from femtune.study.stages import nominal, solve
+from femtune.study.simulated_test import SimulatedTest, check_simulated, write_simulated
+from femtune.study.stages import solved_cases
 from femtune.study.with_journal import looking_up
 
 Arrays = dict[str, NDArray]
@@ -35,12 +38,13 @@ def modes_results(
     keep: Sequence[Path] = (),
     count: int | None = None,
     max_hz: float | None = None,
+    simulate: SimulatedTest | None = None,
 ) -> tuple[Results, Arrays]:
     """Modes of a study, or of a deck, at the start values of the parameters, as `modes` finds them.
 
     Parameters
     ----------
-    path, progress, fresh, remarks, count, max_hz : as for `modes`
+    path, progress, fresh, remarks, count, max_hz, simulate : as for `modes`
     keep : files that will be written with what this returns; none of them may be one that was read
 
     Raises
@@ -52,9 +56,14 @@ def modes_results(
     with watch.step("read"):
         loaded = with_modes_asked(load_study(path, progress), count, max_hz)
         _check_kept(loaded, keep)
+        if simulate is not None:
+            check_simulated(loaded, simulate)
         inputs = _each_once(inputs_of(loaded))
     with watch.step("modes"), looking_up(loaded, fresh, remarks) as study:
-        modes, shapes = _solved(study, arrays, progress)
+        solved = list(solved_cases(study, progress))
+        modes, shapes = _records(solved, arrays)
+    if simulate is not None:
+        write_simulated(loaded, simulate, solved)
     progress.step("mass and rigid-body check", 0, None)
     with watch.step("checks"):
         model = model_facts(loaded)
@@ -69,11 +78,11 @@ def modes_results(
     return found, arrays
 
 
-def _solved(study: Study, arrays: Arrays, progress: Progress) -> tuple[list[ModelModes], list[ModeShapes]]:
+def _records(
+    solved: Sequence[tuple[StudyCase, EigenSolution]], arrays: Arrays
+) -> tuple[list[ModelModes], list[ModeShapes]]:
     modes, shapes = [], []
-    for i, case in enumerate(study.cases):
-        progress.step(f"modes of {case.name}", i, len(study.cases))
-        solution = solve(study, case, nominal(study))
+    for i, (case, solution) in enumerate(solved):
         modes.append(model_modes(case.name, "before", solution))
         first = replace(solution, wanted=min(solution.wanted, MOST_MODES))
         # what was measured is no matter here

@@ -127,11 +127,16 @@ def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:
             "response.nothing-asked", "a Universal File is wanted, and the study asks for no FRFs",
             where=Where(str(study.file.path)), hint="add [response] with inputs",
         )  # fmt: skip
-    _check_places(study, files, uff)
+    check_places(study, files, uff)
 
 
-def _check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
-    """Each file has a folder, and a place of its own that nothing was read from."""
+def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
+    """Each file has a folder, and a place of its own that nothing was read from.
+
+    Raises
+    ------
+    FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
+    """
     taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "one that was read")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError(
@@ -155,8 +160,8 @@ def write_frf_files(
     for case, response, path in zip(study.cases, responses, paths):
         if response.frfs is not None:
             frfs = frf_set(response.frfs, arrays)
-            test = ModalTest(_id_line(case.name), study.file.study.unit_system, _geometry(case, frfs), frfs=frfs)
-            written.append(write_uff_frfs(path, test, tuple(map(_id_line, _about(study, case, response)))))
+            test = ModalTest(id_line(case.name), study.file.study.unit_system, _geometry(case, frfs), frfs=frfs)
+            written.append(write_uff_frfs(path, test, tuple(map(id_line, _about(study, case, response)))))
     return written
 
 
@@ -174,7 +179,7 @@ def frf_set(record: FrfResults, arrays: Mapping[str, NDArray]) -> FrfSet:
     )  # fmt: skip
 
 
-def _id_line(text: str) -> str:
+def id_line(text: str) -> str:
     """A text that fits an ID line."""
     return "".join(c if c.isprintable() and c.isascii() else "_" for c in text)[:80]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,13 +90,11 @@ def solutions_of(evaluation: Evaluation) -> Solutions:
     return {state.case.name: state.solution for state in evaluation.states}
 
 
-def modes_of(study: Study, stage: Stage, progress: Progress) -> list[ModelModes]:
-    """Modes of each configuration at the start values."""
-    out = []
+def solved_cases(study: Study, progress: Progress) -> Iterator[tuple[StudyCase, EigenSolution]]:
+    """Each configuration with its modes at the start values."""
     for i, case in enumerate(study.cases):
         progress.step(f"modes of {case.name}", i, len(study.cases))
-        out.append(model_modes(case.name, stage, solve(study, case, nominal(study))))
-    return out
+        yield case, solve(study, case, nominal(study))
 
 
 def stage_records(

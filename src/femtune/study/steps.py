@@ -12,18 +12,19 @@ from femtune.study.cases import StudyCase
 from femtune.study.load import Study, load_study, read_study, with_modes_asked
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Stopwatch, inputs_of
-from femtune.study.record_model import model_facts
+from femtune.study.record_model import model_facts, model_modes
 from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_model import ModelFacts, ModelModes
 from femtune.study.results_update import SelectionResults
 from femtune.study.run import Run, RunFolder, check_parameters, select_at
 from femtune.study.run_folder import check_writable
 from femtune.study.run_lock import locked
-from femtune.study.stages import modes_of, nominal, solve, stage_records, start
+from femtune.study.simulated_test import SimulatedTest, check_simulated, write_simulated
+from femtune.study.stages import nominal, solve, solved_cases, stage_records, start
 from femtune.study.with_journal import keeping, looking_up
 from femtune.study.write_back import check_inputs_safe
 
-__all__ = ["RunFolder", "correlate", "info", "mode_sets", "modes", "select", "update"]
+__all__ = ["RunFolder", "SimulatedTest", "correlate", "info", "mode_sets", "modes", "select", "update"]
 
 
 def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
@@ -41,15 +42,22 @@ def modes(
     remarks: list[str] | None = None,
     count: int | None = None,
     max_hz: float | None = None,
+    simulate: SimulatedTest | None = None,
 ) -> tuple[ModelModes, ...]:
     """Natural frequencies of each configuration of a study, or of a deck, at the start values of the parameters.
 
     Solutions in the journal of the study's run folder are used, not so if `fresh`; `remarks` is told how many.
-    `count` or `max_hz` takes the place of [modes] of the study and of METHOD of the deck.
+    `count` or `max_hz` takes the place of [modes] of the study and of METHOD of the deck. `simulate` writes the modes
+    as a test would have measured them.
     """
     loaded = with_modes_asked(load_study(path, progress), count, max_hz)
+    if simulate is not None:
+        check_simulated(loaded, simulate)
     with looking_up(loaded, fresh, remarks) as study:
-        return tuple(modes_of(study, "before", progress))
+        solved = list(solved_cases(study, progress))
+    if simulate is not None:
+        write_simulated(loaded, simulate, solved)
+    return tuple(model_modes(case.name, "before", solution) for case, solution in solved)
 
 
 def mode_sets(path: Path | str, progress: Progress = silent, *, fresh: bool = False) -> dict[str, ModeSet]:

@@ -1,0 +1,110 @@
+"""Modes of a model as if a test had measured them: at sensors, with scatter where asked for, as Universal File."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from femtune.dofs import DIRECTIONS, Dof, DofSet, parse_dof
+from femtune.errors import FemtuneError, Where
+from femtune.files.study_file.kinds import support
+from femtune.files.uff import write_uff_modes
+from femtune.modal import ModeSet
+from femtune.model import EigenSolution
+from femtune.model.response.rigid import is_rigid
+from femtune.study.cases import StudyCase
+from femtune.study.load import Study
+from femtune.study.respond import check_places, id_line, uff_paths
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import unit_system
+
+
+@dataclass(frozen=True)
+class SimulatedTest:
+    """A test that is wanted of a model's modes.
+
+    Parameters
+    ----------
+    path : Universal File to write; with several configurations each has its own, with its number in the name
+    sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
+    units : length-mass-s of a deck alone, which tells none
+    frequency_scatter : standard deviation of each frequency, as a part of it
+    shape_scatter : standard deviation at each sensor, as a part of the largest entry of the shape
+    seed : the same seed gives the same scatter
+    """
+
+    path: Path
+    sensors: tuple[str, ...]
+    units: str | None = None
+    frequency_scatter: float = 0.0
+    shape_scatter: float = 0.0
+    seed: int = 1
+
+
+def check_simulated(study: Study, wanted: SimulatedTest) -> None:
+    """Refuse, before anything is solved, what cannot be written.
+
+    Raises
+    ------
+    FemtuneError : ``response.units-needed``, ``response.units-given``, ``uff.cannot-write``, ``model.unknown-node``,
+        ``write.overwrites-input``, ``dof.syntax``, ``study.support``
+    """
+    if study.units_known and wanted.units is not None:
+        raise FemtuneError(
+            "response.units-given", "units are given on the command line, and the study has its own",
+            where=study.file.where("study", "units"), hint="leave --units out; it is for a deck alone",
+        )  # fmt: skip
+    if not study.units_known and wanted.units is None:
+        raise FemtuneError(
+            "response.units-needed", "a Universal File has units, and a deck alone does not tell them",
+            where=Where(str(study.file.path)), hint='say them: --units m-kg-s, "mm-t-s", "in-slinch-s" …',
+        )  # fmt: skip
+    check_places(study, uff_paths(wanted.path, study), wanted.path)
+    nodes = study.model.structure.nodes
+    for dof in sensor_dofs(wanted.sensors):
+        nodes.dof(dof.node, dof.component)
+
+
+def sensor_dofs(sensors: Sequence[str]) -> DofSet:
+    """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
+    found = dict.fromkeys(dof for text in sensors for dof in _named(text))
+    if not found:
+        raise FemtuneError(
+            "uff.cannot-write", "no sensor is named for the simulated test",
+            hint='name where it measures: --sensor 12Z+, or --sensor "101 THRU 160:123"',
+        )  # fmt: skip
+    return DofSet(tuple(found))
+
+
+def _named(text: str) -> Iterable[Dof]:
+    if ":" not in text:
+        return [parse_dof(text.strip())]
+    return [Dof(node, DIRECTIONS[int(c)]) for node, components in support(text) for c in components]
+
+
+def write_simulated(study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]) -> None:
+    """A Universal File of each configuration's modes (error ``uff.cannot-write``); rigid-body motions are left out."""
+    chance = np.random.default_rng(wanted.seed)
+    for path, (case, solution) in zip(uff_paths(wanted.path, study), solutions):
+        write_uff_modes(path, simulated(study, case, solution, wanted, chance), ("simulated by femtune",))
+
+
+def simulated(
+    study: Study, case: StudyCase, solution: EigenSolution, wanted: SimulatedTest, chance: np.random.Generator
+) -> ModalTest:
+    """The modes of one configuration at the sensors, with scatter."""
+    dofs, nodes = sensor_dofs(wanted.sensors), study.model.structure.nodes
+    rows, signs = [nodes.dof(d.node, d.component) for d in dofs], np.array([d.sign for d in dofs])
+    elastic = ~is_rigid(solution)[: solution.wanted]
+    freq = solution.freq_hz[elastic]
+    shapes = signs[:, None] * (case.configured.transformation[rows] @ solution.shapes[:, : solution.wanted][:, elastic])
+    freq = freq * (1.0 + wanted.frequency_scatter * chance.standard_normal(freq.shape))
+    largest = np.abs(shapes).max(axis=0, initial=0.0)
+    shapes = shapes + wanted.shape_scatter * largest * chance.standard_normal(shapes.shape)
+    at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs})])
+    frame = WireFrame(nodes.ids[at], nodes.xyz[at], nodes.frames[at].transpose(0, 2, 1))
+    units = study.file.study.unit_system if study.units_known else unit_system(str(wanted.units))
+    return ModalTest(id_line(case.name), units, frame, modes=ModeSet(freq, shapes, dofs, source="simulated"))

@@ -1,0 +1,102 @@
+"""A simulated test from the command line: what is written is what the model does, and a study takes it as a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from femtune import steps
+from femtune.cli.commands import main
+from femtune.errors import FemtuneError
+from femtune.files.uff import read_uff
+from femtune.study.simulated_test import SimulatedTest, sensor_dofs
+from femtune.units import SI
+
+Bench = Any
+
+
+def _written(path: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    modes = read_uff(path, units=SI).test.modes
+    assert modes is not None
+    return modes.freq_hz, modes.shapes, list(modes.dofs.labels())
+
+
+def test_an_update_finds_the_values_of_the_deck_that_was_simulated(bench: Bench) -> None:
+    options = ["--uff", str(bench.folder / "beam.uff"), "--sensor", "2 THRU 5:23", "--units", "m-kg-s", "--count", "4"]
+    found = CliRunner().invoke(main, ["modes", str(bench.truth()), "--quiet", *options])
+    assert (found.exit_code, found.output) == (0, "")
+    update = steps.update(bench.study()).results.update
+    assert update is not None
+    assert {p.name: p.value for p in update.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
+
+
+def test_rigid_body_motions_are_left_out_and_signs_are_kept(bench: Bench) -> None:
+    deck = bench.write("free.bdf", bench.text.replace("123456  1", "14      1"))
+    plain, turned = bench.folder / "plain.uff", bench.folder / "turned.uff"
+    modes = steps.modes(deck, count=9, simulate=SimulatedTest(plain, ("2Y+", "5Z+"), "m-kg-s"))[0]
+    steps.modes_report(deck, bench.folder / "p.html", count=9, simulate=SimulatedTest(turned, ("2Y-", "5Z+"), "m-kg-s"))
+    freq, shapes, labels = _written(plain)
+    assert labels == ["2Y+", "5Z+"]
+    assert freq == pytest.approx(modes.freq_hz[modes.rigid_body_modes :])
+    np.testing.assert_allclose(_written(turned)[1], shapes * [[-1.0], [1.0]], rtol=1e-9)
+
+
+def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
+    deck, path = bench.folder / "beam.bdf", bench.folder / "t.uff"
+    sensors = ("2 THRU 5:23",)
+
+    def written(**scatter: Any) -> tuple[np.ndarray, np.ndarray]:
+        steps.modes(deck, simulate=SimulatedTest(path, sensors, "m-kg-s", **scatter))
+        return _written(path)[:2]
+
+    freq, shapes = written()
+    off, moved = written(frequency_scatter=0.01, shape_scatter=0.02)
+    assert 0.002 < np.std(off / freq - 1.0) < 0.02
+    largest = np.abs(shapes).max(axis=0)
+    assert 0.01 < np.std((moved - shapes) / largest) < 0.03
+    np.testing.assert_array_equal(written(frequency_scatter=0.01, shape_scatter=0.02)[1], moved)
+    assert not np.allclose(written(frequency_scatter=0.01, shape_scatter=0.02, seed=2)[1], moved)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"units": None}, "response.units-needed"),
+        ({"sensors": ()}, "uff.cannot-write"),
+        ({"sensors": ("77Z+",)}, "model.unknown-node"),
+        ({"sensors": ("2 THRU :3",)}, "study.support"),
+        ({"sensors": ("2Z",)}, "dof.syntax"),
+        ({"path": Path("none/at/all.uff")}, "uff.cannot-write"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_anything_is_solved(
+    bench: Bench, options: dict[str, Any], code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("femtune.study.stages.solve", lambda *_: pytest.fail("it was solved"))
+    asked = {"path": bench.folder / "t.uff", "sensors": ("2Z+",), "units": "m-kg-s", **options}
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(**asked))
+    assert caught.value.code == code
+
+
+def test_a_study_has_units_of_its_own(beam: Bench) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(beam.study(), simulate=SimulatedTest(beam.folder / "t.uff", ("2Z+",), "m-kg-s"))
+    assert caught.value.code == "response.units-given"
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(beam.study(), simulate=SimulatedTest(beam.folder / "beam.uff", ("2Z+",)))
+    assert caught.value.code == "write.overwrites-input"
+
+
+def test_sensors_are_labels_or_ranges_each_once() -> None:
+    assert [str(d) for d in sensor_dofs(("3Z-", "1 THRU 2:13", "2:1"))] == ["3Z-", "1X+", "1Z+", "2X+", "2Z+"]
+
+
+def test_sensors_without_a_file_are_a_slip(bench: Bench) -> None:
+    found = CliRunner().invoke(main, ["modes", str(bench.folder / "beam.bdf"), "--sensor", "2Z+"])
+    assert found.exit_code == 2
+    assert "--sensor belongs to --uff" in found.stderr
