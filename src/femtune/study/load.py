@@ -213,8 +213,11 @@ def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> S
     FemtuneError : as `with_modes`
     """
     file = with_modes(study.file, count, max_hz)
-    limits = {"count": file.modes.wanted, "max_hz": file.modes.max_hz}
-    cases = (c if c.modal is None else replace(c, modal=replace(c.modal, **limits)) for c in study.cases)
+    count, max_hz = file.modes.wanted, file.modes.max_hz
+    cases = []
+    for case in study.cases:
+        modal = None if case.modal is None else replace(case.modal, count=count, max_hz=max_hz)
+        cases.append(replace(case, modal=modal))
     return replace(study, file=file, cases=tuple(cases))
 
 

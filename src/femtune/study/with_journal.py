@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,9 +18,11 @@ from femtune.study.results_journal import JournalResults, SolutionCount
 def looking_up(study: Study, fresh: bool, remarks: list[str] | None) -> Iterator[Study]:
     """The study for a step that writes nothing: what an earlier run solved is taken from its journal.
 
-    What came from there, and what was damaged, is said in `remarks` afterwards.
+    Warnings of the reader are said in `remarks` at once; what came from the journal, and what was damaged, afterwards.
     """
     folder, table = study.file.output_folder, study.file.study
+    if remarks is not None:
+        remarks += warnings_of(study)
     if fresh or not table.journal or not os.path.isdir(folder / JOURNAL_FOLDER):
         yield study
         return
@@ -27,6 +30,15 @@ def looking_up(study: Study, fresh: bool, remarks: list[str] | None) -> Iterator
     yield solved_by(study, JournaledSolver(journal))
     if remarks is not None:
         remarks += [text for text in (journal.sentence, *map(str, journal.notices)) if text]
+
+
+def warnings_of(study: Study) -> list[str]:
+    """What the reader warns of, the first of each kind with the number of the others."""
+    loud = [n for n in (*study.built.notices, *study.notices) if n.level != "info"]
+    counts = Counter(n.code for n in loud)
+    first = {n.code: n for n in reversed(loud)}
+    more = {code: f"; and {count - 1} more of this kind" if count > 1 else "" for code, count in counts.items()}
+    return [f"{first[code]}{more[code]}" for code in counts]
 
 
 def keeping(study: Study, folder: Path, fresh: bool) -> tuple[Study, Journal | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from femtune.errors import did_you_mean
+from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building, Library
 from femtune.files.nastran.record import Record
@@ -92,9 +92,23 @@ class Materials:
 
 def read_materials(building: Building) -> Materials:
     """The materials of the deck; each is checked when an element uses it."""
-    return Materials(
-        building, building.by_number(building.records("MAT1", "MAT2", "MAT8", "MAT9", "MAT11"), "material")
-    )
+    records = building.by_number(building.records("MAT1", "MAT2", "MAT8", "MAT9", "MAT11"), "material")
+    building.notices += [_negative_density(record) for record in records.values() if _is_negative(record)]
+    return Materials(building, records)
+
+
+def _is_negative(record: Record) -> bool:
+    """True for a density below zero; one that is no number is told where the material is used."""
+    try:
+        return not record.blank("RHO") and record.real("RHO") < 0.0
+    except FemtuneError:
+        return False
+
+
+def _negative_density(record: Record) -> Notice:
+    density = record.real("RHO")
+    what = f"the density of {record.name} {record.integer('MID')} is negative ({density:g}): it takes mass away"
+    return Notice("deck.negative-density", what, record.where)
 
 
 def _check(record: Record) -> None:

@@ -92,8 +92,9 @@ def _unpaired_model(c: CorrelationResults, arrays: Arrays) -> list[Block]:
     )
     rigid = sum(m.model_number <= c.rigid_body_modes for m in c.unpaired_model)
     note = " ".join(others(c.configuration, c, rigid, len(c.unpaired_model) - rigid - len(rows)))
-    table = [Table("Model modes without a partner", columns(">Model mode", ">Hz", "Remark"), rows, note)]
-    return table if rows else [Paragraph(note, "muted")] if note else []
+    if rows:
+        return [Table("Model modes without a partner", columns(">Model mode", ">Hz", "Remark"), rows, note)]
+    return [Paragraph(note, "muted")] if note else []
 
 
 def _mac(c: CorrelationResults, arrays: Arrays) -> list[Block]:

@@ -1,0 +1,49 @@
+"""What the reader of a deck warns of is said by the steps that write nothing, once a kind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from femtune import steps
+from femtune.cli.commands import main
+
+Bench = Any
+
+
+@pytest.mark.parametrize("step", ["modes", "correlate", "select"])
+def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
+    path = beam.folder / "beam.bdf"
+    path.write_text(path.read_text().replace("ENDDATA\n", ""))
+    remarks: list[str] = []
+    getattr(steps, step)(beam.study(), remarks=remarks)
+    assert [r for r in remarks if "[deck.no-enddata]" in r] == [
+        f"[deck.no-enddata] the deck has no ENDDATA: is it complete? at {path}:21"
+    ]
+
+
+def test_the_terminal_says_it_and_quiet_does_not(bench: Bench) -> None:
+    path = bench.folder / "beam.bdf"
+    path.write_text(path.read_text().replace("ENDDATA\n", ""))
+    for word in ("modes", "info"):
+        found = CliRunner().invoke(main, [word, str(path)])
+        assert "has no ENDDATA: is it complete?" in " ".join(found.output.split())
+    assert "ENDDATA" not in CliRunner().invoke(main, ["modes", str(path), "--quiet"]).output
+
+
+def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:
+    text = bench.text.replace("0.3     7850.", "0.3     -7850.").replace("ENDDATA", "MAT1,2,1.+9,,.3,-5.\nENDDATA")
+    path = bench.write("light.bdf", text)
+    notices = [n for n in steps.info(path).notices if n.code == "deck.negative-density"]
+    assert [n.sentence for n in notices] == [
+        "the density of MAT1 1 is negative (-7850): it takes mass away",
+        "the density of MAT1 2 is negative (-5): it takes mass away",
+    ]
+    assert notices[0].where == f"{path}:13 (MAT1 1)"
+    assert "the density of MAT1 1 is negative" in " ".join(CliRunner().invoke(main, ["info", str(path)]).output.split())
+    remarks: list[str] = []
+    with pytest.raises(Exception, match="mass"):
+        steps.modes(path, remarks=remarks)
+    assert remarks[0].endswith("; and 1 more of this kind")
