@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.fem import NodeTable
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.model import Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
 from femtune.study import RunFolder, record_shapes
-from femtune.study.drawn_mesh import DrawnMesh, thinned
-from femtune.study.record_shapes import active_lines, grid_translations
+from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_lines, mesh_beside, thinned
+from femtune.study.record_shapes import grid_translations
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
 PORTAL = """BEGIN BULK
@@ -59,10 +60,10 @@ def _portal(folder: Path, cd: str = "", off: frozenset[int] = frozenset()) -> Co
 def test_lines_are_those_of_active_elements_of_some_length(
     tmp_path: Path, off: frozenset[int], elements: set[tuple[int, int]], rigid: set[tuple[int, int]]
 ) -> None:
-    lines, kinds = active_lines(_portal(tmp_path, off=off))
+    lines, kinds = active_lines(_portal(tmp_path, off=off).model.structure, off)
     ends = [(int(a) + 1, int(b) + 1) for a, b in lines]
-    assert {e for e, kind in zip(ends, kinds) if kind == record_shapes.ELEMENT} == elements
-    assert {e for e, kind in zip(ends, kinds) if kind == record_shapes.RIGID} == rigid
+    assert {e for e, kind in zip(ends, kinds) if kind == ELEMENT} == elements
+    assert {e for e, kind in zip(ends, kinds) if kind == RIGID} == rigid
 
 
 def test_motion_is_in_basic_axes_whatever_the_displacement_frames(tmp_path: Path) -> None:
@@ -141,3 +142,14 @@ def test_quadrilaterals_that_lose_a_corner_are_triangles() -> None:
     fewer = thinned(points, mesh, most_faces=2)
     # point 4 lies in the cell of point 2, so that the first and the last face are one
     assert {tuple(face) for face in fewer.faces.tolist()} == {(0, 1, 2, 3), (1, 2, 3, -1)}
+
+
+def test_a_mesh_is_drawn_on_other_points_of_the_same_numbers(tmp_path: Path) -> None:
+    """The portal on its own points in another order, without the right column's foot."""
+    structure = _portal(tmp_path).model.structure
+    own = structure.nodes
+    some = np.array([4, 2, 0, 3])
+    nodes = NodeTable(own.ids[some], own.xyz[some], own.frames[some])
+    mesh = mesh_beside(structure, nodes)
+    ends = {tuple(sorted(int(nodes.ids[k]) for k in line)) for line in mesh.lines}
+    assert ends == {(1, 3), (3, 5), (4, 5)}

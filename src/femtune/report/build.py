@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ def build_report(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Docume
     """
     source = Source(results, arrays)
     sentence, level = verdict(source)
-    sections = tuple(_section(text, BUILDERS[text.id](source)) for text in section_texts())
+    texts = [_titled(text, results.study.imported) for text in section_texts()]
+    sections = tuple(_section(text, BUILDERS[text.id](source)) for text in texts)
     return Document(results.study.title, sentence, level, _facts(results), sections, short_form(source))
 
 
@@ -44,6 +46,11 @@ def build_responses_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Responses")
 
 
+def _titled(text: SectionText, imported: bool) -> SectionText:
+    """A model of matrices has no deck that could be changed."""
+    return replace(text, title="Values for the other solver") if imported and text.id == "write_back" else text
+
+
 def _section(text: SectionText, blocks: list[Block]) -> Section:
     intro = (Paragraph(text.intro, tone="muted"),) if text.intro else ()
     return Section(text.id, text.title, (*intro, *blocks))
@@ -52,7 +59,7 @@ def _section(text: SectionText, blocks: list[Block]) -> Section:
 def _facts(results: Results) -> tuple[tuple[str, str], ...]:
     study, origin = results.study, results.provenance
     return (
-        ("Deck", study.deck_file),
+        ("Matrices of" if study.imported else "Deck", study.deck_file),
         ("Configurations", ", ".join(study.configurations)),
         ("Units", study.units or "those of the deck, which names none"),
         ("Run", f"{origin.started_at}, femtune {origin.femtune_version}"),

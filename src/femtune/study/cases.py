@@ -20,6 +20,7 @@ from femtune.files.uff import UffContent, read_uff
 from femtune.modal import ModeSet
 from femtune.model import ConfiguredModel, ParametricModel, configure
 from femtune.residuals import ModalCase, PairingRules
+from femtune.study.drawn_mesh import DrawnMesh
 from femtune.study.located import located, located_in, place_of
 from femtune.testdata import ModalTest
 from femtune.testdata.checks import check_test, real_modes
@@ -31,7 +32,8 @@ from femtune.units import unit_system
 class StudyCase:
     """One configuration: its entry in the study, the model in this state, and its test where there is one.
 
-    `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too.
+    `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
+    in place of the model's own elements, where it has none.
     """
 
     entry: ConfigurationEntry
@@ -40,6 +42,7 @@ class StudyCase:
     sensors: SensorMap | None = None
     modal: ModalCase | None = None
     all_sensors: SensorMap | None = None
+    mesh: DrawnMesh | None = None
 
     @property
     def name(self) -> str:

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.fem import ElementBatch
+from femtune.fem import ConstraintRows, ElementBatch, NodeTable, Structure
 
 Rows = NDArray[np.int64]
 Reals = NDArray[np.float64]
 
 MOST_LINES, MOST_FACES = 4000, 30_000
+ELEMENT, RIGID = 0, 1
+_LINE_KINDS = ("bar", "tapered-beam", "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring")
+_FACES = {
+    "shell-quad": ((0, 1, 2, 3),),
+    "shell-tri": ((0, 1, 2, -1),),
+    "shear-panel": ((0, 1, 2, 3),),
+    "shell-quad8": ((0, 4, 7, -1), (1, 5, 4, -1), (2, 6, 5, -1), (3, 7, 6, -1), (4, 5, 6, 7)),
+    "shell-tri6": ((0, 3, 5, -1), (1, 4, 3, -1), (2, 5, 4, -1), (3, 4, 5, -1)),
+}
+"""Faces of a shell by place in its element, −1 for the fourth corner of a triangle."""
 _FIRST_CELLS, _COARSER = 400.0, 1.25
 """Cells along the diagonal of the model at first, and how much larger they become each time."""
 
@@ -51,6 +62,76 @@ class DrawnMesh:
         return DrawnMesh(np.searchsorted(rows, self.lines), self.kinds, faces, self.sentence)
 
 
+def whole_mesh(structure: Structure, off: Collection[int] = ()) -> DrawnMesh:
+    """All that can be drawn of a structure, but for elements that are switched off."""
+    return DrawnMesh(*active_lines(structure, off), active_faces(structure, off))
+
+
+def mesh_beside(structure: Structure, nodes: NodeTable) -> DrawnMesh:
+    """The mesh of a structure on other grid points of the same numbers: what has all of its points there."""
+    mesh, order = whole_mesh(structure), np.argsort(nodes.ids)
+    at = np.minimum(np.searchsorted(nodes.ids[order], structure.nodes.ids), len(order) - 1)
+    row = np.append(np.where(nodes.ids[order][at] == structure.nodes.ids, order[at], -2), -1)
+    lines, faces = row[mesh.lines], row[mesh.faces]
+    there, whole = (lines >= 0).all(axis=1), (faces >= -1).all(axis=1)
+    return thinned(nodes.xyz, DrawnMesh(lines[there], mesh.kinds[there], faces[whole]))
+
+
+def active_lines(structure: Structure, off: Collection[int]) -> tuple[Rows, Rows]:
+    """Rows of the grid points at both ends, (lines, 2), and the kind of each line, without elements that are `off`."""
+    elements = [_batch_lines(b, off) for b in structure.batches if b.kind in _LINE_KINDS]
+    rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(off)))
+    first = _drawable(structure, np.concatenate([np.zeros((0, 2), np.int64), *elements]))
+    second = _drawable(structure, _rigid_lines(rigid, len(structure.nodes.ids)))
+    kinds = np.repeat([ELEMENT, RIGID], [len(first), len(second)])
+    return np.concatenate([first, second]), kinds
+
+
+def active_faces(structure: Structure, off: Collection[int]) -> Rows:
+    """Rows of the grid points at the corners of active shells and of the outside of active solids, (faces, 4).
+
+    −1 stands for the fourth corner of a triangle. A shell with mid-side grid points has some faces, with the corners
+    alone where one of these is left out.
+    """
+    batches = structure.batches
+    shells = [_batch_faces(b, off) for b in batches if b.kind in _FACES]
+    solids = outer_faces([(b, _active(b, off)) for b in batches])
+    return np.concatenate([np.zeros((0, 4), np.int64), *shells, solids])
+
+
+def _active(batch: ElementBatch, off: Collection[int]) -> NDArray[np.bool_]:
+    return ~np.isin(batch.ids, list(off))
+
+
+def _batch_faces(batch: ElementBatch, off: Collection[int]) -> Rows:
+    nodes = batch.nodes[_active(batch, off)]
+    lacking = (nodes < 0).any(axis=1)
+    corners = nodes[lacking, : nodes.shape[1] // 2]
+    # the place −1 is the column after the last
+    whole = np.pad(nodes[~lacking], ((0, 0), (0, 1)), constant_values=-1)
+    faces = whole[:, np.array(_FACES[batch.kind])].reshape(-1, 4)
+    return np.concatenate([faces, np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])), constant_values=-1)])
+
+
+def _batch_lines(batch: ElementBatch, off: Collection[int]) -> Rows:
+    return batch.nodes[_active(batch, off), :2] if batch.nodes.shape[1] >= 2 else np.zeros((0, 2), np.int64)
+
+
+def _rigid_lines(rigid: ConstraintRows, n_grids: int) -> Rows:
+    """From the grid point of each eliminated DOF to the others of its equation."""
+    grid = np.where(rigid.dof < 6 * n_grids, rigid.dof // 6, -1)
+    own = rigid.dependent[rigid.row]
+    return np.column_stack([np.where(own < 6 * n_grids, own // 6, -1), grid])
+
+
+def _drawable(structure: Structure, lines: Rows) -> Rows:
+    """Each line once; none to ground, to scalar points, or of no length."""
+    xyz = structure.nodes.xyz
+    lines = np.unique(np.sort(lines, axis=1), axis=0)
+    lines = lines[(lines >= 0).all(axis=1) & (lines < len(xyz)).all(axis=1)]
+    return lines[np.linalg.norm(xyz[lines[:, 1]] - xyz[lines[:, 0]], axis=1) > 0.0]
+
+
 def outer_faces(batches: list[tuple[ElementBatch, NDArray[np.bool_]]]) -> Rows:
     """(faces, 4) sides of solids that no two of them share; each batch with its active elements."""
     found = [_sides(batch.nodes[active], _SIDES[batch.kind]) for batch, active in batches if batch.kind in _SIDES]
@@ -69,7 +150,7 @@ def _sides(nodes: Rows, sides: tuple[tuple[int, ...], ...]) -> Rows:
 def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_faces: int = MOST_FACES) -> DrawnMesh:
     """A mesh of no more lines and faces than that: points (n, 3) in one cell of a grid are drawn as one of them.
 
-    Lines go down to the limit by the longest where cells alone do not do it.
+    The cells grow until it is so.
     """
     if len(mesh.lines) <= most_lines and len(mesh.faces) <= most_faces:
         return mesh

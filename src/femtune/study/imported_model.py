@@ -10,16 +10,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
-from femtune.fem import Structure
+from femtune.fem import NodeTable, Structure
 from femtune.files.matrices.dof_list import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
-from femtune.files.matrices.mesh_points import read_points
+from femtune.files.matrices.mesh_points import INPUT_SUFFIXES, read_points
 from femtune.files.matrices.placement import Placement, place_matrices
 from femtune.files.matrices.read_matrix import ReadMatrix
 from femtune.files.matrices.registry import read_matrix
-from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.case_control import CaseControl
-from femtune.files.nastran.deck import Deck, Executive
+from femtune.files.nastran.deck import Deck, Executive, read_deck
 from femtune.files.nastran.source import Source, SourceFile
 from femtune.files.study_file import MatrixEntry, StudyFile, overlay
 from femtune.model import configure, parametric_model, solve_modes
@@ -27,6 +27,7 @@ from femtune.model.imported import ImportedMatrix, imported_structure
 from femtune.model.imported_modes import check_modes
 from femtune.model.imported_polynomial import MatrixSet, Variable
 from femtune.parameters import ParameterSet
+from femtune.study.drawn_mesh import DrawnMesh, mesh_beside
 from femtune.study.located import located
 
 _FURTHER_MODES = 8
@@ -119,6 +120,18 @@ def _files(file: StudyFile) -> Deck:
     beside = [p.with_suffix(".dof") for p in paths if p.suffix in (".sti", ".mas") and p.with_suffix(".dof").is_file()]
     files = tuple(SourceFile(str(p), "", ()) for p in dict.fromkeys([*paths, *beside]))
     return Deck(Path(paths[0]), Source(files, (), (), False), Executive(), CaseControl(), (), {}, ())
+
+
+def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:
+    """The mesh of the deck that gave the coordinates, to be drawn; None where there is none, or it is no whole deck."""
+    if file.model.grid is None or Path(file.model.grid).suffix.lower() in INPUT_SUFFIXES:
+        return None
+    try:
+        mesh = mesh_beside(build_structure(read_deck(file.path_of(file.model.grid)), True).structure, nodes)
+    except FemtuneError:
+        # whatever is wrong with its properties, the coordinates were read
+        return None
+    return mesh if len(mesh.lines) or len(mesh.faces) else None
 
 
 def compare_listed(file: StudyFile, structure: Structure) -> Notice:

@@ -17,7 +17,7 @@ from femtune.parameters import ParameterSet
 from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
 from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
-from femtune.study.imported_model import build_imported, compare_listed
+from femtune.study.imported_model import build_imported, compare_listed, mesh_of_grid
 from femtune.study.progress import Progress, silent
 from femtune.study.solvers import check_solvers
 
@@ -122,6 +122,9 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     built = _built(file, progress)
     with located(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    if file.imported:
+        mesh = mesh_of_grid(file, built.structure.nodes)
+        study = replace(study, cases=tuple(replace(case, mesh=mesh) for case in study.cases))
     return replace(study, units_known=not is_deck(path))
 
 

@@ -109,4 +109,5 @@ def study_facts(study: Study) -> StudyFacts:
         units=table.units,
         deck_file=study.file.source_name,
         configurations=tuple(c.name for c in study.cases),
+        imported=study.file.imported,
     )

@@ -95,8 +95,10 @@ class StudyFacts(Record):
     units: str
     """Coherent system of units, length-mass-time: "m-kg-s"; all values without a unit are in it."""
     deck_file: str
-    """The deck as the study names it."""
+    """The deck as the study names it; the first file of matrices where the model is made of them."""
     configurations: tuple[str, ...]
     """Names of the configurations, in the order of the study."""
+    imported: bool = False
+    """True where the model is made of matrices of another solver, so that there is no deck."""
     description: str = ""
     """Free text of the study."""

@@ -17,7 +17,7 @@ from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.grids import read_grids
 
 _NODE = re.compile(rb"\s*\*NODE\s*(,|$)", re.IGNORECASE)
-_INPUT = (".inp", ".msh")
+INPUT_SUFFIXES = (".inp", ".msh")
 
 
 def read_points(path: Path) -> NodeTable:
@@ -27,7 +27,7 @@ def read_points(path: Path) -> NodeTable:
     ------
     FemtuneError : ``matrices.points``, and ``deck.*`` for a deck
     """
-    if path.suffix.lower() in _INPUT:
+    if path.suffix.lower() in INPUT_SUFFIXES:
         return _of_input(path)
     building = Building(read_deck(path))
     table = read_grids(building).table

@@ -119,9 +119,9 @@ def overlay(entry: ConfigurationEntry) -> Configuration:
     )
 
 
-def only_configuration(test: SingleTest | None) -> ConfigurationEntry:
-    """The state of a study without [[configuration]]: the structure as the deck has it."""
+def only_configuration(test: SingleTest | None, name: str) -> ConfigurationEntry:
+    """The state of a study without [[configuration]]: the structure as it was read."""
     if test is None:
-        return ConfigurationEntry(name="as the deck")
+        return ConfigurationEntry(name=name)
     shared = {name: getattr(test, name) for name in TestKeys.model_fields}
-    return ConfigurationEntry(name="as the deck", test=test.file, test_units=test.units, **shared)
+    return ConfigurationEntry(name=name, test=test.file, test_units=test.units, **shared)

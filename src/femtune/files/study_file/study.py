@@ -64,8 +64,11 @@ class StudyFile(Table):
 
     @property
     def configurations(self) -> tuple[ConfigurationEntry, ...]:
-        """All states: those of the file, or the only one, called "as the deck", with the test of [test]."""
-        return self.configuration or (only_configuration(self.test),)
+        """All states: those of the file, or the only one, with the test of [test].
+
+        That is called "as the deck", or "as imported" where the model is made of matrices.
+        """
+        return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
 
     @property
     def deck_path(self) -> Path:

@@ -39,7 +39,7 @@ def checks(source: Source) -> list[Block]:
         *grounding_elements(model.configurations),
         *grounding_dofs(model.configurations),
         *sturm(source),
-        *_cards(model),
+        *([] if source.results.study.imported else _cards(model)),
         *_held(model),
         Heading("Notices while reading"),
         *(AlertBox(n.level, n.code, n.sentence, n.where) for n in model.notices),

@@ -44,7 +44,7 @@ def _configuration(source: Source, name: str) -> tuple:
         str(len(sensors.unmatched)) if sensors else NONE,
         _pairs(source, name),
         str(len(compared.left_out)) if compared else NONE,
-        "; ".join(overlay) or "none: the deck as it is",
+        "; ".join(overlay) or "none: the model as it is",
     )
 
 

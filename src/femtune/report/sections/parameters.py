@@ -78,7 +78,7 @@ def _fields(fact: ParameterFacts) -> str:
     named = _named(fact.fields)
     if fact.tie:
         return f"tied: {fact.tie}" + (f"; {named}" if named else "")
-    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field in the deck"
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field of the model"
 
 
 def _named(fields: tuple[str, ...]) -> str:

@@ -8,7 +8,7 @@ from femtune.study.results_reduction import ReductionResults
 
 _COST = (
     "Full solutions: for the training, and where each search ended. Those of the comparison before the update and of "
-    "the written deck, and the derivatives at the end, come on top."
+    "what was written, and the derivatives at the end, come on top."
 )
 
 

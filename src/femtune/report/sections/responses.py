@@ -145,7 +145,7 @@ def frf_table(found: Sequence[ResponseResults], order: Sequence[int], *, folded:
     heads += [Column(word.removeprefix("Model ").capitalize(), "right", "FRAC") for word in words] if measured else []
     rows = tuple(_row(frfs, k, measured) for k in order)
     unit = f" {frfs[-1].unit}," if frfs[-1].unit else ""
-    note = f"Largest magnitudes,{unit} rotations in rad." if unit else "Largest magnitudes, in units of the deck."
+    note = f"Largest magnitudes,{unit} rotations in rad." if unit else "Largest magnitudes, in units of the model."
     if measured:
         note += " FRAC, the frequency response assurance criterion, is 1 for functions of the same shape."
     return Table("All functions", tuple(heads), rows, note, folded)

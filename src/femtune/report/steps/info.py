@@ -124,7 +124,7 @@ def _configuration(subject: Subject, c: ModelConfiguration) -> list[Block]:
 
 def _facts(c: ModelConfiguration) -> list[KeyNumber]:
     return [
-        KeyNumber("Overlay", "; ".join(c.overlay) or "none: the deck as it is"),
+        KeyNumber("Overlay", "; ".join(c.overlay) or "none: the model as it is"),
         KeyNumber("Grids", str(c.grids)),
         KeyNumber("Free DOFs", str(c.free_dofs)),
         KeyNumber("Supports", _supports(c)),
