@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -66,10 +67,21 @@ def test_the_true_value_is_found(folder: Path) -> None:
     np.testing.assert_allclose(found.value, 1.1, atol=4 * found.sd)
 
 
-def test_the_command_of_the_page_runs(folder: Path) -> None:
-    command = re.search(r"```\nfemtune (.*?)```", _PAGE, re.S)
-    assert command is not None
-    with pytest.raises(SystemExit) as end:
-        main(command[1].replace("\\\n", " ").split())
-    assert end.value.code == 0
-    assert (folder / "frfs.uff").stat().st_size > 10_000
+def test_the_commands_of_the_page_run(folder: Path) -> None:
+    commands = re.findall(r"```\nfemtune (.*?)```", _PAGE, re.S)
+    written = ("simulated.uff", "frfs.uff")
+    for command, name in zip(commands, written, strict=True):
+        (folder / name).unlink(missing_ok=True)
+        with pytest.raises(SystemExit) as end:
+            main(shlex.split(command.replace("\\\n", " ")))
+        assert end.value.code == 0
+        assert (folder / name).stat().st_size > 3000
+
+
+def test_the_true_value_is_found_with_the_test_of_the_command(folder: Path) -> None:
+    command = re.findall(r"```\nfemtune (.*?)```", _PAGE, re.S)[0]
+    with pytest.raises(SystemExit):
+        main(shlex.split(command.replace("\\\n", " ")))
+    update = steps.update(folder / "study.toml").results.update
+    assert update is not None
+    assert update.parameters[0].value == pytest.approx(1.1, rel=0.01)
