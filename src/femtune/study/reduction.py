@@ -42,8 +42,8 @@ class TrainingProgress:
 
     def estimated(self, name: str, trained: Trained, count: int) -> None:
         """A candidate was estimated."""
-        known = bool(np.isfinite(trained.estimates).all())
-        far = f", estimate {_percent(trained.worst_estimate)}" if known else ""
+        known = trained.estimates[np.isfinite(trained.estimates)]
+        far = f", estimate {_percent(float(known.max()))}" if known.size else ""
         self._say(name, trained, f"{self._errors(trained)}{far}, {count} of {len(trained.points)} points looked at")
 
     def searched(self, number: int) -> None:
