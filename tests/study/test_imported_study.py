@@ -132,6 +132,11 @@ def test_update_and_report(tmp_path: Path) -> None:
     assert run.report is not None
     text = run.report.read_text(encoding="utf-8")
     assert "there is no deck to write" in text
+    assert "Values for the other solver" in text
+    assert "as the deck" not in text
+    assert run.results.study.configurations == ("as imported",)
+    assert run.results.study.imported
+    assert [m.stage for m in run.results.mode_shapes] == ["before", "after"]
     assert {f.path for f in run.results.provenance.input_files} >= {"lower.mtx", "mass.mtx", "rows.dof", "chain.uff"}
 
 

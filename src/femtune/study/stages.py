@@ -107,7 +107,8 @@ def stage_records(
         solution = known[case.name] if case.name in known else solve(study, case, x)
         found.append(model_modes(case.name, stage, solution))
         prefix = array_prefix(stage, case.name, i + 1)
-        if stage != "after":
+        # a model of matrices is never written: what comes after the update is its last stage
+        if stage != "after" or study.file.imported:
             shapes.append(mode_shapes(case, stage, solution, prefix, arrays))
         if case.modal is not None:
             with located_in(study.file, case.entry, "test"):
