@@ -101,18 +101,20 @@ def calculix_text(shell: Shell8, modes: int, element: str) -> str:
     return "\n".join([*lines, "*STEP", "*FREQUENCY", str(modes), "*END STEP", ""])
 
 
-def nastran_text(shell: Shell8, modes: int) -> str:
-    """A deck of CQUAD4 on the corners, their thickness T1 to T4; coupled mass."""
+def nastran_text(shell: Shell8, modes: int, card: str = "CQUAD4") -> str:
+    """A deck of CQUAD4 on the corners or of CQUAD8 on all nodes, their thickness T1 to T4; coupled mass."""
     lines = ["SOL 103", "CEND", "METHOD = 1", "SPC = 1", "BEGIN BULK", f"EIGRL,1,,,{modes}", "PARAM,COUPMASS,1"]
     lines += [f"MAT1,1,{shell.young:.1f},,{shell.poisson:.4f},{shell.density:.2E}", "PSHELL,1,1,1.,1,,1"]
-    corners = np.unique(shell.elements[:, :4])
-    for i in corners:
+    elements = shell.elements if card == "CQUAD8" else shell.elements[:, :4]
+    used = np.unique(elements)
+    for i in used:
         x, y, z = shell.xyz[i]
         lines += [f"GRID*   {i + 1:<16d}{'':16s}{x:<16.9E}{y:<16.9E}", f"*       {z:<16.9E}"]
-    for k, nodes in enumerate(shell.elements[:, :4]):
-        lines.append(f"CQUAD4,{k + 1},1," + ",".join(str(i + 1) for i in nodes))
-        lines.append(",,," + ",".join(f"{t:.6f}" for t in shell.thickness[nodes]))
-    lines += [f"SPC1,1,123456,{i + 1}" for i in shell.clamped if i in corners]
+    for k, nodes in enumerate(elements):
+        first, rest = ([str(i + 1) for i in part] for part in (nodes[:6], nodes[6:]))
+        lines.append(f"{card},{k + 1},1," + ",".join(first))
+        lines.append(f",{','.join(rest or ['', ''])}," + ",".join(f"{t:.6f}" for t in shell.thickness[nodes[:4]]))
+    lines += [f"SPC1,1,123456,{i + 1}" for i in shell.clamped if i in used]
     return "\n".join([*lines, "ENDDATA", ""])
 
 
