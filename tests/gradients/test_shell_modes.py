@@ -34,6 +34,8 @@ from femtune.testing.shells import (
     shell_structure,
 )
 
+from .field_decks import DECKS
+
 STIFFENED = """SOL 103
 CEND
 BEGIN BULK
@@ -221,3 +223,18 @@ def test_a_written_deck_has_the_frequencies_that_the_derivatives_foretell(field:
     # where the remainder is more than the solver's rounding
     clear = rest[0] > 1e-8 * solution.eigenvalues[:5]
     assert np.allclose(np.log2(rest[0][clear] / rest[1][clear]), 2.0, atol=0.1)
+
+
+def test_simple_modes_of_curved_shells(tmp_path: Path):
+    """CQUAD8 and CTRIA6 with corner thicknesses, an offset, a coupling law and plies, by complex steps."""
+    path = tmp_path / "curved.bdf"
+    path.write_text(DECKS["curved"])
+    built = build_structure(read_deck(path))
+    fields = ("CQUAD8 1 T2", "CTRIA6 3 T3", "CQUAD8 1 ZOFFS", "PCOMP 2 T1", "PCOMP 2 THETA3", "MAT8 4 E1", "PSHELL 4 T")
+    assignments = [Assignment(f"p{i}", parse_field_ref(text)) for i, text in enumerate(fields)]
+    parameters = ParameterSet(tuple(Parameter(f"p{i}") for i in range(len(fields))))
+    model = configure(parametric_model(built.structure, parameters, assignments), Configuration())
+    solution = solve_modes(model.at(at(model)), 6)
+    for j in range(4):
+        check_derivative_equation(solution, [j])
+        check_simple_mode(solution, j, 1e-8)
