@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
+from femtune.model.blocks import recycled
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen_slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
 from femtune.model.eigenpairs import DENSE_UP_TO, Pairs, Search, is_iterative, lowest, method_of
 from femtune.model.factorise import Factor, factorise
+from femtune.model.nearby import Nearby, modes_nearby
 from femtune.model.pencil import Pencil, indefinite_mass
 from femtune.model.shift import first_guess, near_shift, negative_stiffness, spectral_shift
 from femtune.model.sparse_products import row_major
@@ -80,6 +82,7 @@ class EigenSolution:
         return np.sqrt(np.maximum(self.eigenvalues[: self.wanted], 0.0)) / (2.0 * np.pi)
 
 
+@recycled()
 def solve_modes(
     point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
 ) -> EigenSolution:
@@ -102,12 +105,35 @@ def solve_modes(
     _check_matrices(point, pencil)
     if goes_to_slepc(pencil.M, count):
         return _by_slepc(point, count, max_hz)
-    limit = None if max_hz is None else replace(count_below(pencil, (2.0 * np.pi * max_hz) ** 2), factor=None)
+    limit = None if max_hz is None else count_below(pencil, (2.0 * np.pi * max_hz) ** 2)
     wanted = _wanted(count, limit)
+    known = None if start is None else _from_start(point, pencil, start, wanted, limit)
+    if known is not None:
+        return known
+    if limit is not None:
+        limit = replace(limit, factor=None)
     search = _search(point, pencil, wanted, start)
     if limit is not None and limit.below is None:
         raise _uncounted(max_hz)
     return _proven(point, search, wanted, limit)
+
+
+def _from_start(
+    point: ModelPoint, pencil: Pencil, start: EigenSolution, wanted: int, limit: Count | None
+) -> EigenSolution | None:
+    """By one factorisation just above the modes, where they are found so."""
+    if not is_iterative(pencil, wanted):
+        return None
+    nearby = Nearby(start.eigenvalues, start.shapes, start.shift, start.sturm_shift, wanted)
+    found = modes_nearby(pencil, nearby, limit)
+    if found is None:
+        return None
+    above, kept = found.above, row_major(found.shapes)
+    assert above.below is not None
+    factor = above.factor if _is_accurate(above.factor) else None
+    return EigenSolution(
+        point, found.values, kept, found.whole, start.shift, above.value, above.below, sturm_factor=factor
+    )
 
 
 def _search(point: ModelPoint, pencil: Pencil, wanted: int, start: EigenSolution | None) -> Search:
@@ -166,10 +192,13 @@ def _solution(
     # one order in memory, so that what follows is the same to the last bit whoever computed or kept the shapes
     kept = row_major(shapes)
     own = search.inverse.at_hand
-    # what exchanges no pivots is not accurate where the matrix is indefinite
-    is_accurate = found.factor is not None and found.factor.name != "SuperLU"
-    sturm = found.factor if own is None and is_accurate else None
+    sturm = found.factor if own is None and _is_accurate(found.factor) else None
     return EigenSolution(point, values, kept, whole, search.shift, cut[0], counted, notices, own, sturm)
+
+
+def _is_accurate(factor: Factor | None) -> bool:
+    """False for what exchanges no pivots, where the matrix is indefinite."""
+    return factor is not None and factor.name != "SuperLU"
 
 
 def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:

@@ -68,7 +68,7 @@ def lowest(search: Search, count: int, wanted: int, known: Pairs | None = None) 
     if (np.diff(values) < 0.0).any():
         order = np.argsort(values)
         values, shapes = values[order], shapes[:, order]
-    _check_negative(search.pencil, values, shapes)
+    check_negative(search.pencil, values, shapes)
     error = energy_residuals(search.inverse, values, shapes, min(wanted, len(values)))
     bad = np.flatnonzero(~(error <= _ACCURACY))
     accurate = int(bad[0]) if bad.size else len(values)
@@ -149,7 +149,7 @@ def _indefinite() -> FemtuneError:
     )
 
 
-def _check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
+def check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
     """Refuse modes of negative strain energy; that of a rigid-body mode is rounding of large parts."""
     below = shapes[:, values < 0.0]
     if not below.shape[1]:

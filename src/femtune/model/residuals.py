@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.model.dense_products import multiply, transposed_times
 from femtune.model.krylov import column_products
 from femtune.model.pencil import Inverse, Pencil, pieces
 
 Reals = NDArray[np.float64]
 
 _PROBES = 8
-_SMALL = np.array([1e-8, 1e-5])
+SMALL = 1e-8
+_SMALL = np.array([SMALL, 1e-5])
 
 
 def energy_residuals(inverse: Inverse, values: Reals, shapes: Reals, wanted: int) -> Reals:
@@ -29,14 +34,50 @@ def energy_residuals(inverse: Inverse, values: Reals, shapes: Reals, wanted: int
     return _each(inverse, values, shapes)
 
 
+@dataclass(frozen=True, eq=False)
+class Above:
+    """(K − τM)⁻¹ with τ just above known modes, and the nearest eigenvalue above it, `following`."""
+
+    solve: Callable[[Reals], Reals]
+    value: float
+    following: float
+
+
+def energy_bound_from_above(pencil: Pencil, above: Above, shift: float, values: Reals, shapes: Reals) -> float:
+    """A bound of them all where (K − τM)⁻¹ is at hand, and the modes are all those below τ.
+
+    Of the part of a residual in the span of the modes the energy is taken from the products themselves. Outside of it
+    B = K − τM and A = K − σM are positive, and the eigenvalues x of B⁻¹A lie between 1 and g = (λ − σ)/(λ − τ) of the
+    next mode: with z = B⁻¹r the energy rᵀA⁻¹r is at most (1 + 1/g) rᵀz − zᵀAz/g, as 1/x is at most 1 + 1/g − x/g.
+    """
+    sums = np.zeros((pencil.n, _PROBES), order="F")
+    weights, root, inside = _weights(values, shift), np.sqrt(np.abs(values - shift)), 0.0
+    for part in pieces(0, len(values)):
+        r = pencil.residual(values, shapes, part)
+        within = transposed_times(shapes, r) / (root[:, None] * root[part])
+        inside = max(inside, float(np.linalg.norm(within, axis=0).max()))
+        sums += multiply(r, weights[part])
+    outside = sums - pencil.mass @ multiply(shapes, transposed_times(shapes, sums))
+    z = above.solve(outside)
+    first, second = column_products(z, outside), column_products(z, pencil.mass @ z) * (above.value - shift)
+    ratio = (above.following - above.value) / (above.following - shift)
+    energy = np.maximum(first - ratio * second, first**2 / (first + second))
+    return float(np.sqrt(inside**2 + energy.max()))
+
+
+def _weights(values: Reals, shift: float) -> Reals:
+    """(m, probes) random signs that give each residual the energy of its mode."""
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], (len(values), _PROBES))
+    return np.asarray(signs / np.sqrt(np.abs(values - shift))[:, None])
+
+
 def _bounds(inverse: Inverse, values: Reals, shapes: Reals, groups: list[slice]) -> Reals:
     sums = np.zeros((inverse.pencil.n, _PROBES * len(groups)), order="F")
-    signs = np.random.default_rng(3).choice([-1.0, 1.0], (len(values), _PROBES))
-    weights = signs / np.sqrt(np.abs(values - inverse.shift))[:, None]
+    weights = _weights(values, inverse.shift)
     for i, group in enumerate(groups):
         own = sums[:, i * _PROBES : (i + 1) * _PROBES]
         for part in pieces(group.start, group.stop):
-            own += inverse.pencil.residual(values, shapes, part) @ weights[part]
+            own += multiply(inverse.pencil.residual(values, shapes, part), weights[part])
     energy = column_products(sums, inverse.solve(sums)).reshape(len(groups), _PROBES)
     return np.asarray(np.sqrt(np.abs(energy).max(axis=1)))
 

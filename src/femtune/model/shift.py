@@ -16,9 +16,9 @@ from femtune.model.pencil import Inverse, Pencil
 
 Reals = NDArray[np.float64]
 
-# a start this far below the stiffness of single DOFs has the size of the lowest elastic modes of meshes of a thousand
-# DOFs; in finer ones single DOFs grow stiffer, and shells (exponent 2) more so than solids (2/3)
-_START, _DOFS, _EXPONENT = 1e-4, 1000.0, 1.0
+# λ of single DOFs, so many times smaller, has the size of the lowest elastic modes of meshes of a thousand DOFs; in
+# finer ones single DOFs grow stiffer, with an exponent of 1 for shells and 2/3 for solids
+_START, _DOFS, _FINE = 1e-4, 1000.0, 10_000
 _FARTHER, _TRIES = 1e3, 4
 _LEAST, _MOST = 5e-3, 1e3
 """A shift so many times the lowest elastic eigenvalue is good enough: another factorisation would cost more."""
@@ -63,7 +63,11 @@ def first_guess(pencil: Pencil) -> float:
     k, m = pencil.K.diagonal(), pencil.M.diagonal()
     ratios = k[m > 0] / m[m > 0]
     positive = ratios[ratios > 0]
-    return float(_START * min(1.0, _DOFS / pencil.n) ** _EXPONENT * positive.min()) if positive.size else 1.0
+    if not positive.size:
+        return 1.0
+    # the softest DOFs of a fine mesh may be those of a few masses on it, and tell nothing of the mesh
+    single = np.median(positive) if pencil.n > _FINE else positive.min()
+    return float(_START * min(1.0, _DOFS / pencil.n) * single)
 
 
 def _factor_below(point: ModelPoint, pencil: Pencil, size: float) -> tuple[float, Factor]:

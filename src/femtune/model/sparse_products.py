@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.model.blocks import empty_block
 from femtune.model.solvers import pardiso
 from femtune.model.symmetric import SymmetricMatrix
 
@@ -98,7 +99,7 @@ class _LibraryMatrix:
             # the library refuses a block without columns
             return np.zeros(x.shape)
         block = row_major(np.asarray(x.reshape(self._n, -1), dtype=np.float64))
-        out = np.empty_like(block)
+        out = empty_block(self._n, block.shape[1], "C")
         columns = ctypes.c_int(block.shape[1])
         _check(
             self._library.mkl_sparse_d_mm(
@@ -127,7 +128,7 @@ def column_major(x: Reals) -> Reals:
 def _reordered(x: Reals, order: Literal["C", "F"]) -> Reals:
     if x.flags.c_contiguous if order == "C" else x.flags.f_contiguous:
         return x
-    out = np.empty(x.shape, x.dtype, order=order)
+    out = empty_block(x.shape[0], x.shape[1], order)
     for first in range(0, len(x), _ROWS):
         out[first : first + _ROWS] = x[first : first + _ROWS]
     return out

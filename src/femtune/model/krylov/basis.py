@@ -8,7 +8,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from femtune.model.krylov.orthonormal import orthonormalise, subtract
+from femtune.model.dense_products import subtract, transposed_times
+from femtune.model.krylov.orthonormal import orthonormalise
 from femtune.model.sparse_products import Product
 
 Reals = NDArray[np.float64]
@@ -32,6 +33,7 @@ class Basis:
         self.k, self.solves = 0, 0
         self.T, self.B = np.zeros((0, 0)), np.zeros((0, 0))
         self._norm, self._first = 0.0, 0
+        self._heavy = np.zeros((mass.shape[0], 0))
         self.is_exhausted = False
         """True where a fresh block had nothing outside the basis."""
 
@@ -63,8 +65,9 @@ class Basis:
 
     def set_block(self, W: Reals) -> Reals:
         """Make W, freed of the basis, the next block; returns B of W = QB. The coupling to the basis is left zero."""
-        Q, B = orthonormalise(np.asfortranarray(W), self.vectors, self.mass, _ROUNDING * self._norm)
-        Q = Q[:, : self._V.shape[1] - self.k]
+        Q, MQ, B = orthonormalise(np.asfortranarray(W), self.vectors, self.mass, _ROUNDING * self._norm)
+        room = self._V.shape[1] - self.k
+        Q, self._heavy = Q[:, :room], MQ[:, :room]
         self._V[:, self.k : self.k + Q.shape[1]] = Q
         self.is_exhausted = not Q.shape[1] and not len(self.B)
         self.B = np.zeros((Q.shape[1], self.k))
@@ -73,10 +76,10 @@ class Basis:
     def step(self) -> None:
         """Take the next block into the basis, and make the one after it."""
         k, b, B = self.k, len(self.B), self.B
-        P = self.mass @ self.next
+        P = self._heavy
         W = np.asfortranarray(self.solve(P))
         self.solves += b
-        A = W.T @ P
+        A = transposed_times(W, P)
         A = 0.5 * (A + A.T)
         subtract(W, self._V[:, self._first : k + b], np.vstack([B.T[self._first :], A]))
         self.T = np.block([[self.T, B.T], [B, A]])
@@ -89,6 +92,11 @@ class Basis:
         """θ ascending, their vectors (k, k) and residual norms ‖Sy − θy‖_M."""
         theta, Y = la.eigh(self.T)
         return theta, Y, la.norm(self.B @ Y, axis=0) if len(self.B) else np.zeros(len(theta))
+
+    @property
+    def least(self) -> float:
+        """The smallest θ of the basis."""
+        return float(la.eigvalsh(self.T, subset_by_index=(0, 0))[0])
 
     def restart(self, theta: Reals, Y: Reals) -> None:
         """Keep the chosen Ritz vectors V Y, with their coupling to the next block (a thick restart)."""

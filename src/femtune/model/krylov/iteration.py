@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.model.dense_products import multiply, transposed_times
 from femtune.model.krylov.basis import Basis, Solve
-from femtune.model.krylov.orthonormal import multiply
 from femtune.model.sparse_products import Product
 
 Reals = NDArray[np.float64]
+Chosen = tuple[Reals, Reals, Reals]
 
 BLOCK = 8
 _WIDEST = 64
@@ -43,12 +44,14 @@ class Krylov:
 class KrylovPairs:
     """Largest θ (descending) of Sφ = θφ, shapes (n, m) with φᵀMφ = 1, and ‖Sφ − θφ‖_M/θ before the last smoothing.
 
-    `solves` counts vectors, `columns` is the widest that the basis was.
+    `least` is the other end of the spectrum as far as the basis holds it, `solves` counts vectors, `columns` is the
+    widest that the basis was.
     """
 
     theta: Reals
     shapes: Reals
     error: Reals
+    least: float
     solves: int
     columns: int
 
@@ -70,8 +73,8 @@ def beside(operator: Krylov, count: int, theta: Reals, shapes: Reals, block: int
     return basis
 
 
-def iterate(operator: Krylov, basis: Basis, count: int, wanted: int) -> KrylovPairs:
-    """The `count` largest θ, `wanted` of them to full accuracy and the others nearly so.
+def iterate(operator: Krylov, basis: Basis, count: int, wanted: int, tolerance: float = TOLERANCE) -> KrylovPairs:
+    """The `count` largest θ, `wanted` of them to a tolerance and the others nearly so.
 
     What has not converged in the end is returned with its error. Sources: Grimes, Lewis and Simon 1994; Wu and
     Simon 2000 (thick restarts); Ericsson and Ruhe 1980 (the last smoothing).
@@ -79,7 +82,7 @@ def iterate(operator: Krylov, basis: Basis, count: int, wanted: int) -> KrylovPa
     count = min(count, operator.rank)
     best, patience, restarts, columns = np.inf, _PATIENCE, _MOST_RESTARTS, 0
     while True:
-        pairs, left = _grown(basis, operator, count, wanted)
+        pairs, left = _grown(basis, operator, count, (wanted, tolerance))
         columns = max(columns, basis.k)
         patience = _PATIENCE if left < 0.5 * best else patience - 1
         best, restarts = min(best, left), restarts - 1
@@ -116,7 +119,9 @@ def _most(operator: Krylov, count: int, block: int) -> int:
     return min(max(2 * count + 4 * block, min(4 * count + 16 * block, cheap)), operator.rank + block)
 
 
-def _grown(basis: Basis, operator: Krylov, count: int, wanted: int) -> tuple[tuple[Reals, Reals, Reals], float]:
+def _grown(
+    basis: Basis, operator: Krylov, count: int, goal: tuple[int, float]
+) -> tuple[Chosen, float]:
     """Steps until the basis is full or enough; the chosen pairs, and how far they are from being accepted."""
     while True:
         if not len(basis.B):
@@ -128,12 +133,12 @@ def _grown(basis: Basis, operator: Krylov, count: int, wanted: int) -> tuple[tup
         if not stop and basis.k < count + basis.width:
             continue
         pairs = _chosen(basis, count)
-        left = _left(pairs[2], count, wanted)
+        left = _left(pairs[2], count, *goal)
         if left <= 1.0 or stop:
             return pairs, left
 
 
-def _chosen(basis: Basis, count: int) -> tuple[Reals, Reals, Reals]:
+def _chosen(basis: Basis, count: int) -> Chosen:
     theta, Y, residual = basis.ritz()
     chosen = np.argsort(-theta)[:count]
     size = np.abs(theta[chosen])
@@ -141,10 +146,10 @@ def _chosen(basis: Basis, count: int) -> tuple[Reals, Reals, Reals]:
     return theta[chosen], Y[:, chosen], error
 
 
-def _left(error: Reals, count: int, wanted: int) -> float:
+def _left(error: Reals, count: int, wanted: int, tolerance: float) -> float:
     if len(error) < count:
         return np.inf
-    return max(error[:wanted].max(initial=0.0) / TOLERANCE, error[wanted:].max(initial=0.0) / LOOSE)
+    return max(error[:wanted].max(initial=0.0) / tolerance, error[wanted:].max(initial=0.0) / LOOSE)
 
 
 def _restart(basis: Basis, count: int) -> None:
@@ -158,9 +163,9 @@ def _finished(basis: Basis, theta: Reals, Y: Reals, error: Reals, columns: int) 
     shapes = multiply(basis.vectors, Y)
     if len(basis.B):
         shapes += multiply(basis.next, (basis.B @ Y) * inverse)
-    gram = shapes.T @ (basis.mass @ shapes)
+    gram = transposed_times(shapes, basis.mass @ shapes)
     if np.abs(gram - np.eye(len(theta))).max(initial=0.0) > _ORTHONORMAL:
         shapes = multiply(shapes, 1.5 * np.eye(len(theta)) - 0.5 * gram)
-        gram = shapes.T @ (basis.mass @ shapes)
+        gram = transposed_times(shapes, basis.mass @ shapes)
     shapes /= np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    return KrylovPairs(theta, shapes, error, basis.solves, columns)
+    return KrylovPairs(theta, shapes, error, basis.least, basis.solves, columns)

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from femtune.model.dense_products import multiply, subtract, transposed_times
 from femtune.model.sparse_products import Product
 
 Reals = NDArray[np.float64]
@@ -14,10 +15,12 @@ _RANK = 1e-14
 """Directions of a block's Gram matrix (of unit diagonal) below this are rounding."""
 _WELL, _SWEEPS = 1e3, 4
 """A block whose coefficients are conditioned better than this keeps its orthogonality to the basis."""
+_NOTHING = 1e-12
+"""A part in the basis that is smaller, against the block that is left, changes no product with M."""
 
 
-def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[Reals, Reals]:
-    """Q (n, r) with VᵀMQ = 0 and QᵀMQ = 1, and B (r, b) with W = Q B + (a part in V that is rounding).
+def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[Reals, Reals, Reals]:
+    """Q (n, r) with VᵀMQ = 0 and QᵀMQ = 1, MQ, and B (r, b) with W = Q B + (a part in V that is rounding).
 
     Parameters
     ----------
@@ -30,22 +33,23 @@ def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[
     total = np.eye(W.shape[1])
     for _ in range(_SWEEPS):
         MW = mass @ W
-        C = V.T @ MW
+        C = transposed_times(V, MW)
         subtract(W, V, C)
-        R, condition, change = _factors(W.T @ MW - C.T @ C, smallest)
-        W, total = multiply(W, R), change @ total
+        R, condition, change = _factors(transposed_times(W, MW), smallest)
+        W, MW, total = multiply(W, R), multiply(MW, R), change @ total
+        removed = float(np.abs(C @ R).max(initial=0.0))
         smallest = 0.0
-        if condition < _WELL or not W.shape[1]:
+        if max(condition, removed) < _WELL or not W.shape[1]:
             break
-    return _once_more(W, total, mass)
+    return _once_more(W, MW if removed < _NOTHING else mass @ W, total)
 
 
-def _once_more(W: Reals, total: Reals, mass: Product) -> tuple[Reals, Reals]:
+def _once_more(W: Reals, MW: Reals, total: Reals) -> tuple[Reals, Reals, Reals]:
     """Mend what is left of the first Gram matrix' rounding, inside the block."""
     if W.shape[1]:
-        R, _, change = _factors(W.T @ (mass @ W), 0.0)
-        W, total = multiply(W, R), change @ total
-    return W, total
+        R, _, change = _factors(transposed_times(W, MW), 0.0)
+        W, MW, total = multiply(W, R), multiply(MW, R), change @ total
+    return W, MW, total
 
 
 def _factors(gram: Reals, smallest: float) -> tuple[Reals, float, Reals]:
@@ -66,19 +70,3 @@ def _factors(gram: Reals, smallest: float) -> tuple[Reals, float, Reals]:
 def column_products(A: Reals, B: Reals) -> Reals:
     """a_jᵀb_j of the columns of two arrays in Fortran's order."""
     return np.array([a @ b for a, b in zip(A.T, B.T, strict=True)])
-
-
-def multiply(A: Reals, B: Reals) -> Reals:
-    """A B in Fortran's order."""
-    if not A.size or not B.size:
-        return np.zeros((A.shape[0], B.shape[1]), order="F")
-    return np.asarray(la.blas.dgemm(1.0, A, B))
-
-
-def subtract(W: Reals, V: Reals, C: Reals) -> None:
-    """W ← W − V C in place, without an array of the size of W where both are in Fortran's order."""
-    if not C.size:
-        return
-    out = la.blas.dgemm(-1.0, V, C, beta=1.0, c=W, overwrite_c=True)
-    if out is not W:
-        W[...] = out

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
+from femtune.model.blocks import empty_block
 from femtune.model.memory import require_memory
 from femtune.model.solvers.forecast import MEMORY_HINT, ran_out, require_for_factors
 from femtune.model.solvers.interface import SingularMatrixError
@@ -78,7 +79,7 @@ class _Handle:
         self, phase: int, slot: int, values: NDArray, settings: Integers, b: NDArray | None = None
     ) -> NDArray | None:
         """One phase on the factor in a slot; the solution where `b` (n, k) in Fortran's order is given."""
-        x = None if b is None else np.empty_like(b)
+        x = None if b is None else _empty(b.shape, self.dtype)
         numbers = (_SLOTS, slot, self.kind, phase, self.n)
         most, which, kind, step, size = (ctypes.byref(ctypes.c_int32(i)) for i in numbers)
         columns = ctypes.c_int32(1 if b is None else b.shape[1])
@@ -184,7 +185,7 @@ class PardisoFactor:
         scale = self._scale[:, None]
         if not columns.size:
             return np.empty(columns.shape, self._handle.dtype)
-        block = np.multiply(columns, scale, out=np.empty(columns.shape, self._handle.dtype, order="F"))
+        block = np.multiply(columns, scale, out=_empty(columns.shape, self._handle.dtype))
         x = self._handle.run(_SOLVE, self._slot, self._values, self._settings, block)
         assert x is not None
         x *= scale
@@ -218,6 +219,10 @@ def _settings() -> Integers:
     settings[20] = 1  # Bunch-Kaufman pivots
     settings[34] = 1  # rows and columns count from zero
     return settings
+
+
+def _empty(shape: tuple[int, ...], dtype: np.dtype) -> NDArray:
+    return empty_block(shape[0], shape[1]) if dtype.kind == "f" else np.empty(shape, dtype, order="F")
 
 
 def _pointer(array: NDArray | None) -> ctypes.c_void_p | None:
