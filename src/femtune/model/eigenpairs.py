@@ -161,6 +161,6 @@ def check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
     if (strain < _NEGATIVE * np.concatenate(parts)).any():
         raise FemtuneError(
             "eigen.negative",
-            f"a mode has negative strain energy: λ = {values[0]:.6g} rad²/s²",
+            f"a mode has negative strain energy: λ = {values.min():.6g} rad²/s²",
             hint="look for negative stiffness or moduli",
         )

@@ -19,7 +19,7 @@ from femtune.model.sturm import Count, count_below, cut_above, with_repeats
 
 Reals = NDArray[np.float64]
 
-_ROOM, _FEW, _FAR = 1.01, 20, 4.0
+_ROOM, _FEW, _FAR, _BLOCK = 1.01, 20, 4.0, 12
 _TOLERANCE = 3e-10
 """Of θ; the energy of an error of the lowest modes is some ten times as large, relative to theirs."""
 _APART = 1e-6
@@ -118,15 +118,15 @@ def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> Nearb
     found = _below(pencil, count.factor, count.below or 0, start)
     if found is None:
         return None
-    values, shapes = count.value - 1.0 / found.theta[::-1], found.shapes[:, ::-1]
-    if count.value - values[-1] <= _APART * (count.value - nearby.shift):
+    values, shapes = count.value - 1.0 / found.theta, found.shapes
+    if count.value - values[0] <= _APART * (count.value - nearby.shift):
         return None
     check_negative(pencil, values, shapes)
-    following = count.value - 1.0 / found.least if found.least < 0.0 else np.inf
-    above = Above(count.factor.solve, count.value, following)
+    above = Above(count.factor.solve, count.value, max(-found.least, 0.0))
     if energy_bound_from_above(pencil, above, nearby.shift, values, shapes) > SMALL:
         return None
-    return NearbyModes(values, shapes, with_repeats(values, nearby.wanted, nearby.shift), count)
+    whole = with_repeats(values[::-1], nearby.wanted, nearby.shift)
+    return NearbyModes(values[::-1], shapes[:, ::-1], whole, count)
 
 
 def _below(pencil: Pencil, factor: Factor, number: int, start: Reals) -> KrylovPairs | None:
@@ -134,7 +134,7 @@ def _below(pencil: Pencil, factor: Factor, number: int, start: Reals) -> KrylovP
     operator = Krylov(_negated(factor), pencil.mass, pencil.heavy.size)
     if 2 * number > operator.rank:
         return None
-    found = iterate(operator, begin(operator, number, start), number, number, _TOLERANCE)
+    found = iterate(operator, begin(operator, number, start, _BLOCK), number, number, _TOLERANCE)
     return found if len(found.theta) == number and (found.theta > 0.0).all() else None
 
 

@@ -36,33 +36,37 @@ def energy_residuals(inverse: Inverse, values: Reals, shapes: Reals, wanted: int
 
 @dataclass(frozen=True, eq=False)
 class Above:
-    """(K − τM)⁻¹ with τ just above known modes, and the nearest eigenvalue above it, `following`."""
+    """(K − τM)⁻¹ with τ just above known modes, and its largest eigenvalue 1/(λ − τ) of the others."""
 
     solve: Callable[[Reals], Reals]
     value: float
-    following: float
+    largest: float
 
 
 def energy_bound_from_above(pencil: Pencil, above: Above, shift: float, values: Reals, shapes: Reals) -> float:
     """A bound of them all where (K − τM)⁻¹ is at hand, and the modes are all those below τ.
 
-    Of the part of a residual in the span of the modes the energy is taken from the products themselves. Outside of it
+    In the span of the modes the energy of a residual is known from its products with them. Outside of it
     B = K − τM and A = K − σM are positive, and the eigenvalues x of B⁻¹A lie between 1 and g = (λ − σ)/(λ − τ) of the
     next mode: with z = B⁻¹r the energy rᵀA⁻¹r is at most (1 + 1/g) rᵀz − zᵀAz/g, as 1/x is at most 1 + 1/g − x/g.
     """
-    sums = np.zeros((pencil.n, _PROBES), order="F")
-    weights, root, inside = _weights(values, shift), np.sqrt(np.abs(values - shift)), 0.0
-    for part in pieces(0, len(values)):
-        r = pencil.residual(values, shapes, part)
-        within = transposed_times(shapes, r) / (root[:, None] * root[part])
-        inside = max(inside, float(np.linalg.norm(within, axis=0).max()))
-        sums += multiply(r, weights[part])
-    outside = sums - pencil.mass @ multiply(shapes, transposed_times(shapes, sums))
+    sums = _summed(pencil, values, shapes, _weights(values, shift))
+    within = transposed_times(shapes, sums)
+    inside = np.sum(within**2 / np.abs(values - shift)[:, None], axis=0)
+    outside = sums - pencil.mass @ multiply(shapes, within)
     z = above.solve(outside)
     first, second = column_products(z, outside), column_products(z, pencil.mass @ z) * (above.value - shift)
-    ratio = (above.following - above.value) / (above.following - shift)
-    energy = np.maximum(first - ratio * second, first**2 / (first + second))
-    return float(np.sqrt(inside**2 + energy.max()))
+    ratio = 1.0 / (1.0 + (above.value - shift) * above.largest)
+    energy = np.maximum(first - ratio * second, first**2 / np.maximum(first + second, np.finfo(float).tiny))
+    return float(np.sqrt((inside + energy).max()))
+
+
+def _summed(pencil: Pencil, values: Reals, shapes: Reals, weights: Reals) -> Reals:
+    """Σ w (Kφ − λMφ), by as many products as there are sums."""
+    shapes = np.asfortranarray(shapes)
+    elastic = pencil.stiffness @ multiply(shapes, weights)
+    elastic -= pencil.mass @ multiply(shapes, values[:, None] * weights)
+    return elastic
 
 
 def _weights(values: Reals, shift: float) -> Reals:
@@ -75,9 +79,8 @@ def _bounds(inverse: Inverse, values: Reals, shapes: Reals, groups: list[slice])
     sums = np.zeros((inverse.pencil.n, _PROBES * len(groups)), order="F")
     weights = _weights(values, inverse.shift)
     for i, group in enumerate(groups):
-        own = sums[:, i * _PROBES : (i + 1) * _PROBES]
-        for part in pieces(group.start, group.stop):
-            own += multiply(inverse.pencil.residual(values, shapes, part), weights[part])
+        own = shapes[:, group], weights[group]
+        sums[:, i * _PROBES : (i + 1) * _PROBES] = _summed(inverse.pencil, values[group], *own)
     energy = column_products(sums, inverse.solve(sums)).reshape(len(groups), _PROBES)
     return np.asarray(np.sqrt(np.abs(energy).max(axis=1)))
 

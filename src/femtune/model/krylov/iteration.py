@@ -119,9 +119,7 @@ def _most(operator: Krylov, count: int, block: int) -> int:
     return min(max(2 * count + 4 * block, min(4 * count + 16 * block, cheap)), operator.rank + block)
 
 
-def _grown(
-    basis: Basis, operator: Krylov, count: int, goal: tuple[int, float]
-) -> tuple[Chosen, float]:
+def _grown(basis: Basis, operator: Krylov, count: int, goal: tuple[int, float]) -> tuple[Chosen, float]:
     """Steps until the basis is full or enough; the chosen pairs, and how far they are from being accepted."""
     while True:
         if not len(basis.B):
