@@ -125,9 +125,9 @@ INTRODUCTION = """\
 # A shell of strongly varying thickness
 
 `shellf.inp` of CalculiX's own tests: a square plate of side 1, clamped at one side, .01 thick there, .03 at mid-length
-and .02 at the free end, linear between, as four eight-node shells S8 with nodal thickness. The same plate with CQUAD4 on
-the corners and with CQUAD8 on all nodes, their thickness T1 … T4 by the same functions, coupled mass. Frequencies in Hz
-for the units of the deck.
+and .02 at the free end, linear between, as four eight-node shells S8 with nodal thickness. The same plate with CQUAD4
+on the corners and with CQUAD8 on all nodes, their thickness T1 … T4 by the same functions, coupled mass. Frequencies in
+Hz for the units of the deck.
 """
 
 CONCLUSION = """
@@ -138,8 +138,9 @@ CONCLUSION = """
   shells, clamped nodes hold their thickness, and that reaches into the plate as far as one element does. Without
   Poisson's ratio the same meshes converge with the fourth order.
 - **CQUAD8**, whose thickness varies within the element as CalculiX's does, is within .3 % of both limits with 256
-  elements; without Poisson's ratio the same meshes of both programs differ by .25 % at the most, rotary inertia included.
-- **CQUAD4** tends to the same limits within .2 %, with the second order; what is left has the size of the rotary inertia
+  elements; without Poisson's ratio the same meshes of both programs differ by .25 % at the most, rotary inertia
+  included.
+- **CQUAD4** tends to the same limits within .2 %, with the second order; what is left has the size of rotary inertia
   that solids have and shells of Nastran decks do not, ω t √(12 ρ/E) / 24. A CQUAD4 has the mean of its corners'
   thicknesses, and at the clamped side, where moments are largest, the thickness doubles over a quarter of the plate's
   length. With 8 elements a side mode 1 is 5.9 % too high for it (the uniform plate has .3 %); the higher modes have
