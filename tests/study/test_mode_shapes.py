@@ -17,8 +17,9 @@ from femtune.files.nastran.build import build_structure
 from femtune.model import Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
 from femtune.study import RunFolder, record_shapes
-from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_lines, mesh_beside, thinned
+from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
 from femtune.study.record_shapes import grid_translations
+from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
 PORTAL = """BEGIN BULK
@@ -153,3 +154,21 @@ def test_a_mesh_is_drawn_on_other_points_of_the_same_numbers(tmp_path: Path) -> 
     mesh = mesh_beside(structure, nodes)
     ends = {tuple(sorted(int(nodes.ids[k]) for k in line)) for line in mesh.lines}
     assert ends == {(1, 3), (3, 5), (4, 5)}
+
+
+def test_shells_with_mid_side_grid_points_have_faces_between_these() -> None:
+    """A rectangle of one CQUAD8 or two CTRIA6: the faces together have its area; corners alone where one is missing."""
+    mesh = shell_mesh(rectangle(2.0, 1.0), 1, 1, "quad8")
+    halves = shell_mesh(rectangle(2.0, 1.0), 1, 1, "right6")
+    lacking = mesh.cells.copy()
+    lacking[0, 5] = -1
+    section = Section(Isotropic(1.0, 0.3), 0.1)
+    for xyz, cells, count in ((mesh.xyz, mesh.cells, 5), (mesh.xyz, lacking, 1), (halves.xyz, halves.cells, 8)):
+        structure = shell_structure(xyz, [ShellPart(cells, section)])
+        faces = active_faces(structure, ())
+        assert len(faces) == count
+        area = 0.0
+        for face in faces:
+            x, y = xyz[face[face >= 0], :2].T
+            area += 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+        assert area == pytest.approx(2.0)
