@@ -98,6 +98,36 @@ def test_lumped_mass(cells: str):
     assert np.abs(errors).max() < 0.002
 
 
+def annulus(cells: str, n: int, components: str) -> np.ndarray:
+    """Six frequencies of a ring of radii .3 and 1, clamped inside; every circle is one of curved sides."""
+
+    def ring(u: np.ndarray, v: np.ndarray) -> tuple:
+        radius = 0.3 + 0.7 * v
+        return radius * np.cos(2 * np.pi * u), radius * np.sin(2 * np.pi * u), 0 * u
+
+    mesh = shell_mesh(ring, 8 * n, 2 * n, cells, closed=True)
+    held = dofs_of(mesh.edge("v0"), "123456") | dofs_of(np.arange(len(mesh.xyz)), components)
+    part = ShellPart(mesh.cells, Section(Isotropic(E, NU, RHO), 0.01))
+    return natural_frequencies(shell_structure(mesh.xyz, [part], held=held, consistent_mass=True), 6)
+
+
+@pytest.mark.parametrize("cells", CELLS)
+def test_annular_plate(cells: str):
+    """Vogel and Skinner 1965, in Leissa 1969: ω a² √(ρt/D) = 6.55 6.66 7.96 13.3 to three digits."""
+    scale = 2 * np.pi / np.sqrt(E * 0.01**2 / (12 * (1 - NU**2) * RHO))
+    found = annulus(cells, 4, "126") * scale
+    np.testing.assert_allclose(found[:5], [6.55, 6.55, 6.66, 7.96, 7.96], atol=0.012)
+    assert found[5] == pytest.approx(13.3, abs=0.05)
+
+
+@pytest.mark.parametrize("cells", CELLS)
+def test_curved_sides_keep_the_order_in_the_plane(cells: str):
+    coarse, middle, fine = (annulus(cells, n, "345") for n in (1, 2, 4))
+    assert np.abs(middle / fine - 1.0).max() < 0.005
+    rates = np.log2(np.abs((coarse - middle) / (middle - fine)))
+    assert (rates > 3.0).all()
+
+
 def displacements(mesh: ShellMesh, section: Section, held: set[int], load: object) -> np.ndarray:
     """(nodes, 6) displacements under forces (node, component, force) or a function of the structure."""
     structure = shell_structure(mesh.xyz, [ShellPart(mesh.cells, section)], held=held, consistent_mass=True)
