@@ -76,11 +76,10 @@ def changed(count: int) -> NDArray[np.float64]:
 
 
 def sensor_rows(model: ConfiguredModel) -> sp.csr_array:
-    """(180, n_free) translations of 60 grids: those of the accelerometers (CONM2), else grids spread over the list."""
+    """(60, n_free) one direction at each of 60 grids: those of the accelerometers (CONM2), else spread over the list."""
     structure = model.model.structure
     n = len(structure.nodes.ids)
-    heads = 6 * _sensor_nodes(structure, n)
-    dofs = (heads[:, None] + np.arange(3)).ravel()
+    dofs = 6 * _sensor_nodes(structure, n) + np.arange(SENSORS) % 3
     return sp.csr_array(model.transformation[dofs])
 
 

@@ -27,7 +27,7 @@ densities of its three parts). Each run is a process of its own; times are media
 resident memory of the process, that of its children added. All ways but CalculiX have the same matrices, and eigsh and
 SLEPc are given the shift that femtune found. The re-solve is at parameters that all differ by {100 * CHANGE:.0f} % up
 or down: femtune starts from the old modes, eigsh from the sum of the old shapes; the ordering is known to both.
-Derivatives are those of all eigenvalues and of all eigenvectors in three directions at {SENSORS} sensors.
+Derivatives are those of all eigenvalues and of all eigenvectors at {SENSORS} sensors of one direction each.
 
 A run counts only where its frequencies are those of femtune to 1e-7 (CalculiX, whose element is another one, to
 10 %) and, for femtune, where the energy of residuals √(rᵀ(K − σM)⁻¹r/(λ − σ)) with r = Kφ − λMφ is below 1e-8, shapes

@@ -10,15 +10,18 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.model.dense_products import transposed_times
 from femtune.model.derivatives import deflated_factor, pencil_of
 from femtune.model.eigen import EigenSolution
+from femtune.model.krylov import column_products
 from femtune.model.memory import require_memory
 from femtune.model.pencil import pieces
-from femtune.model.sparse_products import column_major, row_major
+from femtune.model.sparse_products import column_major
 
 Reals = NDArray[np.float64]
 
 _UNSEEN, _ROUNDING, _DEPENDENT = 1e-12, 1e-20, 1e-11
+_ROWS = 1 << 13
 _HINT = "ask for fewer sensors, or for the derivatives of fewer modes' shapes"
 
 
@@ -41,7 +44,7 @@ class DualBasis:
         self._arrays: list[Reals] = []
         self._ends: list[int] = []
         self._open(solution.shapes, blocks * rows.shape[0])
-        self._force = self._free_of_modes(rows.T.toarray())
+        self._force = self._free_of_modes(rows.T.toarray(order="F"))
         for _ in range(blocks):
             self.grow()
 
@@ -74,26 +77,42 @@ class DualBasis:
         if not self._force.shape[1]:
             self.sizes.append(len(self.T))
             return
-        W, energy = self._solved(self._force)
-        b = self._pencil.stiffness @ W - self.shift * (self._pencil.mass @ W)
-        C = self._along(b)
-        R = _orthonormal(W.T @ b - C.T @ C, energy)
+        W, energy = self._solved()
+        G, C = self._energies(W)
+        R = _orthonormal(G - C.T @ C, energy)
         self._subtract(W, C)
-        self._append(column_major(W @ R))
+        self._append(_turned(W, R))
 
-    def _solved(self, b: Reals) -> tuple[Reals, Reals]:
-        """W = (K − σM)⁻¹b without V and Φ but for rounding, and the energies Wᵀb of its columns.
+    def _solved(self) -> tuple[Reals, Reals]:
+        """W = (K − σM)⁻¹b for the next forces b, without V and Φ but for rounding, and the energies Wᵀb of its columns.
 
         The part in the modes is their inaccuracy: it would grow from block to block.
         """
-        W = np.empty(b.shape, order="F")
+        b = self._force
+        W, inside = np.empty(b.shape, order="F"), self._along(b)
         for some in pieces(0, b.shape[1]):
             W[:, some] = self._factor.solve(b[:, some])
         self.solves += b.shape[1]
-        energy = np.einsum("ij,ij->j", W, b)
-        self._subtract(W, self._along(b))
-        W -= self._phi @ (self._phi.T @ (self._pencil.mass @ W))
+        energy = column_products(W, b)
+        self._subtract(W, inside)
+        subtract_by_rows(W, self._phi, self._in_modes(W))
         return W, energy
+
+    def _energies(self, W: Reals) -> tuple[Reals, Reals]:
+        """Wᵀ(K − σM)W and Vᵀ(K − σM)W, some columns at a time."""
+        G, C = np.empty((W.shape[1], W.shape[1])), np.empty((len(self.T), W.shape[1]))
+        for some in pieces(0, W.shape[1]):
+            b = self._pencil.stiffness @ W[:, some]
+            b -= self.shift * (self._pencil.mass @ W[:, some])
+            G[:, some], C[:, some] = transposed_times(W, b), self._along(b)
+        return G, C
+
+    def _in_modes(self, W: Reals) -> Reals:
+        """ΦᵀMW, some columns at a time."""
+        out = np.empty((self._phi.shape[1], W.shape[1]))
+        for some in pieces(0, W.shape[1]):
+            out[:, some] = self._phi.T @ (self._pencil.mass @ W[:, some])
+        return out
 
     @property
     def _own(self) -> list[Reals]:
@@ -109,14 +128,18 @@ class DualBasis:
         """W ← W − VC."""
         at = 0
         for part in self._own:
-            W -= part @ C[at : at + part.shape[1]]
+            subtract_by_rows(W, part, C[at : at + part.shape[1]])
             at += part.shape[1]
 
     def _append(self, Q: Reals) -> None:
-        force = self._pencil.mass @ Q
-        Q -= self._phi @ (self._phi.T @ force)
+        """Take a block into V; its forces MQ are the next ones."""
+        subtract_by_rows(Q, self._phi, self._in_modes(Q))
+        force = self._force[:, : Q.shape[1]]
+        for some in pieces(0, Q.shape[1]):
+            force[:, some] = self._pencil.mass @ Q[:, some]
         array, end = self._arrays[-1], self._ends[-1]
-        array[:, end : end + Q.shape[1]] = row_major(Q)
+        for first in range(0, len(Q), _ROWS):
+            array[first : first + _ROWS, end : end + Q.shape[1]] = Q[first : first + _ROWS]
         self._ends[-1] = end + Q.shape[1]
         column = self._along(force)
         k = len(self.T)
@@ -128,10 +151,24 @@ class DualBasis:
 
     def _free_of_modes(self, forces: Reals) -> Reals:
         """Forces that move no known mode; those that move nothing else are left out."""
-        inside = self._pencil.mass @ column_major(self._phi @ (self._phi.T @ forces))
-        outside = forces - inside
-        some = la.norm(outside, axis=0) > _UNSEEN * la.norm(forces, axis=0)
-        return np.asfortranarray(outside[:, some])
+        size, parts = la.norm(forces, axis=0), self._phi.T @ forces
+        for some in pieces(0, forces.shape[1]):
+            forces[:, some] -= self._pencil.mass @ column_major(self._phi @ parts[:, some])
+        some = la.norm(forces, axis=0) > _UNSEEN * size
+        return forces if some.all() else np.asfortranarray(forces[:, some])
+
+
+def subtract_by_rows(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W − VC in place, a piece of rows at a time, for V of either order."""
+    for first in range(0, len(W), _ROWS):
+        W[first : first + _ROWS] -= V[first : first + _ROWS] @ C
+
+
+def _turned(W: Reals, R: Reals) -> Reals:
+    """WR in the place of W."""
+    for first in range(0, len(W), _ROWS):
+        W[first : first + _ROWS, : R.shape[1]] = W[first : first + _ROWS] @ R
+    return W[:, : R.shape[1]]
 
 
 def _orthonormal(G: Reals, energy: Reals) -> Reals:

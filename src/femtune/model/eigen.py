@@ -76,6 +76,12 @@ class EigenSolution:
             return self.sturm_shift, self.sturm_factor
         return self.shift, self.factor
 
+    def forget_factors(self) -> None:
+        """Give the memory of the factors back; whoever asks for them later gets them made again."""
+        for name in ("known_factor", "sturm_factor"):
+            object.__setattr__(self, name, None)
+        self.__dict__.pop("factor", None)
+
     @property
     def freq_hz(self) -> NDArray[np.float64]:
         """Natural frequencies of the wanted modes; rigid-body modes come out as (nearly) zero."""
@@ -92,7 +98,8 @@ def solve_modes(
 
     Parameters
     ----------
-    start : modes of the same configured model at other values of its parameters; they shorten the way
+    start : modes of the same configured model at other values of its parameters; they shorten the way. Where the
+        model is large the factors that it keeps are forgotten first
 
     Raises
     ------
@@ -122,6 +129,8 @@ def _from_start(
     point: ModelPoint, pencil: Pencil, start: EigenSolution, wanted: int, limit: Count | None
 ) -> EigenSolution | None:
     """By one factorisation just above the modes, where they are found so."""
+    if pencil.n >= _ONE_FACTOR_FROM:
+        start.forget_factors()
     if not is_iterative(pencil, wanted):
         return None
     nearby = Nearby(start.eigenvalues, start.shapes, start.shift, start.sturm_shift, wanted)
