@@ -76,7 +76,7 @@ def changed(count: int) -> NDArray[np.float64]:
 
 
 def sensor_rows(model: ConfiguredModel) -> sp.csr_array:
-    """(60, n_free) one direction at each of 60 grids: those of the accelerometers (CONM2), else spread over the list."""
+    """(60, n_free) one direction at each of 60 grids: those of the accelerometers (CONM2), or spread over the list."""
     structure = model.model.structure
     n = len(structure.nodes.ids)
     dofs = 6 * _sensor_nodes(structure, n) + np.arange(SENSORS) % 3

@@ -17,6 +17,7 @@ from femtune.model.solvers import pardiso
 Reals = NDArray[np.float64]
 
 _BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
+_ROWS = 1 << 14
 _LIBRARY_FROM = 200_000
 """Numbers in the tall matrix from which the library is worth its start."""
 
@@ -29,6 +30,19 @@ def multiply(A: Reals, B: Reals) -> Reals:
 def subtract(W: Reals, V: Reals, C: Reals) -> None:
     """W ← W − V C in place, for W and V in Fortran's order."""
     _product(V, C, W, -1.0, 1.0)
+
+
+def add(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W + V C in place, for W and V in Fortran's order."""
+    _product(V, C, W, 1.0, 1.0)
+
+
+def turn(V: Reals, Y: Reals) -> Reals:
+    """V Y in the place of V's first columns, a piece of rows at a time: no second array of V's size is made."""
+    for first in range(0, len(V), _ROWS):
+        rows = V[first : first + _ROWS]
+        rows[:, : Y.shape[1]] = rows[:, : Y.shape[0]] @ Y
+    return V[:, : Y.shape[1]]
 
 
 def transposed_times(V: Reals, W: Reals) -> Reals:

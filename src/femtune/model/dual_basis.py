@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.model.dense_products import transposed_times
+from femtune.model.dense_products import transposed_times, turn
 from femtune.model.derivatives import deflated_factor, pencil_of
 from femtune.model.eigen import EigenSolution
 from femtune.model.krylov import column_products
@@ -81,7 +81,7 @@ class DualBasis:
         G, C = self._energies(W)
         R = _orthonormal(G - C.T @ C, energy)
         self._subtract(W, C)
-        self._append(_turned(W, R))
+        self._append(turn(W, R))
 
     def _solved(self) -> tuple[Reals, Reals]:
         """W = (K − σM)⁻¹b for the next forces b, without V and Φ but for rounding, and the energies Wᵀb of its columns.
@@ -162,13 +162,6 @@ def subtract_by_rows(W: Reals, V: Reals, C: Reals) -> None:
     """W ← W − VC in place, a piece of rows at a time, for V of either order."""
     for first in range(0, len(W), _ROWS):
         W[first : first + _ROWS] -= V[first : first + _ROWS] @ C
-
-
-def _turned(W: Reals, R: Reals) -> Reals:
-    """WR in the place of W."""
-    for first in range(0, len(W), _ROWS):
-        W[first : first + _ROWS, : R.shape[1]] = W[first : first + _ROWS] @ R
-    return W[:, : R.shape[1]]
 
 
 def _orthonormal(G: Reals, energy: Reals) -> Reals:

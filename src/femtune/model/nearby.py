@@ -9,17 +9,17 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from femtune.model.dense_products import multiply, transposed_times
 from femtune.model.eigenpairs import check_negative
 from femtune.model.factorise import Factor
 from femtune.model.krylov import Krylov, KrylovPairs, begin, iterate
 from femtune.model.pencil import Pencil, pieces
 from femtune.model.residuals import SMALL, Above, energy_bound_from_above
+from femtune.model.sparse_products import column_major
 from femtune.model.sturm import Count, count_below, cut_above, with_repeats
 
 Reals = NDArray[np.float64]
 
-_ROOM, _FEW, _FAR, _BLOCK = 1.01, 20, 4.0, 12
+_ROOM, _FEW, _FAR, _BLOCK, _SEED = 1.01, 20, 4.0, 12, 5
 _TOLERANCE = 3e-10
 """Of θ; the energy of an error of the lowest modes is some ten times as large, relative to theirs."""
 _APART = 1e-6
@@ -67,7 +67,7 @@ def modes_nearby(pencil: Pencil, nearby: Nearby, limit: Count | None) -> NearbyM
     if nearby.shapes.shape[1] < nearby.wanted or not np.isfinite(nearby.shapes).all():
         return None
     try:
-        values, shapes = _projected(pencil, nearby.shapes)
+        values, vectors = _projected(pencil, nearby.shapes)
     except la.LinAlgError:  # shapes that are not independent
         return None
     if not _is_near(nearby, values):
@@ -75,7 +75,13 @@ def modes_nearby(pencil: Pencil, nearby: Nearby, limit: Count | None) -> NearbyM
     count = limit if limit is not None and limit.factor is not None else count_below(pencil, _above(nearby, values))
     if not _is_usable(count, nearby.wanted):
         return None
-    return _proven(pencil, nearby, count, shapes * np.abs(values - count.value))
+    return _proven(pencil, nearby, count, _start(nearby.shapes, vectors * np.abs(values - count.value)))
+
+
+def _start(shapes: Reals, vectors: Reals) -> Reals:
+    """(n, b) a block that holds all known shapes."""
+    mixed = np.random.default_rng(_SEED).standard_normal((vectors.shape[1], min(_BLOCK, vectors.shape[1])))
+    return column_major(shapes @ (vectors @ mixed))
 
 
 def _is_near(nearby: Nearby, estimates: Reals) -> bool:
@@ -86,14 +92,13 @@ def _is_near(nearby: Nearby, estimates: Reals) -> bool:
 
 
 def _projected(pencil: Pencil, shapes: Reals) -> tuple[Reals, Reals]:
-    """Rayleigh and Ritz: the best estimates in the span of known shapes, ascending."""
-    shapes = np.asfortranarray(shapes)
+    """Rayleigh and Ritz: the best estimates in the span of known shapes, ascending, and their coefficients."""
     stiff, heavy = np.empty((2, shapes.shape[1], shapes.shape[1]))
     for part in pieces(0, shapes.shape[1]):
-        stiff[:, part] = transposed_times(shapes, pencil.stiffness @ shapes[:, part])
-        heavy[:, part] = transposed_times(shapes, pencil.mass @ shapes[:, part])
-    values, Y = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
-    return values, multiply(shapes, Y)
+        some = column_major(shapes[:, part])
+        stiff[:, part], heavy[:, part] = shapes.T @ (pencil.stiffness @ some), shapes.T @ (pencil.mass @ some)
+    values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
+    return values, vectors
 
 
 def _above(nearby: Nearby, estimates: Reals) -> float:

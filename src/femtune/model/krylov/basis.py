@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from femtune.model.dense_products import subtract, transposed_times
+from femtune.model.dense_products import subtract, transposed_times, turn
 from femtune.model.krylov.orthonormal import orthonormalise
 from femtune.model.sparse_products import Product
 
@@ -16,7 +16,6 @@ Reals = NDArray[np.float64]
 Solve = Callable[[Reals], Reals]
 
 _ROUNDING = 1e-15
-_ROWS = 1 << 14
 
 
 class Basis:
@@ -102,15 +101,8 @@ class Basis:
         """Keep the chosen Ritz vectors V Y, with their coupling to the next block (a thick restart)."""
         theta, Y = theta[: self.room], Y[:, : self.room]
         k, kept = self.k, len(theta)
-        _multiply_rows(self._V, k, Y)
+        turn(self._V, Y)
         b = len(self.B)
         self._V[:, kept : kept + b] = self._V[:, k : k + b].copy()
         self.T, self.B = np.diag(theta), self.B @ Y
         self._first, self.k = 0, kept
-
-
-def _multiply_rows(V: Reals, k: int, Y: Reals) -> None:
-    """V[:, :k] Y into the first columns of V, a piece of rows at a time: no second basis is made."""
-    for first in range(0, len(V), _ROWS):
-        rows = V[first : first + _ROWS]
-        rows[:, : Y.shape[1]] = rows[:, :k] @ Y

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.model.dense_products import multiply, transposed_times
+from femtune.model.dense_products import add, multiply, transposed_times, turn
 from femtune.model.krylov.basis import Basis, Solve
 from femtune.model.sparse_products import Product
 
@@ -21,7 +21,7 @@ TOLERANCE, LOOSE = 3e-9, 1e-5
 _PATIENCE, _MOST_RESTARTS = 5, 60
 _ORTHONORMAL = 1e-12
 _BASIS_BYTES = 1_300_000_000
-_SEED = 1
+_SEED, _COLUMNS = 1, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,10 +160,19 @@ def _finished(basis: Basis, theta: Reals, Y: Reals, error: Reals, columns: int) 
     inverse = np.divide(1.0, theta, out=np.zeros_like(theta), where=theta != 0.0)
     shapes = multiply(basis.vectors, Y)
     if len(basis.B):
-        shapes += multiply(basis.next, (basis.B @ Y) * inverse)
-    gram = transposed_times(shapes, basis.mass @ shapes)
+        add(shapes, basis.next, (basis.B @ Y) * inverse)
+    gram = _gram(shapes, basis.mass)
     if np.abs(gram - np.eye(len(theta))).max(initial=0.0) > _ORTHONORMAL:
-        shapes = multiply(shapes, 1.5 * np.eye(len(theta)) - 0.5 * gram)
-        gram = transposed_times(shapes, basis.mass @ shapes)
+        shapes = turn(shapes, 1.5 * np.eye(len(theta)) - 0.5 * gram)
+        gram = _gram(shapes, basis.mass)
     shapes /= np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
     return KrylovPairs(theta, shapes, error, basis.least, basis.solves, columns)
+
+
+def _gram(shapes: Reals, mass: Product) -> Reals:
+    """ΦᵀMΦ, some columns at a time."""
+    out = np.empty((shapes.shape[1], shapes.shape[1]))
+    for first in range(0, len(out), _COLUMNS):
+        some = slice(first, first + _COLUMNS)
+        out[:, some] = transposed_times(shapes, mass @ shapes[:, some])
+    return out
