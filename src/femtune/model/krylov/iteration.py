@@ -14,7 +14,7 @@ from femtune.model.sparse_products import Product
 Reals = NDArray[np.float64]
 Chosen = tuple[Reals, Reals, Reals]
 
-BLOCK = 8
+BLOCK = 12
 _WIDEST = 64
 TOLERANCE, LOOSE = 3e-9, 1e-5
 """Residuals of the wanted pairs and of the others before the last smoothing."""
