@@ -357,6 +357,21 @@ def test_bad_shapes_are_refused(cells):
     assert refused(xyz, cell, direction=(0.0, 0.0, 2.0)).code == "element.material-direction"
 
 
+@pytest.mark.parametrize("cells", ["quad8", "right6"])
+def test_a_middle_beyond_the_quarter_of_its_side_is_refused(cells):
+    """There the first base vector turns around at the corner: the surface is folded, though at no point of the rule."""
+    xyz, cell = element("flat", cells)
+    start, end, middle = cell[0, [0, 1, len(cell[0]) // 2]]
+    for place, taken in ((0.7, True), (0.75, False), (0.76, False), (0.24, False), (0.3, True)):
+        moved = xyz.copy()
+        moved[middle] = xyz[start] + place * (xyz[end] - xyz[start])
+        if taken:
+            structure = shell_structure(moved, [ShellPart(cell, Section(ISO, 0.1))])
+            assert contributions(structure.batches[0], structure)
+        else:
+            assert "folds back" in str(refused(moved, cell))
+
+
 def test_several_bad_elements_are_shown_together():
     mesh = shell_mesh(rectangle(2.0, 1.0), 2, 1, "quad8")
     mesh.xyz[mesh.cells[0, 7]] = [3.0, 0.5, 0.0]

@@ -122,6 +122,8 @@ REFUSED = (
     ("CQUAD8,20,9,1,2,3,0\n", "deck.unknown-grid", "0"),
     ("CTRIA6,20,9,1,2,3,99\n", "deck.unknown-grid", "99"),
     (QUAD + ",-.1,.1,.1,.1\n", "deck.shell-section", "T1 to T4"),
+    (QUAD + ",.1,.1,-.1,.1\n", "deck.shell-section", "text = '-.1'"),
+    (QUAD + ",.1,1.+999\n", "deck.not-a-real", "correct its exponent"),
     (QUAD + ",.1,.1,.1,.1,,,\n,2\n", "deck.field-value", "TFLAG"),
     (QUAD.replace(",9,", ",8,") + ",.1\n", "deck.shell-section", "laminate"),
 )

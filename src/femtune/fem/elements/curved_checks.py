@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector
 from femtune.fem.elements.curved_shape import CurvedShape, Reals
-from femtune.fem.elements.curved_surface import CurvedNodes
+from femtune.fem.elements.curved_surface import CurvedNodes, Surface
 from femtune.fem.elements.placement import element_error
 from femtune.fem.elements.shell_checks import ALONG_NORMAL, COLLAPSED, SHOWN, STRAIGHT, check_shapes, check_thickness
 from femtune.fem.elements.solid_checks import nearest_pairs
@@ -58,19 +58,24 @@ def _check_surface(
     missing = np.isnan(xyz[:, :, 0])
     nodes = CurvedNodes(shape, np.where(missing[:, :, None], 0.0, xyz), np.zeros_like(xyz), missing)
     surface = nodes.surface(shape.points)
-    size = np.linalg.norm(surface.bases, axis=3).prod(axis=2)
-    sines = np.einsum("mpi,mi->mp", surface.cross, nodes.axes[:, :, 2]) / size
-    folded = (sines <= STRAIGHT).any(axis=1)
+    folded = _folded(surface, nodes.axes) | _folded(nodes.surface(shape.nodes), nodes.axes)
     for i in np.flatnonzero(folded)[:SHOWN]:
         with collector.catch():
             what = "the surface of the shell folds back or leans by 90 degrees and more from its corners' mean plane"
-            hint = "put mid-side grid points near the middles of their sides, in the card's order, or split the element"
+            hint = "keep mid-side grid points within the middle half of their sides, in the card's order, or split it"
             raise element_error(batch, int(at[i]), "element.shell-shape", what, hint)
     direction = batch.facts["direction"][at]
-    across = np.cross(direction[:, None], surface.cross / surface.area[:, :, None])
-    lost = np.linalg.norm(across, axis=2) <= ALONG_NORMAL * np.linalg.norm(direction, axis=1)[:, None]
+    across = np.linalg.norm(np.cross(direction[:, None], surface.cross), axis=2)
+    lost = across <= ALONG_NORMAL * np.linalg.norm(direction, axis=1)[:, None] * surface.area
     for i in np.flatnonzero(lost.any(axis=1) & direction.any(axis=1) & ~folded)[:SHOWN]:
         with collector.catch():
             what = "the x axis of the material's coordinate system is along the shell's normal"
             hint = "choose a system whose x axis has a projection on the element, or give an angle THETA"
             raise element_error(batch, int(at[i]), "element.material-direction", what, hint)
+
+
+def _folded(surface: Surface, axes: Reals) -> Flags:
+    """(m,) whether the surface folds back at a point; a mid-side node past the quarter of its side folds a corner."""
+    size = np.linalg.norm(surface.bases, axis=3).prod(axis=2)
+    along = np.einsum("mpi,mi->mp", surface.cross, axes[:, :, 2])
+    return np.asarray((along <= STRAIGHT * size.max(axis=1, keepdims=True)).any(axis=1))

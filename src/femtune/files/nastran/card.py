@@ -9,7 +9,7 @@ from typing import Any, overload
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.nastran.fields import FieldLine, Format, split_line
-from femtune.files.nastran.reals import parse_integer, parse_real
+from femtune.files.nastran.reals import is_too_large, parse_integer, parse_real
 from femtune.files.nastran.source import SourceLine
 
 
@@ -108,7 +108,8 @@ class Card:
             return self._checked_default(index, default, "a real number")
         value = parse_real(text)
         if value is None:
-            raise self._bad("deck.not-a-real", index, "a real number", "a real has a decimal point: 1.5, 2.-3")
+            hint = "correct its exponent" if is_too_large(text) else "a real has a decimal point: 1.5, 2.-3"
+            raise self._bad("deck.not-a-real", index, "a real number", hint)
         return value
 
     def component(self, index: int, default: str = "") -> str:

@@ -25,6 +25,11 @@ def parse_real(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def is_too_large(text: str) -> bool:
+    """Whether `text` is spelt as a real number, but lies beyond the range of double precision."""
+    return _REAL.fullmatch(text) is not None and parse_real(text) is None
+
+
 def parse_integer(text: str) -> int | None:
     """The integer in `text`, or None if it is not one."""
     return int(text) if _INTEGER.fullmatch(text) else None

@@ -41,12 +41,13 @@ class Thicknesses:
             return self._of_property(record, section)
         # factors are of the property's thickness, and blank corners have it
         own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
-        corners = [self.building.value(record, eid, name) for name in given]
+        corners = {name: self.building.value(record, eid, name) for name in given}
         rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
         values = self.building.values.values
-        self._check(record, [values[i] for i in corners], own, relative)
-        nominal = rule(*(values[i] for i in (*own, *corners)))
-        return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *own, *corners, nominal=nominal)
+        self._check(record, {name: values[i] for name, i in corners.items()}, own, relative)
+        at = [*own, *corners.values()]
+        nominal = rule(*(values[i] for i in at))
+        return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *at, nominal=nominal)
 
     def at_corners(self, record: Record, eid: int, section: ShellSection) -> list[int] | None:
         """Positions of the thickness at each corner, None where all of it is the property's; errors as of ``get``."""
@@ -94,12 +95,13 @@ class Thicknesses:
                                hint="1 makes T1 and the others factors of the property's thickness")  # fmt: skip
         return flag == 1
 
-    def _check(self, record: Record, corners: list[float], own: list[int], relative: bool) -> None:
-        if min(corners) < 0.0 or max(corners) == 0.0:
-            raise record.error("deck.shell-section", f"{self._names} of a shell should be positive", at="T1",
+    def _check(self, record: Record, corners: dict[str, float], own: list[int], relative: bool) -> None:
+        worst = min(corners, key=corners.__getitem__)
+        if corners[worst] < 0.0 or max(corners.values()) == 0.0:
+            raise record.error("deck.shell-section", f"{self._names} of a shell should be positive", at=worst,
                                hint="correct the thickness")  # fmt: skip
         blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
-        every = [*corners, *[blank] * (len(self.corners) - len(corners))]
+        every = [*corners.values(), *[blank] * (len(self.corners) - len(corners))]
         if self.made_even and max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
             self.uneven.append(record.where)
 
