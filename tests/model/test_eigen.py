@@ -280,7 +280,7 @@ def test_inaccurate_modes_are_refused(monkeypatch: pytest.MonkeyPatch):
 
 def test_an_iteration_that_does_not_converge(monkeypatch: pytest.MonkeyPatch):
     """A basis with room for little more than the modes, and no patience."""
-    monkeypatch.setattr(krylov.iteration, "_most", lambda operator, count, block: count + 3 * block)
+    monkeypatch.setattr(krylov.iteration, "_most", lambda operator, count, block: count + 2 * block)
     monkeypatch.setattr(krylov.iteration, "_MOST_RESTARTS", 1)
     with pytest.raises(FemtuneError) as caught:
         solve_modes(chain(500), 10)
