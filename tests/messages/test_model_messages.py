@@ -137,7 +137,7 @@ CASES: dict[str, Callable[[], object]] = {
     "eigen.uncounted": _patched(_modes(CHAIN, [1.0] * 5, max_hz=80.0), (eigen, "count_below", _counts(None))),
     "eigen.no-convergence": _patched(
         _modes([(i - 1, i, 1e3) for i in range(500)], [1.0] * 500),
-        (iteration, "_most", lambda operator, count, block: count + 3 * block),
+        (iteration, "_most", lambda operator, count, block: count + 2 * block),
         (iteration, "_MOST_RESTARTS", 1),
     ),
     "eigen.other-start": _other_start,
