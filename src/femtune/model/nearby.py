@@ -20,8 +20,8 @@ from femtune.model.sturm import Count, count_below, cut_above, with_repeats
 Reals = NDArray[np.float64]
 
 _ROOM, _FEW, _FAR, _BLOCK, _SEED = 1.01, 20, 4.0, 12, 5
-_TOLERANCE = 3e-10
-"""Of θ; the energy of an error of the lowest modes is some ten times as large, relative to theirs."""
+_TOLERANCE, _MOST = 3e-9, 3e-10
+"""Of θ for modes near τ; an error weighs the more in the lowest ones, the less energy they have."""
 _APART = 1e-6
 
 
@@ -120,26 +120,28 @@ def _is_usable(count: Count, wanted: int) -> bool:
 def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> NearbyModes | None:
     """As many pairs as were counted, if they can be told from those above and are accurate."""
     assert count.factor is not None
-    found = _below(pencil, count.factor, count.below or 0, start)
+    tolerance = min(_MOST, _TOLERANCE * float(np.sqrt(abs(nearby.shift) / count.value)))
+    found = _below(pencil, count, start, tolerance)
     if found is None:
         return None
-    values, shapes = count.value - 1.0 / found.theta, found.shapes
-    if count.value - values[0] <= _APART * (count.value - nearby.shift):
+    above = Above(count.factor.solve, count.value, max(-found.least, 0.0))
+    values, shapes = count.value - 1.0 / found.theta[::-1], found.shapes[:, ::-1]
+    if count.value - values[-1] <= _APART * (count.value - nearby.shift):
         return None
     check_negative(pencil, values, shapes)
-    above = Above(count.factor.solve, count.value, max(-found.least, 0.0))
     if energy_bound_from_above(pencil, above, nearby.shift, values, shapes) > SMALL:
         return None
-    whole = with_repeats(values[::-1], nearby.wanted, nearby.shift)
-    return NearbyModes(values[::-1], shapes[:, ::-1], whole, count)
+    return NearbyModes(values, shapes, with_repeats(values, nearby.wanted, nearby.shift), count)
 
 
-def _below(pencil: Pencil, factor: Factor, number: int, start: Reals) -> KrylovPairs | None:
+def _below(pencil: Pencil, count: Count, start: Reals, tolerance: float) -> KrylovPairs | None:
     """All eigenpairs below τ by −(K − τM)⁻¹M; None where the iteration did not get all."""
-    operator = Krylov(_negated(factor), pencil.mass, pencil.heavy.size)
+    number = count.below or 0
+    assert count.factor is not None
+    operator = Krylov(_negated(count.factor), pencil.mass, pencil.heavy.size)
     if 2 * number > operator.rank:
         return None
-    found = iterate(operator, begin(operator, number, start, _BLOCK), number, number, _TOLERANCE)
+    found = iterate(operator, begin(operator, number, start, _BLOCK), number, number, tolerance)
     return found if len(found.theta) == number and (found.theta > 0.0).all() else None
 
 

@@ -44,13 +44,25 @@ class Above:
 
 
 def energy_bound_from_above(pencil: Pencil, above: Above, shift: float, values: Reals, shapes: Reals) -> float:
-    """A bound of them all where (K − τM)⁻¹ is at hand, and the modes are all those below τ.
+    """A bound of them all where (K − τM)⁻¹ is at hand, and the modes are all those below τ: of sums with random signs
+    first, and of each mode where that is not small.
 
     In the span of the modes the energy of a residual is known from its products with them. Outside of it
     B = K − τM and A = K − σM are positive, and the eigenvalues x of B⁻¹A lie between 1 and g = (λ − σ)/(λ − τ) of the
     next mode: with z = B⁻¹r the energy rᵀA⁻¹r is at most (1 + 1/g) rᵀz − zᵀAz/g, as 1/x is at most 1 + 1/g − x/g.
     """
-    sums = _summed(pencil, values, shapes, _weights(values, shift))
+    found = _from_above(pencil, above, shift, (values, shapes, _weights(values, shift)))
+    if found <= SMALL:
+        return found
+    each = np.diag(1.0 / np.sqrt(np.abs(values - shift)))
+    columns = pieces(0, len(values))
+    return max(_from_above(pencil, above, shift, (values, shapes, each[:, some])) for some in columns)
+
+
+def _from_above(pencil: Pencil, above: Above, shift: float, summed: tuple[Reals, Reals, Reals]) -> float:
+    """The largest bound of some sums of residuals, of values and shapes with weights (m, sums)."""
+    values, shapes, weights = summed
+    sums = _summed(pencil, values, shapes, weights)
     within = transposed_times(shapes, sums)
     inside = np.sum(within**2 / np.abs(values - shift)[:, None], axis=0)
     outside = sums - pencil.mass @ multiply(shapes, within)
