@@ -47,6 +47,9 @@ OF_THE_EQUATIONS = frozenset({
 })  # fmt: skip
 
 
+_AGAIN = 0.1
+
+
 class TooLongError(Exception):
     """The time of a mutant is over."""
 
@@ -56,10 +59,12 @@ def time_limit(seconds: float) -> Iterator[None]:
     """Stops the block after so much time of the processor, so that a busy machine makes no failures."""
 
     def stop(number: int, frame: FrameType | None) -> None:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         raise TooLongError
 
     before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    # again and again: a signal that a library's thread receives does not wake this one
+    signal.setitimer(signal.ITIMER_PROF, seconds, _AGAIN)
     try:
         yield
     finally:
