@@ -121,7 +121,7 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
         "writing the updated deck", "modes and correlation, after as written", "writing the report",
         "drawing the pictures of the page",
     ]  # fmt: skip
-    iterations = [done for text, done, _ in told.lines if text.startswith("update: mean error")]
+    iterations = [done for text, done, _ in told.lines if text.startswith("update: weighted mean error")]
     assert iterations == list(range(len(iterations)))
     assert len(iterations) == len(history(beam.folder / "run"))
     assert all(total is None or 0 <= done <= total for _, done, total in told.lines)
