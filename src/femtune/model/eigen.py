@@ -65,17 +65,6 @@ class EigenSolution:
             return self.known_factor
         return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
 
-    @property
-    def factor_at_hand(self) -> tuple[float, Factor]:
-        """A shift τ and factors of K − τM, made already where possible.
-
-        K − τM is positive definite on the M-orthogonal complement of the modes, if not everywhere: all eigenvalues
-        below τ are among those found.
-        """
-        if self.known_factor is None and "factor" not in self.__dict__ and self.sturm_factor is not None:
-            return self.sturm_shift, self.sturm_factor
-        return self.shift, self.factor
-
     def forget_factors(self) -> None:
         """Give the memory of the factors back; whoever asks for them later gets them made again."""
         for name in ("known_factor", "sturm_factor"):

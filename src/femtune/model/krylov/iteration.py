@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femtune.model.dense_products import add, multiply, transposed_times, turn
 from femtune.model.krylov.basis import Basis, Solve
+from femtune.model.pencil import pieces
 from femtune.model.sparse_products import Product
 
 Reals = NDArray[np.float64]
@@ -21,7 +22,7 @@ TOLERANCE, LOOSE = 3e-9, 1e-5
 _PATIENCE, _MOST_RESTARTS = 5, 60
 _ORTHONORMAL = 1e-12
 _BASIS_BYTES = 1_300_000_000
-_SEED, _COLUMNS = 1, 16
+_SEED = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +173,6 @@ def _finished(basis: Basis, theta: Reals, Y: Reals, error: Reals, columns: int) 
 def _gram(shapes: Reals, mass: Product) -> Reals:
     """ΦᵀMΦ, some columns at a time."""
     out = np.empty((shapes.shape[1], shapes.shape[1]))
-    for first in range(0, len(out), _COLUMNS):
-        some = slice(first, first + _COLUMNS)
+    for some in pieces(0, len(out)):
         out[:, some] = transposed_times(shapes, mass @ shapes[:, some])
     return out
