@@ -42,6 +42,12 @@ def _modes(**facts: Any) -> ModeSet:
         ({"shapes": np.full((3, 2), np.inf)}, "modes.values"),
         ({"freq_sd_hz": np.array([0.1, -0.1])}, "modes.values"),
         ({"shapes_sd": np.full((3, 2), np.inf)}, "modes.values"),
+        ({"damping_sd": np.ones(3)}, "modes.shape"),
+        ({"damping_sd": np.array([0.1, -0.1])}, "modes.values"),
+        ({"covariance": np.eye(2)}, "modes.shape"),
+        ({"covariance": np.triu(np.ones((4, 4)))}, "modes.values"),
+        ({"covariance": np.eye(4)}, "modes.values"),
+        ({"modal_a": np.array([1.0, 0.0])}, "modes.values"),
     ],
 )
 def test_what_does_not_fit_is_refused(facts: dict[str, Any], code: str) -> None:
@@ -111,3 +117,11 @@ def test_arrays_are_read_only_and_the_giver_keeps_his() -> None:
     with pytest.raises(ValueError, match="read-only"):
         modes.freq_hz[0] = 3.0
     mine[0] = 1.5
+
+
+def test_covariance_and_scales_go_with_the_modes() -> None:
+    variances = np.diag([0.01, 0.04, 1e-4, 4e-4])
+    some = _modes(covariance=variances, damping_sd=[0.01, 0.02], modal_a=[1j, 2j]).select_modes([1])
+    np.testing.assert_array_equal(some.covariance, np.diag([0.04, 4e-4]))
+    np.testing.assert_array_equal(some.damping_sd, [0.02])
+    np.testing.assert_array_equal(some.modal_a, [2j])

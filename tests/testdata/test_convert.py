@@ -104,3 +104,13 @@ def test_renumber() -> None:
     assert test.geometry.lines == ((1, 1012),)
     with pytest.raises(FemtuneError):
         renumber(a_test(), {2: 1})
+
+
+def test_a_modal_scale_goes_with_units() -> None:
+    """ψψᵀ/a is a receptance: 1 m/N is 1000 mm/N whatever the normalisation of the shapes."""
+    for normalisation in ("mass", "unit-max"):
+        modes = ModeSet([1.0], [[2.0]], DofSet.parse(["1X+"]), normalisation=normalisation, modal_a=[4j])  # type: ignore[arg-type]
+        moved = convert_units(ModalTest("one", SI, modes=modes), unit_system("mm-t-s")).modes
+        assert moved is not None
+        assert moved.modal_a is not None
+        np.testing.assert_allclose(moved.shapes[0, 0] ** 2 / moved.modal_a[0], 1000.0 * 4.0 / 4j)

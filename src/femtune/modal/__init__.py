@@ -1,24 +1,32 @@
-"""The language that test and model share: modes and frequency response functions, and how shapes compare."""
+"""The language that test and model share: modes, functions, records and systems, and how shapes compare."""
 
 from femtune.modal.frf_kind import as_kind, frac
 from femtune.modal.frf_set import FrfSet
 from femtune.modal.mac import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
 from femtune.modal.mode_set import ModeSet
+from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
 from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
+from femtune.modal.time_series import Channel, TimeSeries
 
 __all__ = [
+    "Channel",
     "FrfSet",
     "ModeSet",
     "Rotation",
+    "StateSpace",
+    "TimeSeries",
     "as_kind",
     "auto_mac",
     "clusters",
     "comac",
     "cross_orthogonality",
     "frac",
+    "freq_and_damping",
     "mac",
     "modal_scale_factor",
+    "pole_of",
     "principal_angles_deg",
     "rotate_to",
     "subspace_mac",
+    "system_modes",
 ]

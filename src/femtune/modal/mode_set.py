@@ -28,14 +28,20 @@ class ModeSet:
     damping_ratio : (m,) fractions of critical, or None where unknown
     normalisation : one of NORMALISATIONS
     freq_sd_hz : (m,) standard deviations of the frequencies, or None
-    shapes_sd : (n, m) standard deviations of the entries, or None
+    shapes_sd : (n, m) standard deviations of the entries, or None; of a complex entry √E|error|²
     source : where the modes come from, in words
+    damping_sd : (m,) standard deviations of the damping ratios, or None
+    covariance : (2m, 2m) of the m frequencies in Hz and, after them, the m damping ratios, or None; its diagonal is the
+        squares of the standard deviations where these are given too
+    modal_a : (m,) complex scale of modes with known input, or None: receptance = Σ ψψᵀ/(a(iω−λ)) and conjugates, so
+        a = 2iω_d where ψ is real and mass-normalised
 
     Raises
     ------
     FemtuneError : ``modes.shape`` where the sizes disagree, ``modes.normalisation`` for a word that is not one of
         NORMALISATIONS, ``modes.values`` for negative or infinite standard deviations, frequencies that are
-        negative or not finite, or infinite entries of shapes
+        negative or not finite, infinite entries of shapes, a covariance that is not symmetric or contradicts the
+        standard deviations, a scale of zero
     """
 
     freq_hz: NDArray[np.float64]
@@ -47,11 +53,15 @@ class ModeSet:
     freq_sd_hz: NDArray[np.float64] | None = None
     shapes_sd: NDArray[np.float64] | None = None
     source: str = ""
+    damping_sd: NDArray[np.float64] | None = None
+    covariance: NDArray[np.float64] | None = None
+    modal_a: NDArray[np.complex128] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("freq_hz", "damping_ratio", "freq_sd_hz", "shapes_sd"):
+        for name in ("freq_hz", "damping_ratio", "freq_sd_hz", "shapes_sd", "damping_sd", "covariance"):
             object.__setattr__(self, name, read_only(getattr(self, name), float))
         object.__setattr__(self, "shapes", read_only(self.shapes))
+        object.__setattr__(self, "modal_a", read_only(self.modal_a, complex))
         if not self.labels:
             object.__setattr__(self, "labels", tuple(str(i + 1) for i in range(np.size(self.freq_hz))))
         self._check_sizes()
@@ -66,6 +76,9 @@ class ModeSet:
             "damping_ratio": (self.damping_ratio, (m,)),
             "freq_sd_hz": (self.freq_sd_hz, (m,)),
             "shapes_sd": (self.shapes_sd, (n, m)),
+            "damping_sd": (self.damping_sd, (m,)),
+            "covariance": (self.covariance, (2 * m, 2 * m)),
+            "modal_a": (self.modal_a, (m,)),
         }
         for name, (value, shape) in wanted.items():
             if value is not None and np.shape(value) != shape:
@@ -91,10 +104,24 @@ class ModeSet:
             )
         if np.isinf(self.shapes).any():
             raise FemtuneError("modes.values", "a mode shape has an infinite entry")
-        for name, sd in (("freq_sd_hz", self.freq_sd_hz), ("shapes_sd", self.shapes_sd)):
+        for name in ("freq_sd_hz", "damping_sd", "shapes_sd"):
             # NaN is a standard deviation that is not known
+            sd = getattr(self, name)
             if sd is not None and (np.isinf(sd) | (sd < 0)).any():
                 raise FemtuneError("modes.values", f"{name}: standard deviations must be finite and not negative")
+        if self.modal_a is not None and ((self.modal_a == 0) | np.isinf(self.modal_a)).any():
+            raise FemtuneError("modes.values", "modal_a: scales of modes must be finite and not zero")
+        if self.covariance is not None:
+            self._check_covariance(self.covariance)
+
+    def _check_covariance(self, covariance: NDArray[np.float64]) -> None:
+        if not np.allclose(covariance, covariance.T, rtol=1e-8, atol=0.0, equal_nan=True):
+            raise FemtuneError("modes.values", "the covariance of frequencies and damping ratios is not symmetric")
+        variances = np.split(np.diag(covariance), 2)
+        for name, variance in zip(("freq_sd_hz", "damping_sd"), variances):
+            sd = getattr(self, name)
+            if sd is not None and not np.allclose(variance, sd**2, rtol=1e-6, atol=0.0, equal_nan=True):
+                raise FemtuneError("modes.values", f"the diagonal of the covariance is not the square of {name}")
 
     def __len__(self) -> int:
         return len(self.freq_hz)
@@ -120,6 +147,9 @@ class ModeSet:
             damping_ratio=_columns(self.damping_ratio, at),
             freq_sd_hz=_columns(self.freq_sd_hz, at),
             shapes_sd=_columns(self.shapes_sd, at),
+            damping_sd=_columns(self.damping_sd, at),
+            covariance=_both(self.covariance, at, len(self)),
+            modal_a=_columns(self.modal_a, at),
         )
 
     def select_dofs(self, dofs: DofSet) -> ModeSet:
@@ -145,3 +175,8 @@ def _positions(keep: Iterable[int]) -> list[int]:
 
 def _columns(values: NDArray | None, at: list[int]) -> NDArray | None:
     return None if values is None else values[..., at]
+
+
+def _both(covariance: NDArray | None, at: list[int], m: int) -> NDArray | None:
+    every = [*at, *(i + m for i in at)]
+    return None if covariance is None else covariance[np.ix_(every, every)]

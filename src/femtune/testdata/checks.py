@@ -199,4 +199,5 @@ def real_modes(modes: ModeSet) -> RealModes:
     turned = modes.shapes * np.exp(-1j * phase)
     size = np.sqrt(np.nansum(np.abs(turned) ** 2, axis=0))
     residual = np.sqrt(np.nansum(turned.imag**2, axis=0)) / np.where(size > 0, size, 1.0)
-    return RealModes(replace(modes, shapes=turned.real.copy()), phase, residual)
+    modal_a = None if modes.modal_a is None else modes.modal_a * np.exp(-2j * phase)
+    return RealModes(replace(modes, shapes=turned.real.copy(), modal_a=modal_a), phase, residual)

@@ -41,11 +41,13 @@ def replace_frame(frame: WireFrame, *, coordinates: NDArray, axes: NDArray | Non
 
 def _modes(modes: ModeSet, old: UnitSystem, new: UnitSystem) -> ModeSet:
     length, mass = new.length_from(old), new.mass_from(old)
-    factor = np.where(_is_rotation(modes.dofs), 1.0 / length, 1.0)[:, None]
-    if modes.normalisation == "mass":
-        factor = factor / np.sqrt(mass)
+    scale = 1.0 / np.sqrt(mass) if modes.normalisation == "mass" else 1.0
+    factor = scale * np.where(_is_rotation(modes.dofs), 1.0 / length, 1.0)[:, None]
     spread = None if modes.shapes_sd is None else modes.shapes_sd * factor
-    return replace(modes, shapes=modes.shapes * factor, shapes_sd=spread)
+    # a receptance of translations is a length by a force
+    unit = scale**2 * (old.force / new.force) / length
+    modal_a = None if modes.modal_a is None else np.asarray(modes.modal_a * unit, dtype=complex)
+    return replace(modes, shapes=modes.shapes * factor, shapes_sd=spread, modal_a=modal_a)
 
 
 def convert_frfs(frfs: FrfSet, old: UnitSystem, new: UnitSystem) -> FrfSet:

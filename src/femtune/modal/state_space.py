@@ -1,0 +1,153 @@
+"""StateSpace: a linear system between references and responses that can be evaluated at any frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.modal.frf_set import KINDS, FrfSet
+from femtune.modal.mode_set import read_only
+
+Reals = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A linear system ẋ = Ax + Bu, y = Cx + Du, or x⁺ = Ax + Bu where it is sampled; its arrays are read-only.
+
+    Parameters
+    ----------
+    A, B, C, D : (n, n), (n, references), (responses, n), (responses, references), real
+    responses, references : the DOFs of y and u
+    kind : what y is for a force u, one of the kinds of FRFs
+    sampling_hz : None for continuous time
+    source : where it comes from, in words
+
+    Raises
+    ------
+    FemtuneError : ``system.shape`` where the sizes disagree, ``system.values`` for entries that are not finite,
+        ``frf.kind``
+    """
+
+    A: Reals
+    B: Reals
+    C: Reals
+    D: Reals
+    responses: DofSet
+    references: DofSet
+    kind: str
+    sampling_hz: float | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for name in "ABCD":
+            object.__setattr__(self, name, read_only(getattr(self, name), float))
+        if self.kind not in KINDS:
+            raise FemtuneError("frf.kind", f"'{self.kind}' is not a kind of FRF", hint="one of " + ", ".join(KINDS))
+        self._check_sizes()
+
+    def _check_sizes(self) -> None:
+        n, y, u = len(self.A), len(self.responses), len(self.references)
+        for name, wanted in (("A", (n, n)), ("B", (n, u)), ("C", (y, n)), ("D", (y, u))):
+            matrix = getattr(self, name)
+            if matrix.shape != wanted:
+                raise FemtuneError("system.shape", f"{name} has shape {matrix.shape}, wanted {wanted}")
+            if not np.isfinite(matrix).all():
+                raise FemtuneError("system.values", f"{name} has entries that are not finite")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    def poles(self) -> Complex:
+        """(n,) poles in rad/s, of continuous time also where the system is sampled, by ascending modulus.
+
+        Of a sampled system, a pole at zero (a delay) is −∞.
+        """
+        values = np.linalg.eigvals(self.A).astype(complex) if self.order else np.zeros(0, complex)
+        values = continuous_poles(values, self.sampling_hz)
+        return values[np.lexsort((values.imag, np.abs(values)))]
+
+    def frf(self, freq_hz: Reals) -> FrfSet:
+        """H = C (zI − A)⁻¹ B + D with z = iω, or e^{iω/rate} where the system is sampled.
+
+        Parameters
+        ----------
+        freq_hz : (k,) ascending
+
+        Raises
+        ------
+        FemtuneError : ``system.at-pole`` where a frequency lies on an undamped pole
+        """
+        lines = np.asarray(freq_hz, float)
+        values = self._transfer(lines)
+        if not np.isfinite(values).all():
+            bad = lines[~np.isfinite(values).all(axis=(0, 1))]
+            what = f"the system has a pole without damping at {bad[0]:g} Hz, where it has no finite response"
+            raise FemtuneError("system.at-pole", what, hint="evaluate it beside that frequency")
+        return FrfSet(lines, values, self.responses, self.references, self.kind, source=self.source)
+
+    def _transfer(self, lines: Reals) -> Complex:
+        """Back substitution in a Schur form: a defective A (rigid-body motion) is no special case."""
+        y, u, k = len(self.responses), len(self.references), len(lines)
+        if not self.order:
+            return np.repeat(self.D[:, :, None], k, axis=2).astype(complex)
+        z = 2j * np.pi * lines
+        z = z if self.sampling_hz is None else np.exp(z / self.sampling_hz)
+        T, Q = schur(self.A, output="complex")
+        x = _resolvent(T, Q.conj().T @ self.B, z)
+        with np.errstate(invalid="ignore"):
+            flat = (self.C @ Q) @ x.reshape(self.order, u * k)
+        return flat.reshape(y, u, k) + self.D[:, :, None]
+
+
+def continuous_poles(values: Complex, sampling_hz: float | None) -> Complex:
+    """Poles in rad/s of eigenvalues of A: rate · ln μ for a sampled system, else the values themselves."""
+    if sampling_hz is None:
+        return values
+    delays = values == 0.0
+    return np.where(delays, -np.inf + 0j, sampling_hz * np.log(np.where(delays, 1.0, values)))
+
+
+def freq_and_damping(poles: Complex) -> tuple[Reals, Reals]:
+    """Natural frequencies |λ|/2π in Hz and damping ratios −Re λ/|λ| (0 for λ = 0) of poles in rad/s."""
+    size = np.abs(poles)
+    return size / (2.0 * np.pi), -poles.real / np.where(size > 0.0, size, 1.0)
+
+
+def pole_of(freq_hz: Reals, damping_ratio: Reals) -> Complex:
+    """Poles in the upper half plane, |λ|(−ζ + i√(1−ζ²)), of |ζ| < 1."""
+    omega = 2.0 * np.pi * np.asarray(freq_hz, float)
+    zeta = np.asarray(damping_ratio, float)
+    return omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+
+
+def system_modes(system: StateSpace) -> tuple[Complex, Complex, Complex]:
+    """Poles λ, shapes ψ = C v and participations w = wᵀB of every pole: H = Σ ψ wᵀ/(z − μ) + D.
+
+    Returns
+    -------
+    poles (n,) in rad/s as those of continuous time, shapes (responses, n), participations (n, references); of the
+        eigenvalues of A in one order, conjugate pairs included
+    """
+    values, v = np.linalg.eig(system.A)
+    poles = continuous_poles(values.astype(complex), system.sampling_hz)
+    return poles, system.C @ v, np.linalg.solve(v, system.B.astype(complex))
+
+
+def _resolvent(T: NDArray, b: NDArray, z: NDArray) -> Complex:
+    """(zI − T)⁻¹ b for upper triangular T at every z, (n, u, k)."""
+    n, u = b.shape
+    x = np.zeros((n, u, len(z)), complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for i in range(n - 1, -1, -1):
+            right = b[i, :, None] + np.tensordot(T[i, i + 1 :], x[i + 1 :], axes=1)
+            x[i] = right / (z - T[i, i])
+    return x

@@ -1,0 +1,191 @@
+"""TimeSeries: records of several channels on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError
+from femtune.modal.mode_set import read_only
+
+QUANTITIES = ("displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown")
+ROLES = ("response", "reference", "input")
+
+EVEN = 1e-3
+"""Steps that differ by less than this fraction of the mean step are one step, written with few digits."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What one row of a record is.
+
+    Parameters
+    ----------
+    dof : where it was measured, and in which direction
+    quantity : one of QUANTITIES
+    unit : its unit as the source writes it, "" where that says none
+    role : "response", "reference" (a response that all set-ups of an ambient test share), or "input" (a measured force
+        or motion that drives the structure)
+    name : the source's name of it, or ""
+
+    Raises
+    ------
+    FemtuneError : ``record.channel`` for a word that is not one of QUANTITIES or ROLES
+    """
+
+    dof: Dof
+    quantity: str = "unknown"
+    unit: str = ""
+    role: str = "response"
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for word, known in ((self.quantity, QUANTITIES), (self.role, ROLES)):
+            if word not in known:
+                what = f"'{word}' is not a quantity or role of a channel"
+                raise FemtuneError("record.channel", what, hint="one of " + ", ".join(known))
+
+    def __str__(self) -> str:
+        return self.name or str(self.dof)
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSeries:
+    """Time records of several channels, sampled together; its arrays are read-only.
+
+    Parameters
+    ----------
+    values : (channels, samples) real; NaN marks a sample that was lost
+    channels : what each row is; a DOF may stand once in each role
+    sampling_hz : samples a second; None where the samples are uneven (then `times_s` says when they are)
+    t0_s : time of the first sample
+    times_s : (samples,) times, or None where `sampling_hz` and `t0_s` say them; evenly spaced times become a rate
+    source : where it comes from, in words
+
+    Raises
+    ------
+    FemtuneError : ``record.shape`` where the sizes disagree, ``record.values`` for infinite values or complex ones,
+        ``record.times`` for times that are not finite or do not increase, or where neither a rate nor times are given,
+        ``record.rate`` for a rate that is not positive or that the times contradict, ``dof.duplicate``
+    """
+
+    values: NDArray[np.float64]
+    channels: tuple[Channel, ...]
+    sampling_hz: float | None = None
+    t0_s: float = 0.0
+    times_s: NDArray[np.float64] | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if np.iscomplexobj(self.values):
+            raise FemtuneError("record.values", "a time record is real, these values are complex")
+        object.__setattr__(self, "values", read_only(self.values, float))
+        object.__setattr__(self, "channels", tuple(self.channels))
+        object.__setattr__(self, "times_s", read_only(self.times_s, float))
+        self._check_sizes()
+        self._check_clock()
+        for role in ROLES:
+            self.dofs(role)
+
+    def _check_sizes(self) -> None:
+        if self.values.ndim != 2 or len(self.channels) != len(self.values):
+            sizes = {"values": self.values.shape, "channels": len(self.channels)}
+            raise FemtuneError("record.shape", "wanted one row of samples for each channel", values=sizes)
+        if np.isinf(self.values).any():
+            bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
+            raise FemtuneError("record.values", "a record has infinite samples", values={"channels": " ".join(bad)})
+
+    def _check_clock(self) -> None:
+        rate = self.sampling_hz
+        if rate is not None and not (np.isfinite(rate) and rate > 0.0):
+            raise FemtuneError("record.rate", f"{rate} is not a sampling rate", hint="samples a second, above 0")
+        if self.times_s is not None:
+            self._check_times(self.times_s)
+        elif rate is None:
+            raise FemtuneError("record.times", "neither a sampling rate nor the times of the samples are known")
+
+    def _check_times(self, times: NDArray[np.float64]) -> None:
+        if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+            what = "the times of a record must be one a sample, finite, and increase"
+            raise FemtuneError("record.times", what, values={"times": times.shape, "samples": self.values.shape[1]})
+        found = _even_rate(times)
+        if self.sampling_hz is not None:
+            _check_rate(self.sampling_hz, found, times)
+        if found is not None:
+            object.__setattr__(self, "sampling_hz", found if self.sampling_hz is None else self.sampling_hz)
+            object.__setattr__(self, "t0_s", float(times[0]))
+            object.__setattr__(self, "times_s", None)
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+    @property
+    def samples(self) -> int:
+        """Samples of each channel."""
+        return int(self.values.shape[1])
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(samples,) times of the samples."""
+        if self.times_s is not None:
+            return self.times_s
+        assert self.sampling_hz is not None
+        return self.t0_s + np.arange(self.samples) / self.sampling_hz
+
+    @property
+    def even_hz(self) -> float:
+        """The sampling rate, for methods that need an even one (error ``record.uneven``)."""
+        if self.sampling_hz is None:
+            what = "the samples are not evenly spaced in time"
+            raise FemtuneError("record.uneven", what, hint="resample the record on an even clock first")
+        return float(self.sampling_hz)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first sample to one step after the last."""
+        if self.times_s is None:
+            return self.samples / self.even_hz
+        return float(self.times_s[-1] - self.times_s[0])
+
+    def positions(self, role: str) -> list[int]:
+        """Rows of the channels of one role."""
+        return [i for i, channel in enumerate(self.channels) if channel.role == role]
+
+    def dofs(self, role: str = "response") -> DofSet:
+        """The DOFs of the channels of one role, in their order."""
+        return DofSet(self.channels[i].dof for i in self.positions(role))
+
+    def select_channels(self, keep: Iterable[int]) -> TimeSeries:
+        """The channels at the given positions, in that order."""
+        at = [int(i) for i in keep]
+        return replace(self, values=self.values[at], channels=tuple(self.channels[i] for i in at))
+
+    def select_samples(self, first: int, end: int) -> TimeSeries:
+        """Samples `first` to `end` − 1, on the same clock."""
+        cut = slice(first, end)
+        times = None if self.times_s is None else self.times_s[cut]
+        return replace(self, values=self.values[:, cut], times_s=times, t0_s=float(self.time_s[first]))
+
+
+def _even_rate(times: NDArray[np.float64]) -> float | None:
+    """The rate of evenly spaced times; None where they are uneven or fewer than two."""
+    if len(times) < 2:
+        return None
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    return float(1.0 / step) if np.abs(np.diff(times) - step).max() <= EVEN * step else None
+
+
+def _check_rate(said: float, found: float | None, times: NDArray[np.float64]) -> None:
+    if found is not None and abs(found - said) <= EVEN * found:
+        return
+    mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else float("nan")
+    raise FemtuneError(
+        "record.rate",
+        "the sampling rate and the times of the samples contradict each other",
+        values={"rate said": f"{said:g} Hz", "rate of the times": f"{mean:g} Hz" + ("" if found else ", uneven")},
+        hint="one of the two is wrong: every frequency would be off by their ratio",
+    )
