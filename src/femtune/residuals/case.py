@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from femtune.correlate import Pairing, pair_modes
+from femtune.dofs import DofSet
 from femtune.modal import ModeSet
 from femtune.model import ConfiguredModel, EigenSolution
+from femtune.residuals.residual import Residual
 from femtune.residuals.solver import ModelSolver, direct
 
 Group = tuple[tuple[int, ...], tuple[int, ...]]
@@ -30,17 +32,19 @@ class PairingRules:
 
 @dataclass(frozen=True)
 class ModalCase:
-    """A configuration and the modes measured in it.
+    """A configuration and what was measured in it.
 
     Parameters
     ----------
     configured : the model in this configuration
-    test : real test modes at the sensors
+    test : real test modes at the sensors; a set of no modes where none were measured
     sensors : (s, n_free) rows that sample the free DOFs at the sensors
     left_out : reason by position of a test mode
     fixed : (test, model) positions paired by hand
     count, max_hz : which model modes are solved for; one of them
     solver : who computes solutions of the full model
+    residuals : what is compared here besides the paired modes of `ResidualRules`
+    full : the full model, where `configured` is a reduced one
     """
 
     configured: ConfiguredModel
@@ -52,20 +56,30 @@ class ModalCase:
     max_hz: float | None = None
     rules: PairingRules = PairingRules()
     solver: ModelSolver = field(default=direct, repr=False)
+    residuals: tuple[Residual, ...] = ()
+    full: ConfiguredModel | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
         """Name of the configuration."""
         return self.configured.configuration.name
 
+    @property
+    def full_model(self) -> ConfiguredModel:
+        """The full model in this configuration."""
+        return self.configured if self.full is None else self.full
 
-@dataclass(frozen=True)
-class CaseState:
-    """A case at one x: its eigen-solution and the frozen groups of paired modes."""
+    @property
+    def on_modes(self) -> bool:
+        """True where something is compared that modes, or a modal basis, serve."""
+        return bool(len(self.test)) or any(r.on_modes for r in self.residuals)
 
-    case: ModalCase
-    solution: EigenSolution
-    groups: tuple[Group, ...]
+
+def case_without_modes(configured: ConfiguredModel, residuals: tuple[Residual, ...], **more: object) -> ModalCase:
+    """A configuration in which no modes were measured, with what is compared there; `more` are further fields."""
+    none = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()), source="no modes were measured")
+    rows = sp.csr_array((0, configured.n_free))
+    return ModalCase(configured, none, rows, residuals=residuals, **more)  # type: ignore[arg-type]
 
 
 def solve_case(case: ModalCase, x: NDArray) -> EigenSolution:
@@ -135,8 +149,3 @@ def _partner(models: tuple[int, ...] | None) -> str:
     if not models:
         return "without partner"
     return "with model mode " + " and ".join(str(j + 1) for j in models)
-
-
-def paired_count(states: tuple[CaseState, ...]) -> int:
-    """Number of paired test modes."""
-    return int(np.sum([len(tests) for s in states for tests, _ in s.groups]))

@@ -1,11 +1,19 @@
-"""Frequency residual (f − f_e)/(σ f_e), or the same of eigenvalues (handbook chapter, eigenvalue residual)."""
+"""Frequency residual: (f − f_e)/f_e, or the same of eigenvalues (handbook chapter, eigenvalue residual)."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.errors import FemtuneError
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.pair import PairedMode, PairResidual
+
 Reals = NDArray[np.float64]
+Form = Literal["frequency", "eigenvalue"]
 
 
 def frequency_residual(
@@ -26,3 +34,35 @@ def frequency_residual(
         root = np.sqrt(max(ratio, 0.0))
         ratio, slope = root, slope / (2.0 * max(root, 1e-12))
     return np.array([(ratio - 1.0) / sd]), slope[None, :] / sd
+
+
+@dataclass(frozen=True)
+class FrequencyResidual(PairResidual):
+    """Relative differences of frequencies, or of eigenvalues.
+
+    Parameters
+    ----------
+    sd : relative standard deviation of what is compared; "test" takes the test's own (error ``residual.no-scatter``
+        where it gives none)
+    """
+
+    sd: float | Literal["test"]
+    form: Form = "frequency"
+
+    def of_pair(self, pair: PairedMode) -> ResidualBlock:
+        """One value a mode."""
+        sd = self.sd if self.sd != "test" else self._of_test(pair)
+        values = frequency_residual(pair.eigenvalue, pair.eigenvalue_gradient, pair.test_hz, sd, self.form)
+        return ResidualBlock("frequency", pair.case.name, pair.label, *values, sd)
+
+    def _of_test(self, pair: PairedMode) -> float:
+        known = pair.case.test.freq_sd_hz
+        if known is None or not known[pair.position] > 0.0:
+            raise FemtuneError(
+                "residual.no-scatter",
+                f"configuration {pair.case.name}: the test gives no scatter for mode {pair.label}",
+                hint="give frequency_sd a number",
+            )
+        # λ = ω² scatters twice as much as ω, relatively
+        times = 2.0 if self.form == "eigenvalue" else 1.0
+        return times * float(known[pair.position] / pair.test_hz)

@@ -34,6 +34,8 @@ def reduced_case(case: ModalCase, model: ReducedModel) -> ModalCase:
     """The case on a reduced model whose rows are the case's sensors.
 
     Its states hold `ReducedModes`: shapes in the coordinates of the basis, which the sensors' rows turn into motions.
+    Residuals that modes do not serve ask the full model, which the case keeps.
     """
     sensors = cast(sp.csr_array, model.rows)
-    return replace(case, configured=cast(ConfiguredModel, model), sensors=sensors, solver=reduced_solver)
+    reduced = cast(ConfiguredModel, model)
+    return replace(case, configured=reduced, sensors=sensors, solver=reduced_solver, full=case.full_model)

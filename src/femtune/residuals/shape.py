@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.pair import PairedMode, PairResidual
+
 Reals = NDArray[np.float64]
+Scaling = Literal["unit-norm", "largest-entry"]
 
 
 def shape_difference(
@@ -51,3 +58,28 @@ def mac_residual(shape: Reals, gradient: Reals, test: Reals, sd: float) -> tuple
     root = side * inner / norm
     d_root = side * (reference @ slope) / norm - root * (phi @ slope) / norm**2
     return np.array([(1.0 - root) / root / sd]), (-d_root / root**2 / sd)[None, :]
+
+
+@dataclass(frozen=True)
+class ShapeResidual(PairResidual):
+    """Differences of shapes that are scaled alike; `sd` is of an entry of the scaled shape."""
+
+    sd: float
+    scaling: Scaling = "unit-norm"
+
+    def of_pair(self, pair: PairedMode) -> ResidualBlock:
+        """One value for each entry that was measured (one less where the largest is scaled to one)."""
+        found = shape_difference(pair.shape, pair.shape_gradient, pair.test_shape, self.sd, self.scaling)
+        return ResidualBlock("shape", pair.case.name, pair.label, *found, self.sd)
+
+
+@dataclass(frozen=True)
+class MacResidual(PairResidual):
+    """(1 − √MAC)/√MAC of each pair; `sd` is of that value."""
+
+    sd: float
+
+    def of_pair(self, pair: PairedMode) -> ResidualBlock:
+        """One value a mode."""
+        found = mac_residual(pair.shape, pair.shape_gradient, pair.test_shape, self.sd)
+        return ResidualBlock("shape", pair.case.name, pair.label, *found, self.sd)

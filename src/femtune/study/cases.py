@@ -33,14 +33,15 @@ class StudyCase:
     """One configuration: its entry in the study, the model in this state, and its test where there is one.
 
     `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
-    in place of the model's own elements, where it has none.
+    in place of the model's own elements, where it has none. `compared` is what the update uses of this configuration,
+    None where nothing is compared in it.
     """
 
     entry: ConfigurationEntry
     configured: ConfiguredModel
     test: ModalTest | None = None
     sensors: SensorMap | None = None
-    modal: ModalCase | None = None
+    compared: ModalCase | None = None
     all_sensors: SensorMap | None = None
     mesh: DrawnMesh | None = None
 
@@ -48,6 +49,11 @@ class StudyCase:
     def name(self) -> str:
         """Name of the configuration."""
         return self.entry.name
+
+    @property
+    def modal(self) -> ModalCase | None:
+        """What is compared, where modes were measured."""
+        return self.compared if self.compared is not None and len(self.compared.test) else None
 
 
 def study_case(
@@ -110,10 +116,12 @@ def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -
 def on_model(case: StudyCase, model: ParametricModel) -> StudyCase:
     """The same configuration, test and sensors on another model of the same grid points."""
     configured = configure(model, case.configured.configuration)
-    if case.modal is None or case.sensors is None:
+    if case.compared is None:
         return replace(case, configured=configured)
-    sensors = sp.csr_array(case.sensors.matrix @ configured.transformation)
-    return replace(case, configured=configured, modal=replace(case.modal, configured=configured, sensors=sensors))
+    of_modes = case.sensors.matrix if case.modal is not None and case.sensors is not None else None
+    sensors = sp.csr_array((0, configured.n_free)) if of_modes is None else of_modes @ configured.transformation
+    compared = replace(case.compared, configured=configured, sensors=sp.csr_array(sensors))
+    return replace(case, configured=configured, compared=compared)
 
 
 def sensor_tolerance(file: StudyFile, structure: Structure) -> float:

@@ -63,7 +63,7 @@ class Study:
         ------
         FemtuneError : ``study.no-test``
         """
-        cases = tuple(c.modal for c in self.cases if c.modal is not None and c.entry.use == "update")
+        cases = tuple(c.compared for c in self.cases if c.compared is not None and c.entry.use == "update")
         if not cases:
             raise self.no_test("the update may use")
         return UpdateProblem(cases, self.parameters, self.rules)
@@ -219,14 +219,15 @@ def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> S
     count, max_hz = file.modes.wanted, file.modes.max_hz
     cases = []
     for case in study.cases:
-        modal = None if case.modal is None else replace(case.modal, count=count, max_hz=max_hz)
-        cases.append(replace(case, modal=modal))
+        compared = None if case.compared is None else replace(case.compared, count=count, max_hz=max_hz)
+        cases.append(replace(case, compared=compared))
     return replace(study, file=file, cases=tuple(cases))
 
 
 def solved_by(study: Study, solver: ModelSolver) -> Study:
     """The same study with another solver of the full model, in all its configurations."""
-    cases = (c if c.modal is None else replace(c, modal=replace(c.modal, solver=solver)) for c in study.cases)
+    pairs = ((c, c.compared) for c in study.cases)
+    cases = (c if some is None else replace(c, compared=replace(some, solver=solver)) for c, some in pairs)
     return replace(study, solver=solver, cases=tuple(cases))
 
 

@@ -86,7 +86,7 @@ def _records(
         modes.append(model_modes(case.name, "before", solution))
         first = replace(solution, wanted=min(solution.wanted, MOST_MODES))
         # what was measured is no matter here
-        alone = replace(case, test=None, sensors=None, modal=None)
+        alone = replace(case, test=None, sensors=None, compared=None)
         shapes.append(mode_shapes(alone, "before", first, array_prefix("before", case.name, i + 1), arrays))
     return modes, shapes
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.correlate import Correlation
 from femtune.model import EigenSolution
-from femtune.residuals import CaseState, Evaluation, groups_of, pair_case, solve_case
+from femtune.residuals import CaseState, Evaluation, solve_case, state_at
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study
 from femtune.study.located import located, located_in, located_in_deck, place_of
@@ -58,36 +58,40 @@ def start(study: Study, progress: Progress) -> Evaluation:
     FemtuneError : ``study.no-test``, ``correlate.no-pairs``, ``residual.*``, ``eigen.*``
     """
     problem, x, states = study.problem(), nominal(study), []
-    cases = [c for c in study.cases if any(c.modal is used for used in problem.cases)]
+    cases = [c for c in study.cases if any(c.compared is used for used in problem.cases)]
     for i, case in enumerate(cases):
         progress.step(f"solving and pairing the modes: {case.name}", i, len(cases))
         states.append(_state(study, case, x))
     with located(study.file.where("residuals", "frequency_sd")):
-        if any(state.groups for state in states):
+        if any(state.groups for state in states) or all(c.modal is None for c in cases):
             return problem.assess(x, states)
-    with located(place_of(study.file, cases[0].entry, "test")):
-        return problem.start(x)
+    with located(place_of(study.file, next(c.entry for c in cases if c.modal is not None), "test")):
+        problem.check_paired(states)
+        return problem.assess(x, states)
 
 
 def _state(study: Study, case: StudyCase, x: NDArray) -> CaseState:
-    assert case.modal is not None
+    assert case.compared is not None
+    if case.modal is None:
+        return state_at(case.compared, x)
     solution = solve(study, case, x)
     with located_in(study.file, case.entry, "test"):
-        return CaseState(case.modal, solution, groups_of(pair_case(case.modal, solution)))
+        return state_at(case.modal, x, solution)
 
 
 def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
     """Modes of one configuration."""
     with located_in_deck(study.built.deck):
-        if case.modal is not None:
-            return solve_case(case.modal, x)
+        if case.compared is not None:
+            return solve_case(case.compared, x)
         table = study.file.modes
         return study.solver.modes(case.configured.at(x), table.wanted, table.max_hz)
 
 
 def solutions_of(evaluation: Evaluation) -> Solutions:
     """What an evaluation has solved, by name of the configuration."""
-    return {state.case.name: state.solution for state in evaluation.states}
+    found = {state.case.name: state.solved for state in evaluation.states}
+    return {name: solution for name, solution in found.items() if solution is not None}
 
 
 def solved_cases(study: Study, progress: Progress) -> Iterator[tuple[StudyCase, EigenSolution]]:
@@ -128,7 +132,7 @@ def as_written(study: Study, after: Evaluation) -> Evaluation:
     same = all(c.configured.n_free == s.case.configured.n_free for c, s in zip(problem.cases, after.states))
     if not same:
         return start(study, silent)
-    states = tuple(CaseState(c, s.solution, s.groups) for c, s in zip(problem.cases, after.states))
+    states = tuple(CaseState(c, s.point, s.groups, s.solved) for c, s in zip(problem.cases, after.states))
     with located_in_deck(study.built.deck):
         return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))
 

@@ -110,28 +110,42 @@ class ReducedUpdate:
 
 @dataclass(eq=False)
 class _Search:
-    """Reduced models of all cases, and the history of the search on them."""
+    """Reduced models of the cases that modes serve, and the history of the search on them; `reduced` are these cases'
+    positions in the problem.
+    """
 
     problem: UpdateProblem
     rules: ReductionRules
+    reduced: list[int]
     trainers: list[Trainer]
     trained: list[Trained]
     estimates: list[Trained]
     history: list[Iteration]
 
     def reduced_problem(self) -> UpdateProblem:
-        cases = (reduced_case(c, t.model) for c, t in zip(self.problem.cases, self.trained))
+        cases = list(self.problem.cases)
+        for i, trained in zip(self.reduced, self.trained):
+            cases[i] = reduced_case(cases[i], trained.model)
         return replace(self.problem, cases=tuple(cases))
+
+    @property
+    def cases(self) -> list[ModalCase]:
+        """The cases that are reduced."""
+        return [self.problem.cases[i] for i in self.reduced]
+
+    def solutions(self, states: list[CaseState]) -> list[EigenSolution]:
+        """Full modes of the cases that are reduced."""
+        return [states[i].solution for i in self.reduced]
 
     def errors(self, x: Reals, states: list[CaseState]) -> list[float]:
         """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
-        pairs = zip(self.trained, (s.solution for s in states))
+        pairs = zip(self.trained, self.solutions(states))
         return [float(certified_error(t.model, x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
 
     def enrich(self, x: Reals, states: list[CaseState]) -> None:
         """Put the full modes at a point into the bases."""
-        some = (s.solution for s in states)
-        self.trained = [t.enriched(m, x, s) for t, m, s in zip(self.trainers, self.trained, some)]
+        triples = zip(self.trainers, self.trained, self.solutions(states))
+        self.trained = [t.enriched(m, x, s) for t, m, s in triples]
 
     @property
     def used_up(self) -> bool:
@@ -178,7 +192,7 @@ def update_reduced(
         search.enrich(x, states)
     facts = tuple(
         ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
-        for c, t, first, error in zip(problem.cases, search.trained, search.estimates, errors)
+        for c, t, first, error in zip(search.cases, search.trained, search.estimates, errors)
     )
     full = problem.assess(x, states)
     return ReducedUpdate(_on_full_model(problem, method, before, full, found, search), facts, tuple(rounds), agree)
@@ -186,13 +200,14 @@ def update_reduced(
 
 def _trained(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Told) -> _Search:
     trainers, trained = [], []
-    for case, state in zip(problem.cases, before.states):
+    which = [i for i, case in enumerate(problem.cases) if case.on_modes]
+    for case, state in ((problem.cases[i], before.states[i]) for i in which):
         most = max(rules.full_solutions - KEPT, 1)
         asked = TrainingRules(state.solution.wanted, SEARCH * rules.tolerance, most, rules.order)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
         trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), *hears))
         trained.append(trainers[-1].train(trainers[-1].start()))
-    return _Search(problem, rules, trainers, trained, trained, [])
+    return _Search(problem, rules, which, trainers, trained, trained, [])
 
 
 def _solve(case: ModalCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:

@@ -1,0 +1,90 @@
+"""Cases with residuals of their own: with and without test modes; modes are solved only where something asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.model import EigenSolution, ModelPoint
+from femtune.residuals import CaseState, Residual, ResidualBlock, ResidualRules, UpdateProblem, case_without_modes
+from femtune.residuals.solver import direct
+from femtune.testing.springs import factor_model, simulated_case, spring_structure
+from femtune.update import ReductionRules, SensitivityMethod, update, update_reduced
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The first diagonal entry of K against a given one."""
+
+    wanted: float
+    on_modes = False
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        point = state.full
+        slopes = [d[0, 0] for d in point.stiffness_derivatives] if derivatives else []
+        values = np.array([(point.stiffness[0, 0] - self.wanted) / self.wanted])
+        return [ResidualBlock("corner", state.case.name, "K", values, np.array([slopes]) / self.wanted, 1.0)]
+
+
+class Counting:
+    """Counts the solutions for modes."""
+
+    def __init__(self) -> None:
+        self.solved = 0
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        self.solved += 1
+        return direct.modes(point, count, max_hz)
+
+    def derivative(self, *args: object) -> object:
+        return direct.derivative(*args)  # type: ignore[arg-type]
+
+
+MODEL = factor_model(spring_structure([(-1, 0, 900.0), (0, 1, 700.0), (-1, 1, 50.0)], [1.0, 2.0]), {"a": [1], "b": [2]})
+
+
+def test_a_case_without_modes_is_not_solved_for_them():
+    solver = Counting()
+    case = case_without_modes(MODEL, (Corner(1780.0),), solver=solver)
+    problem = UpdateProblem((case,), MODEL.model.parameters)
+    result = update(problem, SensitivityMethod())
+    assert result.after.objective < 1e-20
+    assert solver.solved == 0
+    assert result.after.states[0].solved is None
+    # … and it can be, when something asks
+    assert result.after.states[0].solution.freq_hz[0] > 0.0
+    assert solver.solved == 1
+
+
+def test_own_residuals_come_after_those_of_the_modes():
+    case = replace(simulated_case(MODEL, (0.1, -0.2), (0, 1), 2), residuals=(Corner(1600.0),))
+    problem = UpdateProblem((case,), MODEL.model.parameters, ResidualRules(0.01, 0.1))
+    start = problem.start(np.zeros(2))
+    assert [b.kind for b in start.blocks] == ["frequency", "shape", "frequency", "shape", "corner"]
+    assert isinstance(case.residuals[0], Residual)
+
+
+def test_modes_that_are_not_compared_need_no_partner():
+    far = simulated_case(MODEL, (0.1, -0.2), (0, 1), 2)
+    far = replace(far, test=replace(far.test, freq_hz=10.0 * far.test.freq_hz), residuals=(Corner(1600.0),))
+    silent = UpdateProblem((far,), MODEL.model.parameters, ResidualRules(0.0, 0.0))
+    assert [b.kind for b in silent.start(np.zeros(2)).blocks] == ["corner"]
+    with pytest.raises(FemtuneError, match=r"correlate\.no-pairs"):
+        replace(silent, rules=ResidualRules()).start(np.zeros(2))
+
+
+def test_only_what_modes_serve_is_reduced():
+    """Both configurations are compared; the one without modes stays on the full model."""
+    springs = [(i - 1, i, 900.0) for i in range(60)]
+    long = factor_model(spring_structure(springs, [1.0] * 60), {"a": list(range(1, 31)), "b": list(range(31, 61))})
+    modal = simulated_case(long, (0.1, -0.2), range(0, 60, 5), 3)  # type: ignore[arg-type]
+    other = case_without_modes(long, (Corner(1.1 * 1800.0),))
+    problem = UpdateProblem((modal, other), long.model.parameters, ResidualRules(0.01))
+    found = update_reduced(problem, SensitivityMethod(), ReductionRules(order=30))
+    assert found.certified
+    assert [c.order < 60 for c in found.cases] == [True]
+    np.testing.assert_allclose(found.result.x, [0.1, -0.2], atol=1e-6)
