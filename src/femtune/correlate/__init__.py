@@ -1,7 +1,6 @@
 """Test against model: sensors on nodes, modes in pairs, and how well they agree."""
 
 from femtune.correlate.correlation import Correlation, correlate, paired_shapes
-from femtune.correlate.criteria import CRITERIA, Criterion, Outcome, Verdict, assess
 from femtune.correlate.generalised import GeneralisedSensor, rigid_motion_sensor
 from femtune.correlate.noise import NoiseShare
 from femtune.correlate.pairing import ClusterMatch, Pair, Pairing, Unpaired, pair_modes
@@ -10,23 +9,18 @@ from femtune.correlate.reduced_mass import NotTested, ReducedMass, reduce_mass
 from femtune.correlate.sensor_map import Match, SensorMap, Unmatched, map_sensors
 
 __all__ = [
-    "CRITERIA",
     "ClusterMatch",
     "Correlation",
-    "Criterion",
     "GeneralisedSensor",
     "Match",
     "NoiseShare",
     "NotTested",
-    "Outcome",
     "Pair",
     "Pairing",
     "ReducedMass",
     "SensorMap",
     "Unmatched",
     "Unpaired",
-    "Verdict",
-    "assess",
     "correlate",
     "map_sensors",
     "no_pairs",

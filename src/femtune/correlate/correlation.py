@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlate.candidates import visible_modes
-from femtune.correlate.noise import NoiseShare, noise_share
+from femtune.correlate.noise import NoiseShare, noise_share, orthogonality_noise
 from femtune.correlate.pairing import ClusterMatch, Pairing, pair_modes
 from femtune.correlate.reduced_mass import NotTested, ReducedMass
 from femtune.dofs import DofSet
@@ -43,6 +43,8 @@ class Correlation:
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
     noise : for each pair what the scatter of the test shape explains, or why that is not known
     notices : findings such as sensors that move against the model
+    orthogonality_sd, self_sd : (p, p) what the scatter of the test's shapes gives off the diagonal of the two matrices
+        (one standard deviation), or why that is not known
     """
 
     test: ModeSet
@@ -59,6 +61,8 @@ class Correlation:
     orthogonality_dropped: tuple[str, ...]
     noise: tuple[NoiseShare, ...] | NotTested
     notices: tuple[Notice, ...]
+    orthogonality_sd: Reals | NotTested
+    self_sd: Reals | NotTested
 
     @property
     def dofs(self) -> DofSet:
@@ -127,6 +131,7 @@ def correlate(
         mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
         _noise(test, pairing),
         (*pairing.notices, *_inverted(test.dofs, psi, phi)),
+        *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
     )
 
 
@@ -172,6 +177,16 @@ def _orthogonality(
     M, kept = mass.mass, list(mass.kept)
     psi, phi = psi[kept], phi[kept]
     return cross_orthogonality(psi, phi, M), cross_orthogonality(psi, psi, M)
+
+
+def _orthogonality_sd(
+    test: ModeSet, psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing
+) -> tuple[Reals | NotTested, Reals | NotTested]:
+    if not isinstance(mass, ReducedMass) or test.shapes_sd is None:
+        return (NotTested("the scatter of the test's shapes, or its orthogonality, is not known"),) * 2
+    kept = list(mass.kept)
+    sd = test.shapes_sd[:, list(pairing.test_indices)][kept]
+    return orthogonality_noise(psi[kept], phi[kept], sd, mass.mass)
 
 
 def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing) -> NotTested | None:

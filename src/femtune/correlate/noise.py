@@ -1,4 +1,4 @@
-"""How much of a MAC's distance from one the scatter of the measured shapes explains."""
+"""How much of a MAC's distance from one, and of what orthogonality leaves, the scatter of measured shapes explains."""
 
 from __future__ import annotations
 
@@ -54,3 +54,31 @@ def noise_share(mac_value: float, shape: NDArray, shape_sd: Reals) -> NoiseShare
     ceiling = mean + 2.0 * spread
     # noise as large as the shape itself: the loss v turns into v/(1 + v)
     return NoiseShare(1.0 - mac_value, mean / (1.0 + mean), ceiling / (1.0 + ceiling))
+
+
+def orthogonality_noise(psi: NDArray, phi: Reals, sd: Reals, mass: Reals) -> tuple[Reals, Reals]:
+    """What scatter of the test's shapes gives off the diagonals of cross- and self-orthogonality, to first order.
+
+    With c = (ψᵀMψ)^-½ and φ of unit modal mass, an entry cψ_iᵀMφ_j scatters by c_i √((Mφ_j)ᵀΣ_i(Mφ_j)) with
+    Σ_i = diag(σ_i²); an entry of the self-orthogonality by both of its shapes.
+
+    Parameters
+    ----------
+    psi, phi : (n, p) paired shapes
+    sd : (n, p) standard deviations of psi
+    mass : (n, n) symmetric
+
+    Returns
+    -------
+    two matrices (p, p) of standard deviations; the diagonals mean nothing
+    """
+    unit_test, unit_model = _unit_mass(psi, mass), _unit_mass(phi, mass)
+    scale = 1.0 / np.sqrt(np.einsum("ni,nm,mi->i", psi.conj(), mass, psi).real)
+    variance = (sd * scale) ** 2
+    cross = variance.T @ np.abs(mass @ unit_model) ** 2
+    own = variance.T @ np.abs(mass @ unit_test) ** 2
+    return np.sqrt(cross), np.sqrt(own + own.T)
+
+
+def _unit_mass(shapes: NDArray, mass: Reals) -> NDArray:
+    return shapes / np.sqrt(np.einsum("ni,nm,mi->i", shapes.conj(), mass, shapes).real)

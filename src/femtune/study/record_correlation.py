@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.correlate import Correlation, NotTested, Pair, Verdict, assess, correlate, reduce_mass
+from femtune.correlate import Correlation, NotTested, Pair, correlate, reduce_mass
 from femtune.model import EigenSolution
 from femtune.residuals import ModalCase, modes_at_sensors
 from femtune.study.results_base import Stage
@@ -23,6 +23,7 @@ from femtune.study.results_correlation import (
     UnpairedModelMode,
     UnpairedTestMode,
 )
+from femtune.validate import Verdict, assess
 
 Arrays = dict[str, NDArray]
 

@@ -1,0 +1,149 @@
+"""Accepted criteria of test-analysis correlation as data, profiles of them, and the verdict on each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Outcome(Enum):
+    """What a criterion says."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    NOT_TESTED = "not tested"
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One number of a standard: `quantity` must be at most (or at least) `limit`."""
+
+    standard: str
+    quantity: str
+    limit: float
+    at_most: bool
+
+    @property
+    def percent(self) -> bool:
+        """True where the quantity is told in per cent."""
+        return self.quantity in IN_PERCENT
+
+    def text(self, value: float) -> str:
+        """A value of this quantity as people write it."""
+        return f"{100.0 * value:.3g} %" if self.percent else f"{value:.3g}"
+
+    def passed(self, value: float) -> bool:
+        """True on the right side of the limit; an undefined value is on the wrong one."""
+        return value <= self.limit if self.at_most else value >= self.limit
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A criterion beside what was measured.
+
+    Parameters
+    ----------
+    criterion : what is asked
+    measured : the worst value; None where it was not tested
+    outcome : pass, fail or not tested
+    remark : where the worst value is, or why it was not tested
+    noise : what part of a miss noise explains, in words; "" where nothing is known of it, or nothing missed
+    """
+
+    criterion: Criterion
+    measured: float | None
+    outcome: Outcome
+    remark: str
+    noise: str = ""
+
+    @property
+    def required(self) -> float:
+        """The criterion's number."""
+        return self.criterion.limit
+
+    @property
+    def sentence(self) -> str:
+        """Outcome, measured number beside the required one, the place, and what noise explains."""
+        c = self.criterion
+        asked = f"{'at most' if c.at_most else 'at least'} {c.text(c.limit)} asked by {c.standard}"
+        if self.measured is None:
+            return f"not tested: {c.quantity}, {asked}: {self.remark}"
+        tail = "".join(f"; {part}" for part in (self.remark, self.noise) if part)
+        return f"{self.outcome.value}: {c.quantity} {c.text(self.measured)}, {asked}{tail}"
+
+
+@dataclass(frozen=True)
+class CriteriaProfile:
+    """Criteria under one name, of a standard or of a project.
+
+    `tailored` replaces single numbers.
+    """
+
+    name: str
+    criteria: tuple[Criterion, ...]
+
+    def tailored(self, limits: Mapping[str, float]) -> CriteriaProfile:
+        """With own limits by quantity: they take the place of this profile's, or come beside them.
+
+        Raises
+        ------
+        KeyError : for a quantity that nothing measures
+        """
+        own = tuple(Criterion(OWN, quantity, limit, _AT_MOST[quantity]) for quantity, limit in limits.items())
+        kept = tuple(c for c in self.criteria if c.quantity not in limits)
+        if not own:
+            return self
+        return CriteriaProfile(f"{self.name}, tailored" if self.criteria else OWN, (*kept, *own))
+
+
+FREQUENCY, MAC, SHAPE = "frequency error", "MAC", "shape error at held-out sensors"
+DIAGONAL, OFF_DIAGONAL = "cross-orthogonality, diagonal", "cross-orthogonality, off the diagonal"
+SELF = "self-orthogonality of the test, off the diagonal"
+OWN = "own criterion"
+
+IN_PERCENT = (FREQUENCY, SHAPE)
+_AT_MOST = {FREQUENCY: True, MAC: False, SHAPE: True, DIAGONAL: False, OFF_DIAGONAL: True, SELF: True}
+
+CRITERIA = (
+    Criterion("NASA-STD-5002", FREQUENCY, 0.05, True),
+    Criterion("NASA-STD-5002", DIAGONAL, 0.90, False),
+    Criterion("NASA-STD-5002", OFF_DIAGONAL, 0.10, True),
+    Criterion("MIL-STD-1540C", FREQUENCY, 0.03, True),
+    Criterion("MIL-STD-1540C", DIAGONAL, 0.95, False),
+    Criterion("ECSS-E-ST-32-11C", FREQUENCY, 0.05, True),
+    Criterion("ECSS-E-ST-32-11C", MAC, 0.90, False),
+    Criterion("common practice", SELF, 0.10, True),
+)
+"""The limits that these standards name for primary modes; a project may tailor them."""
+
+
+def _of(*names: str) -> tuple[Criterion, ...]:
+    return tuple(c for c in CRITERIA if c.standard in (*names, "common practice"))
+
+
+PROFILES = {
+    "all": CriteriaProfile("all standards", CRITERIA),
+    "NASA": CriteriaProfile("NASA-STD-5002", _of("NASA-STD-5002")),
+    "MIL": CriteriaProfile("MIL-STD-1540C", _of("MIL-STD-1540C")),
+    "ECSS": CriteriaProfile("ECSS-E-ST-32-11C", _of("ECSS-E-ST-32-11C")),
+    "own": CriteriaProfile("own", ()),
+}
+"""Profiles by the word of a study file."""
+
+
+def profile(word: str, limits: Mapping[str, float] | None = None) -> CriteriaProfile:
+    """A profile with own limits by quantity (KeyError for words that are not in `PROFILES`)."""
+    return PROFILES[word].tailored(limits or {})
+
+
+def judge(criterion: Criterion, value: float, remark: str, noise: str = "") -> Verdict:
+    """The verdict on a measured value; noise is told of a miss only."""
+    passed = criterion.passed(value)
+    outcome = Outcome.PASS if passed else Outcome.FAIL
+    return Verdict(criterion, value, outcome, remark, "" if passed else noise)
+
+
+def not_tested(criterion: Criterion, reason: str) -> Verdict:
+    """The verdict that there is none, and why."""
+    return Verdict(criterion, None, Outcome.NOT_TESTED, reason)
