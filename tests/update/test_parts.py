@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from femtune.parameters import Parameter, ParameterSet
-from femtune.update import Regularisation, parameter_covariance
+from femtune.update import parameter_covariance
 from femtune.update.trust import bounded_step
 
 RNG = np.random.default_rng(2)
@@ -49,19 +48,6 @@ def test_undetermined_combinations_stay():
 
 def test_no_room_no_step():
     assert bounded_step(np.ones(2), np.eye(2), 0.1, np.zeros(2), np.zeros(2), np.ones(2)).tolist() == [0.0, 0.0]
-
-
-def test_side_constraints_by_hand():
-    parameters = ParameterSet((Parameter("a", 2.0, 1.0, 4.0, prior_mean=3.0, prior_sd=0.5), Parameter("b")))
-    x = np.array([0.25, 0.1])
-    values, rows = Regularisation("minimum-change", 0.3).rows(parameters, x)
-    np.testing.assert_allclose(values, 0.3 * x)
-    np.testing.assert_allclose(rows, 0.3 * np.eye(2))
-    values, rows = Regularisation("prior").rows(parameters, x)
-    # a = 2.5, half a unit below its mean; b = 1.1, sd = 1.5/√12
-    np.testing.assert_allclose(values, [-1.0, 0.1 * np.sqrt(12.0) / 1.5])
-    np.testing.assert_allclose(np.diag(rows), [2.0 / 0.5, np.sqrt(12.0) / 1.5])
-    assert Regularisation().rows(parameters, x)[1].shape == (0, 2)
 
 
 NONE = np.zeros((0, 3))

@@ -12,11 +12,12 @@ import femtune.update.sensitivity_method as method_module
 from femtune.errors import FemtuneError
 from femtune.model import AddedMass, Configuration, ConfiguredModel, EigenSolution, ModelPoint
 from femtune.parameters import Parameter, tied
-from femtune.residuals import ModalCase, PairingRules, ResidualRules, UpdateProblem
+from femtune.residuals import Evaluation, ModalCase, PairingRules, ResidualRules, UpdateProblem
 from femtune.residuals.solver import direct
 from femtune.status import Status
 from femtune.testing.springs import factor_model, sensor_rows, simulated_case, spring_structure
-from femtune.update import Regularisation, SensitivityMethod, UpdateResult, update
+from femtune.update import MinimumChange, Prior, SensitivityMethod, UpdateResult, update
+from femtune.update.walk import Point, Walk
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 MASSES = [1.0, 2.0, 1.5, 1.0]
@@ -157,13 +158,13 @@ def test_iteration_limit():
 def test_stalled(monkeypatch: pytest.MonkeyPatch):
     """A Jacobian of the wrong sign: no step lowers the objective, and that is not called convergence."""
     problem = problem_of(simulated_case(chain(), TRUTH, range(4), 4))  # type: ignore[arg-type]
-    right = method_module._point
+    right = Walk.point
 
-    def wrong(*arguments: object) -> object:
-        point = right(*arguments)  # type: ignore[arg-type]
-        return type(point)(point.evaluation, point.residuals, -point.jacobian)
+    def wrong(self: Walk, evaluation: Evaluation) -> Point:
+        point = right(self, evaluation)
+        return Point(point.evaluation, point.residuals, -point.jacobian)
 
-    monkeypatch.setattr(method_module, "_point", wrong)
+    monkeypatch.setattr(Walk, "point", wrong)
     result = update(problem)
     assert result.status is Status.STALLED
     np.testing.assert_allclose(result.x, 0.0)
@@ -237,14 +238,14 @@ def linear_problem() -> UpdateProblem:
 
 def test_minimum_change_by_hand():
     """min ((x − .2)/.12)² + μ²x²."""
-    result = update(linear_problem(), SensitivityMethod(regularisation=Regularisation("minimum-change", 4.0)))
+    result = update(linear_problem(), SensitivityMethod(regularisation=MinimumChange(4.0)))
     s = 1 / 0.12
     assert result.x[0] == pytest.approx(0.2 * s**2 / (s**2 + 16.0), rel=1e-6)
 
 
 def test_prior_by_hand():
     """Maximum a posteriori of two Gaussians, and its deviation."""
-    result = update(linear_problem(), SensitivityMethod(regularisation=Regularisation("prior")))
+    result = update(linear_problem(), SensitivityMethod(regularisation=Prior()))
     s, p = 1 / 0.12, 1 / 0.05
     assert result.x[0] == pytest.approx((0.2 * s**2 + 0.1 * p**2) / (s**2 + p**2), rel=1e-6)
     assert result.covariance.misfit["frequency"] < 1.0

@@ -29,9 +29,10 @@ from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import SelectionResults
 from femtune.study.run_folder import RESULTS_FILE, write_results
 from femtune.study.stages import StageRecords, as_written, solutions_of, stage_records, start, validation
+from femtune.study.update_method import regularisation_of
 from femtune.study.with_journal import journal_results
 from femtune.study.write_back import WriteBack, check_written, write_back
-from femtune.update import Iteration, Regularisation, SensitivityMethod, UpdateResult
+from femtune.update import Iteration, SensitivityMethod, UpdateResult
 from femtune.update import update as find_parameters
 
 Arrays = dict[str, NDArray]
@@ -148,9 +149,7 @@ class Run:
 
     def _update(self, at: Evaluation) -> UpdateResult:
         table = self.study.file.update
-        method = SensitivityMethod(
-            table.max_iterations, table.tolerance, Regularisation(table.regularisation, table.weight)
-        )
+        method = SensitivityMethod(table.max_iterations, table.tolerance, regularisation_of(table))
         history = History(self.folder, self.study.parameters)
         history.begin()
 

@@ -34,7 +34,13 @@ class ParameterCovariance:
 
 
 def parameter_covariance(
-    r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, at_bound: NDArray[np.bool_], prior_sd: Reals
+    r: Reals,
+    J: Reals,
+    kinds: Sequence[str],
+    extra: Reals,
+    at_bound: NDArray[np.bool_],
+    prior_sd: Reals,
+    moving: NDArray[np.bool_] | None = None,
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
@@ -48,11 +54,14 @@ def parameter_covariance(
     extra : (m, k) rows R of a prior, (0, k) without
     at_bound : (k,) parameters at a bound get no standard deviation
     prior_sd : (k,) spreads that tell whether a parameter is determined
+    moving : (k,) parameters that the update moves, all where it is None; the others get no standard deviation
     """
     k = J.shape[1]
-    free = np.flatnonzero(~at_bound)
+    moving = np.ones(k, bool) if moving is None else moving
+    free = np.flatnonzero(moving & ~at_bound)
     matrix = np.full((k, k), np.nan)
-    reasons = {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
+    reasons = {int(i): "not moved by this update, σ not given" for i in np.flatnonzero(~moving)}
+    reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
     rows = np.vstack([J, extra])[:, free] * prior_sd[free]
     s, vt = _directions(rows)
     good = determined(s) if not len(extra) else s > 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -16,6 +16,7 @@ from femtune.residuals import CaseState, Evaluation, ModalCase, UpdateProblem
 from femtune.residuals.reduced import reduced_case
 from femtune.update.result import Iteration, UpdateResult
 from femtune.update.sensitivity_method import SensitivityMethod, update
+from femtune.update.walk import linear_model, moving_parameters
 
 Reals = NDArray[np.float64]
 
@@ -162,6 +163,7 @@ def update_reduced(
     report: Callable[[Iteration], None] = lambda i: None,
     start: Evaluation | None = None,
     told: Told = _NOBODY,
+    active: Sequence[str] | None = None,
 ) -> ReducedUpdate:
     """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
 
@@ -170,18 +172,21 @@ def update_reduced(
 
     Parameters
     ----------
-    report, start : as for `update`
+    report, start, active : as for `update`
     told : hears how far training and searches are
 
     Raises
     ------
-    FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.too-many-terms``
+    FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.too-many-terms``, and what `update` raises of `active`
+        and priors
     """
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
+    side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
+    method = replace(method, regularisation=side)
     search = _trained(problem, rules, before, told)
     x, rounds = before.x, list[str]()
     while True:
-        found = _search(search, method, x, report)
+        found = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
         x, states = found.x, problem.solved(found.x)
         errors = search.errors(x, states)
@@ -215,7 +220,13 @@ def _solve(case: ModalCase, point: ModelPoint, count: int, start: EigenSolution 
     return case.solver.modes(point, count, None)
 
 
-def _search(search: _Search, method: SensitivityMethod, x: Reals, report: Callable[[Iteration], None]) -> UpdateResult:
+def _search(
+    search: _Search,
+    method: SensitivityMethod,
+    x: Reals,
+    report: Callable[[Iteration], None],
+    active: Sequence[str] | None,
+) -> UpdateResult:
     """The update on the reduced models from x, its iterations numbered on."""
     reduced = search.reduced_problem()
 
@@ -226,7 +237,7 @@ def _search(search: _Search, method: SensitivityMethod, x: Reals, report: Callab
             search.history.append(own)
             report(own)
 
-    return update(reduced, method, number_on, reduced.start(x))
+    return update(reduced, method, number_on, reduced.start(x), active)
 
 
 def _sentence(number: int, search: _Search, error: float, agree: bool) -> str:
@@ -247,5 +258,5 @@ def _on_full_model(
     search: _Search,
 ) -> UpdateResult:
     """The result at the end point with residuals, Jacobian and covariance of the full model."""
-    there = update(problem, replace(method, max_iterations=0), start=full)
+    there = update(problem, replace(method, max_iterations=0), start=full, active=found.active)
     return replace(there, status=found.status, before=before, history=tuple(search.history))

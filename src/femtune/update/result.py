@@ -11,6 +11,7 @@ from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation
 from femtune.status import Status
 from femtune.update.covariance import ParameterCovariance
+from femtune.update.regularise import SideConstraint
 
 Reals = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ class Iteration:
     mean_error : weighted mean error of the comparisons, see `Evaluation.mean_error`
     x : normalised parameters
     step : largest change of a parameter in this iteration
-    damping : of the accepted step
+    damping : state of the search after the accepted step: its damping, or the part of the whole step that it tries
     at_bound : names of parameters at a bound
     events : pairing changes that followed
     """
@@ -44,7 +45,8 @@ class Iteration:
 class UpdateResult:
     """Outcome of an update.
 
-    `x` are normalised free parameters; `covariance` is of x.
+    `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
+    `side` is the side constraint as it was settled.
     """
 
     parameters: ParameterSet
@@ -55,6 +57,8 @@ class UpdateResult:
     history: tuple[Iteration, ...]
     covariance: ParameterCovariance
     citations: tuple[str, ...]
+    active: tuple[str, ...]
+    side: SideConstraint
 
     @property
     def values(self) -> dict[str, float]:

@@ -1,11 +1,11 @@
-"""The sensitivity method with bounds inside the step: damped Gauss-Newton on modal residuals.
+"""The sensitivity method with bounds inside the step: Gauss-Newton on residuals, a search and a side constraint.
 
 Source: Mottershead, Link and Friswell (2011); damping after Levenberg and Marquardt.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,50 +13,37 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
-from femtune.select import identifiability
 from femtune.status import Status
-from femtune.update.covariance import parameter_covariance
-from femtune.update.regularise import Regularisation
+from femtune.update.covariance import ParameterCovariance, parameter_covariance
+from femtune.update.regularise import NoRegularisation, Regularisation
 from femtune.update.result import Iteration, UpdateResult
-from femtune.update.trust import bounded_step
+from femtune.update.search import LevenbergMarquardt, LocalModel, Search
+from femtune.update.trust import without
+from femtune.update.walk import Point, Walk, linear_model, moving_parameters
 
 Reals = NDArray[np.float64]
 Report = Callable[[Iteration], None]
 
-_DAMPING_START, _DAMPING_LEAST, _DAMPING_MOST = 1e-3, 1e-12, 1e12
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
 
 
 @dataclass(frozen=True)
 class SensitivityMethod:
-    """Settings of the iteration.
+    """Settings of the iteration, put together from parts.
 
     Parameters
     ----------
     max_iterations : accepted steps at most
     tolerance : largest change of a normalised parameter that counts as none
-    regularisation : side constraints
+    regularisation : side constraints, settled at the first iteration and kept
+    search : how the length of a step is found
     """
 
     max_iterations: int = 50
     tolerance: float = 1e-8
-    regularisation: Regularisation = field(default_factory=Regularisation)
-
-
-@dataclass(frozen=True)
-class _Point:
-    evaluation: Evaluation
-    residuals: Reals
-    jacobian: Reals
-
-    @property
-    def objective(self) -> float:
-        return 0.5 * float(self.residuals @ self.residuals)
-
-    @property
-    def x(self) -> Reals:
-        return self.evaluation.x
+    regularisation: Regularisation = field(default_factory=NoRegularisation)
+    search: Search = field(default_factory=LevenbergMarquardt)
 
 
 def update(
@@ -64,154 +51,112 @@ def update(
     method: SensitivityMethod = SensitivityMethod(),
     report: Report = lambda i: None,
     start: Evaluation | None = None,
+    active: Sequence[str] | None = None,
 ) -> UpdateResult:
     """Move the parameters inside their bounds until model and test agree as well as they can.
 
-    `report` is called with every iteration; `start` is the problem at x = 0 where it has been evaluated already.
+    Parameters
+    ----------
+    report : is called with every iteration
+    start : the problem where the update starts, with derivatives; at x = 0 where it is None
+    active : names of the parameters that move, all where it is None; the others stay where `start` has them
 
     Raises
     ------
-    FemtuneError : ``correlate.no-pairs``, and what the first eigen-solution raises; later failures end in a status
+    FemtuneError : ``correlate.no-pairs``, ``update.unknown-parameter``, ``update.nothing-moves``, ``prior.*``, and what
+        the first eigen-solution raises; later failures end in a status
     """
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
-    point = _point(problem, method, before)
-    history = [_iteration(problem, 0, point, 0.0, 0.0, ())]
-    report(history[0])
-    damping, status = _DAMPING_START, _finished(problem, method, point, history)
-    while status is None:
-        taken, damping, status = _step(problem, method, point, damping)
-        if taken is not None:
-            trial, paired = taken
-            moved = float(np.abs(trial.x - point.x).max(initial=0.0))
-            events = _events(trial, paired.evaluation)
-            history.append(_iteration(problem, len(history), paired, moved, damping, events))
-            report(history[-1])
-            point = paired
-            status = _finished(problem, method, point, history)
-    return _result(problem, method, before, point, status, history)
+    moving = moving_parameters(problem, active)
+    side = method.regularisation.settle(linear_model(problem, before, moving))
+    return _Update(Walk(problem, moving, side), method, report).go(before)
 
 
-def _point(problem: UpdateProblem, method: SensitivityMethod, evaluation: Evaluation) -> _Point:
-    extra, rows = method.regularisation.rows(problem.parameters, evaluation.x)
-    return _Point(
-        evaluation,
-        np.concatenate([evaluation.residuals, extra]),
-        np.vstack([evaluation.jacobian, rows]),
-    )
+@dataclass(frozen=True)
+class _Update:
+    walk: Walk
+    method: SensitivityMethod
+    report: Report
 
+    def go(self, before: Evaluation) -> UpdateResult:
+        """All iterations."""
+        point = self.walk.point(before)
+        history = [_iteration(self.walk, 0, point, 0.0, 0.0, ())]
+        self.report(history[0])
+        state, status = self.method.search.start, self._finished(point, history)
+        while status is None:
+            taken, state, status = self._step(point, state)
+            if taken is not None:
+                trial, paired = taken
+                moved = float(np.abs(trial.x - point.x).max(initial=0.0))
+                events = _events(trial, paired.evaluation)
+                history.append(_iteration(self.walk, len(history), paired, moved, state, events))
+                self.report(history[-1])
+                point = paired
+                status = self._finished(point, history)
+        return _result(self.walk, before, point, status, history)
 
-def _finished(
-    problem: UpdateProblem, method: SensitivityMethod, point: _Point, history: list[Iteration]
-) -> Status | None:
-    """How the iteration ends at this point, or None where it goes on."""
-    if _gauss_newton_gain(problem, method, point) <= _SAME_OBJECTIVE * point.objective:
-        return _optimum(problem, point)
-    if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
-        return Status.PAIRING_CYCLES
-    return Status.MAX_ITERATIONS if len(history) > method.max_iterations else None
+    def _finished(self, point: Point, history: list[Iteration]) -> Status | None:
+        """How the iteration ends at this point, or None where it goes on."""
+        if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
+            return self.walk.optimum(point)
+        if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
+            return Status.PAIRING_CYCLES
+        return Status.MAX_ITERATIONS if len(history) > self.method.max_iterations else None
 
+    def _best_gain(self, point: Point) -> float:
+        """By how much the linear model lowers the objective inside the bounds; zero where its step is none."""
+        if point.objective < _ZERO_OBJECTIVE:
+            return 0.0
+        local = self.walk.local(point)
+        d = local.step()
+        return 0.0 if np.abs(d).max(initial=0.0) <= self.method.tolerance else local.gain(d)
 
-def _gauss_newton_gain(problem: UpdateProblem, method: SensitivityMethod, point: _Point) -> float:
-    """By how much the linear model lowers the objective inside the bounds; zero where its step is none."""
-    if point.objective < _ZERO_OBJECTIVE:
-        return 0.0
-    d = bounded_step(
-        point.residuals, point.jacobian, _DAMPING_LEAST, *_room(problem, point), problem.parameters.prior[1]
-    )
-    return 0.0 if np.abs(d).max(initial=0.0) <= method.tolerance else _predicted(point, d)
+    def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
+        """The next accepted point, before and after it is paired afresh, and the state; or the status that ends it."""
+        search, local, failed = self.method.search, self.walk.local(point), False
+        trying: float | None = state
+        while trying is not None:
+            state = trying
+            d = search.step(local, state)
+            if np.abs(d).max(initial=0.0) <= self.method.tolerance:
+                break
+            trial = self._try(point, d)
+            gain = -1.0 if trial is None else self._gain(local, d, point, trial)
+            paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
+            if trial is not None and paired is not None:
+                return (trial, paired), search.longer(state, gain), None
+            failed = failed or trial is None or search.accepts(gain)
+            trying = search.shorter(state)
+        return None, state, self._end(point, failed)
 
+    def _end(self, point: Point, failed: bool) -> Status:
+        """Why no step was accepted: rounding at an optimum, unsolvable trial points, or a wall."""
+        if self._best_gain(point) <= _NEARLY_SAME * point.objective:
+            return self.walk.optimum(point)
+        return Status.SOLVE_FAILED if failed else Status.STALLED
 
-def _room(problem: UpdateProblem, point: _Point) -> tuple[Reals, Reals]:
-    lower, upper = problem.parameters.bounds
-    return lower - point.x, upper - point.x
+    def _try(self, point: Point, d: Reals) -> Evaluation | None:
+        """A trial point without derivatives, which cost more than its modes and are of no use where it is refused."""
+        try:
+            return self.walk.problem.follow(self.walk.moved(point.x, d), point.evaluation, derivatives=False)
+        except FemtuneError:
+            # A trial point may be unsolvable (a mechanism at an extreme value); a shorter step is tried instead.
+            return None
 
+    def _paired(self, trial: Evaluation) -> Point | None:
+        """An accepted point with its derivatives, paired afresh; None where they cannot be had."""
+        try:
+            return self.walk.point(self.walk.problem.pair_again(trial))
+        except FemtuneError:
+            return None
 
-def _step(
-    problem: UpdateProblem, method: SensitivityMethod, point: _Point, damping: float
-) -> tuple[tuple[Evaluation, _Point] | None, float, Status | None]:
-    """The next accepted point, before and after it is paired afresh, and its damping; or the status that ends it."""
-    failed = False
-    while damping <= _DAMPING_MOST:
-        d = bounded_step(point.residuals, point.jacobian, damping, *_room(problem, point), problem.parameters.prior[1])
-        if np.abs(d).max(initial=0.0) <= method.tolerance:
-            break
-        trial = _try(problem, point, d)
-        gain = _gain(problem, method, point, d, trial)
-        paired = None if trial is None or gain <= 1e-4 else _paired(problem, method, trial)
-        if trial is not None and paired is not None:
-            return (trial, paired), _relaxed(damping, gain), None
-        failed = failed or trial is None or gain > 1e-4
-        damping = max(10.0 * damping, 1e-6)
-    return None, damping, _end(problem, method, point, failed)
-
-
-def _end(problem: UpdateProblem, method: SensitivityMethod, point: _Point, failed: bool) -> Status:
-    """Why no step was accepted: rounding at an optimum, unsolvable trial points, or a wall."""
-    if _gauss_newton_gain(problem, method, point) <= _NEARLY_SAME * point.objective:
-        return _optimum(problem, point)
-    return Status.SOLVE_FAILED if failed else Status.STALLED
-
-
-def _try(problem: UpdateProblem, point: _Point, d: Reals) -> Evaluation | None:
-    """A trial point without derivatives, which cost more than its modes and are of no use where it is refused."""
-    lower, upper = problem.parameters.bounds
-    try:
-        return problem.follow(np.clip(point.x + d, lower, upper), point.evaluation, derivatives=False)
-    except FemtuneError:
-        # A trial point may be unsolvable (a mechanism at an extreme value); a shorter step is tried instead.
-        return None
-
-
-def _paired(problem: UpdateProblem, method: SensitivityMethod, trial: Evaluation) -> _Point | None:
-    """An accepted point with its derivatives, paired afresh; None where they cannot be had."""
-    try:
-        return _point(problem, method, problem.pair_again(trial))
-    except FemtuneError:
-        return None
-
-
-def _gain(
-    problem: UpdateProblem, method: SensitivityMethod, point: _Point, d: Reals, trial: Evaluation | None
-) -> float:
-    """Actual over predicted decrease of the objective."""
-    if trial is None:
-        return -1.0
-    predicted = _predicted(point, d)
-    extra, _ = method.regularisation.rows(problem.parameters, trial.x)
-    actual = point.objective - trial.objective - 0.5 * float(extra @ extra)
-    if predicted <= 1e-14 * point.objective:
-        return 1.0 if actual >= 0.0 else -1.0
-    return actual / predicted
-
-
-def _predicted(point: _Point, d: Reals) -> float:
-    linear = point.residuals + point.jacobian @ d
-    return point.objective - 0.5 * float(linear @ linear)
-
-
-def _relaxed(damping: float, gain: float) -> float:
-    if gain > 0.75:
-        return max(0.1 * damping, _DAMPING_LEAST)
-    return damping if gain > 0.25 else 4.0 * damping
-
-
-def _optimum(problem: UpdateProblem, point: _Point) -> Status:
-    bound = _at_bound(problem, point.x)
-    free = ~bound
-    _, sd = problem.parameters.prior
-    names = tuple(p.name for p in problem.parameters.free)
-    known = identifiability(point.jacobian[:, free], sd[free], tuple(n for n, f in zip(names, free) if f))
-    if known.undetermined:
-        return Status.UNDETERMINED
-    if bound.any():
-        return Status.CONVERGED_AT_BOUNDS
-    return Status.EXACT if point.objective < 1e-16 else Status.CONVERGED
-
-
-def _at_bound(problem: UpdateProblem, x: Reals) -> NDArray[np.bool_]:
-    lower, upper = problem.parameters.bounds
-    near = 1e-9 * (upper - lower)
-    return np.asarray((x <= lower + near) | (x >= upper - near))
+    def _gain(self, local: LocalModel, d: Reals, point: Point, trial: Evaluation) -> float:
+        """Actual over predicted decrease of the objective."""
+        predicted, actual = local.gain(d), point.objective - self.walk.objective(trial)
+        if predicted <= 1e-14 * point.objective:
+            return 1.0 if actual >= 0.0 else -1.0
+        return actual / predicted
 
 
 def _events(before: Evaluation, after: Evaluation) -> tuple[str, ...]:
@@ -220,26 +165,24 @@ def _events(before: Evaluation, after: Evaluation) -> tuple[str, ...]:
     )
 
 
-def _iteration(
-    problem: UpdateProblem, number: int, point: _Point, moved: float, damping: float, events: tuple[str, ...]
-) -> Iteration:
-    bound = _at_bound(problem, point.x)
-    names = tuple(p.name for p, at in zip(problem.parameters.free, bound) if at)
-    return Iteration(number, point.objective, point.evaluation.mean_error, point.x, moved, damping, names, events)
+def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float, events: tuple[str, ...]) -> Iteration:
+    names = tuple(p.name for p, at in zip(walk.problem.parameters.free, walk.at_bound(point.x)) if at)
+    return Iteration(number, point.objective, point.evaluation.mean_error, point.x, moved, state, names, events)
 
 
-def _result(
-    problem: UpdateProblem,
-    method: SensitivityMethod,
-    before: Evaluation,
-    point: _Point,
-    status: Status,
-    history: list[Iteration],
-) -> UpdateResult:
-    at = point.evaluation
-    _, rows = method.regularisation.rows(problem.parameters, at.x)
-    prior = rows if method.regularisation.kind == "prior" else rows[:0]
-    bound = _at_bound(problem, at.x)
-    covariance = parameter_covariance(at.residuals, at.jacobian, at.kinds, prior, bound, problem.parameters.prior[1])
+def _result(walk: Walk, before: Evaluation, point: Point, status: Status, history: list[Iteration]) -> UpdateResult:
+    parameters = walk.problem.parameters
+    active = tuple(p.name for p, moves in zip(parameters.free, walk.moving) if moves)
     cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
-    return UpdateResult(problem.parameters, status, at.x, before, at, tuple(history), covariance, cited)
+    covariance = _covariance(walk, point.evaluation)
+    return UpdateResult(
+        parameters, status, point.x, before, point.evaluation, tuple(history), covariance, cited, active, walk.side
+    )
+
+
+def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
+    spread = walk.problem.parameters.prior[1]
+    jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
+    return parameter_covariance(
+        at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import orth
 from scipy.optimize import lsq_linear
 
 from femtune.select import NO_EFFECT, determined
@@ -13,23 +14,34 @@ Reals = NDArray[np.float64]
 _ROUNDING = 1e-7
 
 
-def bounded_step(r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals, spread: Reals) -> Reals:
+def bounded_step(
+    r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals, spread: Reals, held: Reals | None = None
+) -> Reals:
     """d that minimises |J d + r|² + damping·s²|d/spread|² with lower ≤ d ≤ upper.
 
     `spread` (k,) are the parameters' prior standard deviations, in which steps are measured, and s is the largest
-    singular value of J·spread. Combinations that hold still stay where they are, see `still_directions`.
+    singular value of J·spread. Combinations that hold still stay where they are, see `still_directions`; so do those
+    of `held` (h, k), of which held·d vanishes.
     """
     free = lower < upper
     d = np.zeros(J.shape[1])
     if not free.any():
         return d
-    scaled = J[:, free] * spread[free]
+    scaled = without(J[:, free] * spread[free], None if held is None else held[:, free] * spread[free])
     still, size = still_directions(scaled, r)
     scaled = scaled - (scaled @ still.T) @ still
     rows = np.vstack([scaled, np.sqrt(damping) * size * np.eye(scaled.shape[1]), size * still])
     target = np.concatenate([-r, np.zeros(len(rows) - len(r))])
     d[free] = spread[free] * _solve(rows, target, lower[free] / spread[free], upper[free] / spread[free])
     return np.clip(d, lower, upper)
+
+
+def without(scaled: Reals, held: Reals | None) -> Reals:
+    """Rows (n, k) that do not feel combinations (h, k), which are thereby known to hold still."""
+    if held is None or not len(held):
+        return scaled
+    basis = orth(held.T)
+    return np.asarray(scaled - (scaled @ basis) @ basis.T)
 
 
 def still_directions(scaled: Reals, r: Reals) -> tuple[Reals, float]:

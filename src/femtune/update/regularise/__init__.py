@@ -1,0 +1,27 @@
+"""Side constraints: what is wanted of the parameters besides agreement with the test."""
+
+from femtune.update.regularise.change import MinimumChange
+from femtune.update.regularise.distance import Distance
+from femtune.update.regularise.identical import Identical
+from femtune.update.regularise.link import Link, link_weights
+from femtune.update.regularise.none import NoRegularisation
+from femtune.update.regularise.prior import Prior, correlated_prior
+from femtune.update.regularise.side import LinearModel, Regularisation, SideConstraint
+from femtune.update.regularise.together import Together
+from femtune.update.regularise.truncated import Truncated
+
+__all__ = [
+    "Distance",
+    "Identical",
+    "LinearModel",
+    "Link",
+    "MinimumChange",
+    "NoRegularisation",
+    "Prior",
+    "Regularisation",
+    "SideConstraint",
+    "Together",
+    "Truncated",
+    "correlated_prior",
+    "link_weights",
+]
