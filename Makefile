@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
 PYTEST_ARGS ?= -n auto
-EXAMPLES := $(sort $(wildcard examples/*/run.py))
+EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
 # behind it, so each is tried.

@@ -118,3 +118,33 @@ def test_a_tiny_misfit_makes_nothing_determined():
     J = np.column_stack([base[:, 0], base[:, 0], base[:, 1]])
     found = parameter_covariance(1e-12 * base[:, 1], J, ["frequency"] * 9, NONE, FREE, np.ones(3))
     assert np.isfinite(found.sd).tolist() == [False, False, True]
+
+
+def test_chance_widens_nothing():
+    """Three spare residuals of 1.5 standard deviations happen in one test of ten."""
+    J = np.vstack([np.eye(3), np.eye(3)])
+    r = 1.5 * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0]) / np.sqrt(2.0)
+    found = parameter_covariance(r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
+    assert found.misfit["frequency"] == pytest.approx(1.5)
+    assert found.freedom == {"frequency": pytest.approx(3.0)}
+    assert found.widened == ()
+    assert found.coverage_factor() == pytest.approx(1.959964)
+    np.testing.assert_allclose(found.sd, np.sqrt(0.5))
+    large = parameter_covariance(2.0 * r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
+    assert large.widened == ("frequency",)
+    # Student's t with three degrees of freedom
+    assert large.coverage_factor() == pytest.approx(3.182446)
+    np.testing.assert_allclose(large.sd, 3.0 * np.sqrt(0.5))
+
+
+def test_estimated_scatter_is_linear_regression():
+    J, r = RNG.standard_normal((7, 3)), 0.01 * RNG.standard_normal(7)
+    found = parameter_covariance(r, J, F20[:7], NONE, FREE, np.ones(3), scatter="estimated")
+    np.testing.assert_allclose(found.matrix, r @ r / 4 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.coverage_factor() == pytest.approx(2.776445)
+
+
+def test_without_spare_residuals_no_scatter_is_estimated():
+    found = parameter_covariance(np.zeros(3), np.eye(3), F20[:3], NONE, FREE, np.ones(3), scatter="estimated")
+    assert np.isnan(found.sd).all()
+    assert found.reasons[0] == "no residual is left over to estimate the scatter from, σ not given"

@@ -22,6 +22,8 @@ class ResidualRules:
     frequency_form : "frequency" or "eigenvalue"
     shape_form : "difference" or "mac"
     shape_scaling : "unit-norm" or "largest-entry", of differences
+    scatter : "stated" where the standard deviations are known, "estimated" where they are relative weights and the
+        residuals tell their size
     """
 
     frequency_sd: float | Literal["test"] = 0.01
@@ -29,6 +31,7 @@ class ResidualRules:
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_form: Literal["difference", "mac"] = "difference"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+    scatter: Literal["stated", "estimated"] = "stated"
 
     @property
     def compare_modes(self) -> bool:

@@ -54,6 +54,7 @@ class Study:
             table.frequency_form,
             table.shape_form,
             table.shape_scaling,
+            table.scatter,
         )
 
     def problem(self) -> UpdateProblem:

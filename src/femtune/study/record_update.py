@@ -204,7 +204,7 @@ def _events(result: UpdateResult) -> Iterable[PairingEvent]:
 def _parameters(
     study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]]
 ) -> Iterable[ParameterResult]:
-    values, sd = result.values, result.sd
+    values, sd, intervals = result.values, result.sd, result.interval()
     nominal = result.parameters.values(np.zeros(len(result.x)))
     for p in result.parameters.parameters:
         spread = sd[p.name]
@@ -215,6 +215,7 @@ def _parameters(
             value=values[p.name],
             sd=spread if known else None,
             sd_reason="" if known else _reason(result, p.name),
+            interval_95=intervals[p.name] if known else None,
             change_percent=100.0 * (values[p.name] - start) / abs(start) if start else None,
             at_bound=_bound(result, p.name),
             written=written.get(p.name, ()),
@@ -238,5 +239,14 @@ def _bound(result: UpdateResult, name: str) -> BoundState:
 
 def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
     counts = Counter(result.after.kinds)
-    misfit = result.covariance.misfit
-    return tuple(ResidualCount(kind=kind, count=count, misfit=misfit[kind]) for kind, count in counts.items())
+    found = result.covariance
+    return tuple(
+        ResidualCount(
+            kind=kind,
+            count=count,
+            misfit=found.misfit[kind],
+            freedom=found.freedom[kind],
+            widened=kind in found.widened,
+        )
+        for kind, count in counts.items()
+    )

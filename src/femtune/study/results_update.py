@@ -160,6 +160,9 @@ class ParameterResult(Record):
     """Its standard deviation, in the unit of the parameter; None with a reason beside it."""
     sd_reason: str
     """Why there is no sd: "at bound, σ not given"; "" where there is one."""
+    interval_95: tuple[float, float] | None = None
+    """95 % confidence interval in the unit of the parameter: normal where the scatter is the stated one, Student's t
+    where it was estimated from the residuals; None where there is no sd."""
     change_percent: float | None
     """(final − nominal)/|nominal| in %; None where the nominal value is zero."""
     at_bound: BoundState
@@ -177,7 +180,12 @@ class ResidualCount(Record):
     """How many."""
     misfit: float
     """Their root mean square at the end in units of the stated standard deviations (no unit), freed of the parameters'
-    share: about 1 where the data scatter as stated; above 1 it widens the standard deviations of the parameters."""
+    share: about 1 where the data scatter as stated."""
+    freedom: float = 0.0
+    """How many of these residuals the fitted parameters leave free (no unit)."""
+    widened: bool = False
+    """True where they are larger than chance explains (1 % point of χ² with that freedom) if the scatter is as stated:
+    the residuals are not noise alone, and the standard deviations of the parameters are widened by the misfit."""
 
 
 class UpdateResults(Record):

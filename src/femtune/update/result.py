@@ -71,6 +71,14 @@ class UpdateResult:
         jets = self.parameters.jets(self.x)
         return {name: self._sd(jets[name].grad) for name in self.parameters.names}
 
+    def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals of all parameters, NaN where no standard deviation is given.
+
+        They are those of the linear model: normal, or of Student's t where the scatter was estimated.
+        """
+        k, values = self.covariance.coverage_factor(level), self.values
+        return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}
+
     def _sd(self, gradient: Reals) -> float:
         used = np.flatnonzero(gradient)
         return float(np.sqrt(gradient[used] @ self.covariance.matrix[np.ix_(used, used)] @ gradient[used]))

@@ -184,5 +184,6 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     spread = walk.problem.parameters.prior[1]
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
-        at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving
-    )
+        at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
+        walk.problem.rules.scatter,
+    )  # fmt: skip

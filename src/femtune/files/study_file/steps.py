@@ -119,6 +119,7 @@ class ResidualsTable(Table):
     shape_form: Literal["difference", "mac"] = "difference"
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+    scatter: Literal["stated", "estimated"] = "stated"
 
 
 class UpdateTable(Table):

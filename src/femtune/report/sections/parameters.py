@@ -47,7 +47,7 @@ def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestR
 
 def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
     heads = columns(
-        "Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">Change %", ">Bounds", ">Prior σ", "Fields, or tie"
+        "Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">Bounds", ">Prior σ", "Fields, or tie"
     )
     return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
 
@@ -59,6 +59,7 @@ def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ..
         value(fact.nominal),
         value(result.value) if result else "not updated",
         _spread(result),
+        _interval(result),
         signed_percent(result.change_percent) if result else NONE,
         f"{value(fact.lower)} … {value(fact.upper)}" if fact.lower is not None else NONE,
         short(fact.prior_sd),
@@ -72,6 +73,12 @@ def _spread(result: ParameterResult | None) -> Cell:
     if result.sd is None:
         return Cell(result.sd_reason or "not given", tone="poor")
     return Cell(short(result.sd))
+
+
+def _interval(result: ParameterResult | None) -> str:
+    if result is None or result.interval_95 is None:
+        return NONE
+    return " … ".join(value(end) for end in result.interval_95)
 
 
 def _fields(fact: ParameterFacts) -> str:

@@ -1,0 +1,36 @@
+"""Do 95 % intervals hold the truth as often as they say? Counts are held against the binomial distribution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from femtune.testing.coverage import CoverageProblem, run_coverage, spring_chain, stepped_cantilever
+
+_ONCE_IN_A_THOUSAND = 5e-4
+
+
+def test_student_intervals_hold_where_the_scatter_is_estimated():
+    found = run_coverage(stepped_cantilever(), range(40))
+    assert (found.coverage * 40 >= binom.ppf(_ONCE_IN_A_THOUSAND, 40, 0.95)).all()
+    np.testing.assert_allclose(found.factors, 4.3027, rtol=1e-4)
+
+
+def test_what_the_model_lacks_is_seen_in_every_test():
+    assert run_coverage(spring_chain(0.15), range(8)).widened.all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", [spring_chain(), stepped_cantilever()], ids=lambda p: p.name)
+def test_intervals_hold_the_truth_in_95_of_100_tests(problem: CoverageProblem):
+    found = run_coverage(problem, range(1000))
+    assert ((found.coverage >= 0.93) & (found.coverage <= 0.97)).all()
+
+
+@pytest.mark.slow
+def test_a_right_model_is_seldom_suspected():
+    tests = 400
+    suspected = run_coverage(spring_chain(), range(2000, 2000 + tests)).widened.sum()
+    # two kinds of residual, each at one per cent
+    assert suspected <= binom.ppf(1.0 - _ONCE_IN_A_THOUSAND, tests, 0.02)
