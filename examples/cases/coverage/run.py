@@ -1,8 +1,8 @@
 """Do 95 % intervals hold the truth in 95 % of all tests? python run.py [--quick] [--evidence DIR].
 
-Many simulated tests, each with noise of its own seed, of two problems whose parameters are known: a chain of springs whose
-scatter is stated, and a cantilever whose scatter is estimated from two spare residuals. A third problem has a spring that
-the model lacks. The full form updates 1000 tests of each of the first two and takes minutes.
+Many simulated tests, each with noise of its own seed, of two problems whose parameters are known: a chain of springs
+whose scatter is stated, and a cantilever whose scatter is estimated from two spare residuals. A third problem has a
+spring that the model lacks. The full form updates 1000 tests of each of the first two and takes minutes.
 """
 
 from __future__ import annotations
@@ -132,12 +132,14 @@ def text(found: Sequence[Found], wrong: CoverageRun, size: Size) -> str:
         "| problem | parameter | truth | scatter, interval | held % | with ±1.96 σ % |",
         "| --- | --- | --- | --- | --- | --- |", *rows, "",
         "![Coverage by parameter, and the distribution of the errors](cases_coverage.svg)", "",
-        "**Spring chain**: six masses, seven springs, four factors by five frequencies (.4 %) and shapes (.02 of unit norm) "
-        "whose scatter is stated. **Stepped cantilever**: two bending stiffnesses and the tip mass by five frequencies whose "
-        "scatter is not known; two residuals are left to estimate it from, so that ±1.96 σ would hold far too seldom.", "",
-        f"Residuals were called larger than noise in {100 * found[0].run.widened.mean():.1f} % of the tests of the right "
-        f"spring chain (two kinds of residual, each at 1 %). With a spring of {UNMODELLED:g} of the others' stiffness that "
-        f"the test has and the model lacks, in {100 * wrong.widened.mean():.0f} % of {size.wrong} tests.", "",
+        "**Spring chain**: six masses, seven springs, four factors by five frequencies (.4 %) and shapes (.02 of unit "
+        "norm) whose scatter is stated. **Stepped cantilever**: two bending stiffnesses and the tip mass by five "
+        "frequencies whose scatter is not known; two residuals are left to estimate it from, so that ±1.96 σ would "
+        "hold far too seldom.", "",
+        f"Residuals were called larger than noise in {100 * found[0].run.widened.mean():.1f} % of the tests of the "
+        f"right spring chain (two kinds of residual, each at 1 %). With a spring of {UNMODELLED:g} of the others' "
+        f"stiffness that the test has and the model lacks, in {100 * wrong.widened.mean():.0f} % of {size.wrong} "
+        "tests.", "",
     ])  # fmt: skip
 
 

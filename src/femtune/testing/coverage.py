@@ -54,7 +54,7 @@ def spring_chain(unmodelled: float = 0.0) -> CoverageProblem:
     hidden = [*springs, (3, -1, 1e4 * unmodelled)] if unmodelled else springs
     real = factor_model(spring_structure(hidden, [1.0] * 6), groups, (0.3, 2.0))
     x = np.array(list(truth.values())) - 1.0
-    exact = simulated_case(real, x, range(6), 5)
+    exact = simulated_case(real, list(x), range(6), 5)
     case = replace(exact, configured=configured, count=6)
     rules = ResidualRules(FREQUENCY_SD, SHAPE_SD)
 

@@ -47,8 +47,17 @@ def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestR
 
 def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
     heads = columns(
-        "Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">Bounds", ">Prior σ", "Fields, or tie"
-    )
+        "Parameter",
+        "Unit",
+        ">Nominal",
+        ">Updated",
+        ">± σ",
+        ">95 %",
+        ">Change %",
+        ">Bounds",
+        ">Prior σ",
+        "Fields, or tie",
+    )  # fmt: skip
     return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
 
 
