@@ -11,6 +11,12 @@ from femtune.residuals.case import (
     pair_case,
     solve_case,
 )
+from femtune.residuals.frf import FrfResidual
+from femtune.residuals.frf_choice import ModelWay, frf_residual
+from femtune.residuals.frf_forms import FrfForm
+from femtune.residuals.frf_lines import Band, Region, Resonance, Resonances
+from femtune.residuals.frf_places import Places, places_of
+from femtune.residuals.frf_scatter import FrfScatter
 from femtune.residuals.pair import PairedMode, PairResidual
 from femtune.residuals.problem import Evaluation, UpdateProblem
 from femtune.residuals.residual import Residual
@@ -19,24 +25,35 @@ from femtune.residuals.solver import ModelSolver, direct
 from femtune.residuals.state import CaseState, paired_count, state_at
 
 __all__ = [
+    "Band",
     "CaseState",
     "Evaluation",
+    "FrfForm",
+    "FrfResidual",
+    "FrfScatter",
     "ModalCase",
     "ModelSolver",
+    "ModelWay",
     "PairResidual",
     "PairedMode",
     "PairingRules",
+    "Places",
+    "Region",
     "Residual",
     "ResidualBlock",
     "ResidualRules",
+    "Resonance",
+    "Resonances",
     "UpdateProblem",
     "case_without_modes",
     "describe_change",
     "direct",
+    "frf_residual",
     "groups_of",
     "modes_at_sensors",
     "pair_case",
     "paired_count",
+    "places_of",
     "solve_case",
     "state_at",
 ]

@@ -42,9 +42,13 @@ def frf_gradient(
     *,
     damping: DampingRatios | None = None,
     residual_vectors: bool = True,
+    derivatives: bool = True,
     progress: Progress | None = None,
 ) -> FrfGradient:
     """FRFs and their derivatives; arguments and errors as of `frf`.
+
+    Without `derivatives` (gradients of no columns) the functions come from the same basis, which `frf` would make
+    smaller, so that values of points with and without derivatives compare.
 
     "direct" is exact: one factorisation a line serves value and derivatives. The modal ways take the response to
     inputs and to unit forces at the outputs from the modes, and residual vectors for both; the derivative converges
@@ -52,22 +56,22 @@ def frf_gradient(
     mode; where it is a function of frequency, with the frequency).
     """
     request = checked_request(model, ports, freq_hz, kind, method, damping)
+    count = request.stiffness.point.n_parameters if derivatives else 0
     if method == "direct":
-        receptance, gradient = _direct(request, progress)
+        receptance, gradient = _direct(request, count, progress)
     else:
         outputs = request.ports.outputs.T.toarray()
         system = reduced_system(request, residual_vectors, outputs)
-        receptance, gradient = _superposed(request, system)
-    names = request.stiffness.point.configured.model.parameters.free
+        receptance, gradient = _superposed(request, system, count)
+    names = request.stiffness.point.configured.model.parameters.free[:count]
     scaled = np.moveaxis(gradient * request.factor[:, None, None, None], 0, 2)
     return FrfGradient(as_frf_set(request, receptance), scaled, tuple(p.name for p in names))
 
 
-def _direct(request: Request, progress: Progress | None) -> tuple[NDArray, NDArray]:
+def _direct(request: Request, p: int, progress: Progress | None) -> tuple[NDArray, NDArray]:
     B, C = request.ports.inputs.toarray(), request.ports.outputs
-    a, b = C.shape[0], B.shape[1]
-    forces = np.hstack([B, C.T.toarray()])
-    k, p = len(request.s), request.stiffness.point.n_parameters
+    k, a, b = len(request.s), C.shape[0], B.shape[1]
+    forces = np.hstack([B, C.T.toarray()]) if p else B
     values, gradient = np.empty((k, a, b), complex), np.empty((k, a, b, p), complex)
     for i, s in enumerate(map(complex, request.s)):
         both = direct_fields(request, s, forces)
@@ -79,13 +83,13 @@ def _direct(request: Request, progress: Progress | None) -> tuple[NDArray, NDArr
     return values, gradient
 
 
-def _superposed(request: Request, system: System) -> tuple[NDArray, NDArray]:
+def _superposed(request: Request, system: System, count: int) -> tuple[NDArray, NDArray]:
     reduced, b = system.reduced, system.reduced.inputs.shape[1]
     q = system.respond(request.s, np.hstack([reduced.inputs, reduced.outputs.T]))
     x, y = q[:, :, :b], np.swapaxes(q[:, :, b:], 1, 2)
     derivatives = [
         -_between(projected_derivatives(request.stiffness, reduced.basis.vectors, j), request.s, y, x)
-        for j in range(request.stiffness.point.n_parameters)
+        for j in range(count)
     ]
     shape = (len(request.s), len(reduced.outputs), b, 0)
     return np.asarray(reduced.outputs @ x), np.stack(derivatives, axis=-1) if derivatives else np.zeros(shape)

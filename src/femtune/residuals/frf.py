@@ -1,0 +1,148 @@
+"""FRF residual: displacement, mobility or accelerance of model and test, compared line by line.
+
+Source: handbook chapter, displacement residual in the frequency domain; logarithm of the ratio as in FRF calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.modal import FrfSet
+from femtune.modal.frf_set import KINDS
+from femtune.model import EigenSolution, ModelPoint
+from femtune.model.response import DampingRatios, Method, Ports, frf_gradient
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.frf_forms import FORMS, FrfForm
+from femtune.residuals.frf_lines import Region
+from femtune.residuals.frf_places import Places
+from femtune.residuals.solver import direct
+from femtune.residuals.state import CaseState
+
+Reals = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class FrfResidual:
+    """H_model against H_test at some lines of some functions, weighted by the scatter of each value.
+
+    Parameters
+    ----------
+    configuration : name
+    measured : functions at the lines that are compared only
+    places : where they were driven and seen
+    sd : (outputs, inputs, lines) σ of real and imaginary parts of values or of their logarithms, as the form is; NaN
+        where nothing is compared
+    regions : parts of the lines; those with a label make a block each over all functions, those without one a block
+        for each function
+    form : "linear", "log-magnitude" or "log-complex"
+    method : the way of the model's functions
+    modes : number of modes or upper frequency that are solved for; None takes those of the configuration
+    damping : modal damping besides that of the model
+    """
+
+    configuration: str
+    measured: FrfSet
+    places: Places
+    sd: Reals
+    regions: tuple[Region, ...]
+    form: FrfForm = "log-complex"
+    method: Method = "real-modes"
+    modes: tuple[int | None, float | None] | None = None
+    damping: DampingRatios | None = None
+    residual_vectors: bool = True
+
+    @property
+    def on_modes(self) -> bool:
+        """False: a reduced model of modes has no residual vectors for the forces and no damping of its own."""
+        return False
+
+    def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a case at a point, of the full model."""
+        return self.compare(self._model(state), derivatives)
+
+    def compare(self, model: ModelPoint | EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a solved model, or for the direct way without modal damping of its point.
+
+        Raises
+        ------
+        FemtuneError : ``residual.frf-not-finite``, and as `frf_gradient`
+        """
+        values, gradient = self.functions(model, derivatives)
+        return [self._block(label, at, values[at], gradient[at]) for label, at in self._parts]
+
+    def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
+        """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
+        lines, back = np.unique(self.measured.freq_hz * self._stretch, return_inverse=True)
+        found = frf_gradient(
+            model, self._ports(model), lines, self.measured.kind, self.method,  # type: ignore[arg-type]
+            damping=self.damping, residual_vectors=self.residual_vectors, derivatives=derivatives,
+        )  # fmt: skip
+        # a model whose stiffness is scaled so that its peaks meet the test's answers by this factor less
+        factor = self._stretch ** (2.0 - KINDS.index(self.measured.kind))
+        return found.frfs.values[:, :, back] * factor, found.gradient[:, :, back] * factor[:, None]
+
+    def _ports(self, model: ModelPoint | EigenSolution) -> Ports:
+        point = model.point if isinstance(model, EigenSolution) else model
+        return self.places.ports(point.configured, self.measured)
+
+    def _model(self, state: CaseState) -> ModelPoint | EigenSolution:
+        case, full = state.case, state.full
+        if self.method == "direct" and self.damping is None:
+            return full
+        if case.full is None and self.modes is None:
+            return state.solution
+        solver = case.solver if case.full is None else direct
+        return solver.modes(full, *(self.modes or (case.count, case.max_hz)))
+
+    @cached_property
+    def _stretch(self) -> Reals:
+        out = np.ones(len(self.measured.freq_hz))
+        for region in self.regions:
+            out[region.at] = region.stretch
+        return out
+
+    @cached_property
+    def _parts(self) -> list[tuple[str, NDArray[np.bool_]]]:
+        """Label and (outputs, inputs, lines) places of each block that has some."""
+        return [(label, at) for label, at in self._candidates() if at.any()]
+
+    def _candidates(self) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        compared = np.isfinite(self.sd)
+        for region in self.regions:
+            at = np.zeros_like(compared)
+            at[:, :, region.at] = compared[:, :, region.at]
+            if region.label:
+                yield region.label, at
+            else:
+                yield from self._by_function(at)
+
+    def _by_function(self, at: NDArray[np.bool_]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        for i, j in np.ndindex(at.shape[:2]):
+            one = np.zeros_like(at)
+            one[i, j] = at[i, j]
+            yield f"{self.measured.responses[i]} / {self.measured.references[j]}", one
+
+    def _block(self, label: str, at: NDArray[np.bool_], model: Complexes, slope: Complexes) -> ResidualBlock:
+        test, sd = self.measured.values[at], self.sd[at]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values, jacobian = FORMS[self.form](model, slope, test)
+        sd = np.tile(sd, len(values) // len(test))
+        if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
+            raise self._not_finite(label)
+        scale = float(1.0 / np.sqrt(np.mean(sd**-2)))
+        return ResidualBlock("frf", self.configuration, label, values / sd, jacobian / sd[:, None], scale)
+
+    def _not_finite(self, label: str) -> FemtuneError:
+        return FemtuneError(
+            "residual.frf-not-finite",
+            f"configuration {self.configuration}: the model's FRF {label} is zero or not finite at a line, so that it "
+            "has no logarithm",
+            hint='take form = "linear", or give the model some damping',
+        )

@@ -1,0 +1,110 @@
+"""How well measured FRFs are known: a part of the magnitude, a floor, and what the coherence says.
+
+A weight that follows the noise of the value that it weighs makes an estimate biased. What stands for the magnitude of a
+function at a line is therefore taken from the lines beside it, whose noise is another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.modal import FrfSet
+
+Reals = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+ABOVE_NOISE = 3.0
+"""Logarithms are taken of values above so many standard deviations of the noise floor."""
+
+
+@dataclass(frozen=True)
+class FrfScatter:
+    """Standard deviation of the real and of the imaginary part of measured FRFs.
+
+    σ² = |H|²(relative² + ε²) + (floor · max|H|)², with the largest magnitude of each function, and
+    ε² = (1 − γ²)/(2 γ² n) from its coherence γ² where the number n of averages is given.
+
+    Parameters
+    ----------
+    relative : part of the magnitude at each line
+    floor : part of the largest magnitude of the function
+    averages : number of averages of the measurement; None leaves the coherence aside
+
+    Raises
+    ------
+    FemtuneError : ``residual.frf-scatter`` for numbers that are negative, not finite, or all zero
+
+    Source of ε: J. S. Bendat, A. G. Piersol, Random Data, 4th ed., Wiley 2010, section 9.2.
+    """
+
+    relative: float = 0.05
+    floor: float = 0.0
+    averages: int | None = None
+
+    def __post_init__(self) -> None:
+        numbers = np.array([self.relative, self.floor, 0 if self.averages is None else self.averages - 1], float)
+        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and numbers[:2].any()):
+            raise FemtuneError(
+                "residual.frf-scatter",
+                "the scatter of measured FRFs is not a positive number",
+                values={"relative": self.relative, "floor": self.floor, "averages": self.averages},
+                hint="give relative or floor above zero, for example relative = 0.05; averages are 1 or more",
+            )
+
+    def linear(self, frfs: FrfSet) -> Reals:
+        """(responses, references, lines) σ of values, in their unit; NaN where nothing is known.
+
+        Raises
+        ------
+        FemtuneError : ``residual.no-coherence`` where averages are given and the functions have no coherence
+        """
+        before, after = beside(frfs.values)
+        size = 0.5 * (np.abs(before) ** 2 + np.abs(after) ** 2)
+        return _known(np.sqrt(size * self._relative(frfs) + self._noise(frfs) ** 2), frfs.values)
+
+    def logarithmic(self, frfs: FrfSet) -> Reals:
+        """(responses, references, lines) σ of logarithms; NaN where nothing is known or what is there may be noise.
+
+        Errors as `linear`.
+        """
+        noise, size = self._noise(frfs), np.abs(0.5 * sum(beside(frfs.values)))
+        part = np.divide(noise, size, out=np.full(size.shape, np.inf), where=size > ABOVE_NOISE * noise)
+        part[np.isinf(part)] = np.nan
+        return _known(np.sqrt(self._relative(frfs) + part**2), frfs.values)
+
+    def _noise(self, frfs: FrfSet) -> Reals:
+        """(responses, references, 1) the floor in the unit of the functions."""
+        size = np.where(np.isnan(frfs.values), 0.0, np.abs(frfs.values))
+        return np.asarray(self.floor * size.max(axis=2, initial=0.0, keepdims=True))
+
+    def _relative(self, frfs: FrfSet) -> Reals:
+        """relative² + ε²."""
+        if self.averages is None:
+            return np.full(frfs.values.shape, self.relative**2)
+        if frfs.coherence is None:
+            raise FemtuneError(
+                "residual.no-coherence",
+                "the scatter of measured FRFs is to follow from their coherence, and the test has none",
+                hint="leave averages out, and say the scatter by relative and floor",
+            )
+        known = np.where(frfs.coherence > 0.0, np.minimum(frfs.coherence, 1.0), np.nan)
+        return np.asarray(self.relative**2 + (1.0 - known) / (2.0 * known * self.averages))
+
+
+def beside(values: Complexes) -> tuple[Complexes, Complexes]:
+    """Values of the lines before and after, along the last axis; where one is missing the other, where both the own."""
+    gap = np.full_like(values[:, :, :1], np.nan)
+    before = np.concatenate([gap, values[:, :, :-1]], axis=2)
+    after = np.concatenate([values[:, :, 1:], gap], axis=2)
+    before = np.where(np.isnan(before), np.where(np.isnan(after), values, after), before)
+    return before, np.where(np.isnan(after), before, after)
+
+
+def _known(sd: Reals, values: Complexes) -> Reals:
+    """σ where it is positive and the value is a number that is not zero."""
+    good = (sd > 0.0) & np.isfinite(values) & (values != 0.0)
+    return np.where(good, sd, np.nan)
