@@ -17,6 +17,9 @@ from femtune.identify.spectra import CrossSpectra
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
+_CLIMB = 4.0
+"""Six decibels above the lowest line so far is the flank of another peak, and no scatter of the spectrum."""
+
 
 @dataclass(frozen=True, eq=False)
 class Decomposition:
@@ -79,14 +82,19 @@ def enhanced(spectra: CrossSpectra, found: Decomposition, line: int, mac: float 
 
 def _edges(found: Decomposition, line: int, mac: float, levels_db: float) -> tuple[int, int]:
     alike = np.abs(found.vectors @ found.vectors[line].conj()) ** 2 >= mac
-    level = found.singular_values[:, 0] >= found.singular_values[line, 0] * 10.0 ** (-levels_db / 10.0)
-    good = alike & level
-    low = high = line
-    while low > 1 and good[low - 1]:
-        low -= 1
-    while high < len(good) - 1 and good[high + 1]:
-        high += 1
-    return low, high
+    level = found.singular_values[:, 0]
+    good = alike & (level >= level[line] * 10.0 ** (-levels_db / 10.0))
+    down = _reach(good[:line][::-1], level[:line][::-1])
+    up = _reach(good[line + 1 :], level[line + 1 :])
+    return line - down, line + up
+
+
+def _reach(good: NDArray[np.bool_], level: Reals) -> int:
+    """Lines from a peak outwards that belong to its bell: to the valley before the next peak of the same shape."""
+    inside = good.cumprod().sum()
+    lowest = np.minimum.accumulate(level[:inside])
+    climbs = np.flatnonzero(level[:inside] > _CLIMB * lowest)
+    return int(level[: climbs[0]].argmin()) + 1 if climbs.size else int(inside)
 
 
 def _decay(auto: Reals, offset_hz: Reals, step_hz: float, window: Reals) -> tuple[float, float]:

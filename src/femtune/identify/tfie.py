@@ -65,11 +65,11 @@ def _mean_direction(cross: Complexes) -> Complexes:
     return np.asarray((unit**2 * size).sum(axis=2) / np.maximum(size.sum(axis=2), np.finfo(float).tiny))
 
 
-def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: float = 0.35) -> list[int]:
+def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: float = 0.7) -> list[int]:
     """Lines of the band where the scatter has a minimum below `most_rad`."""
     inside = (found.freq_hz >= band_hz[0]) & (found.freq_hz <= band_hz[1])
     depth = np.where(inside, -found.sd_rad, -2.0)
-    at, _ = signal.find_peaks(depth, height=-most_rad, prominence=0.1)
+    at, _ = signal.find_peaks(depth, height=-most_rad, prominence=0.15)
     return [int(i) for i in at]
 
 
