@@ -159,6 +159,55 @@ _register(
     number="2",
     year="1965",
 )
+_register(
+    "khodaparast2008",
+    "article",
+    author="Khodaparast, H. H. and Mottershead, J. E. and Friswell, M. I.",
+    title="Perturbation methods for the estimation of parameter variability in stochastic model updating",
+    journal="Mechanical Systems and Signal Processing",
+    volume="22",
+    number="8",
+    year="2008",
+)
+_register(
+    "govers2010",
+    "article",
+    author="Govers, Y. and Link, M.",
+    title="Stochastic model updating: covariance matrix adjustment from uncertain experimental modal data",
+    journal="Mechanical Systems and Signal Processing",
+    volume="24",
+    number="3",
+    year="2010",
+)
+_register(
+    "silva2016",
+    "article",
+    author="Silva, T. A. N. and Maia, N. M. M. and Link, M. and Mottershead, J. E.",
+    title="Parameter selection and covariance updating",
+    journal="Mechanical Systems and Signal Processing",
+    volume="70-71",
+    year="2016",
+)
+_register(
+    "iman1982",
+    "article",
+    author="Iman, R. L. and Conover, W. J.",
+    title="A distribution-free approach to inducing rank correlation among input variables",
+    journal="Communications in Statistics: Simulation and Computation",
+    volume="11",
+    number="3",
+    year="1982",
+)
+_register(
+    "dempster1977",
+    "article",
+    author="Dempster, A. P. and Laird, N. M. and Rubin, D. B.",
+    title="Maximum likelihood from incomplete data via the EM algorithm",
+    journal="Journal of the Royal Statistical Society B",
+    volume="39",
+    number="1",
+    year="1977",
+)
 
 
 def citation(key: str) -> Citation:

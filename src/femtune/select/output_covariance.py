@@ -1,0 +1,129 @@
+"""Which parameters scatter: sensitivity columns beside the leading space of the outputs' covariance.
+
+With independent parameters Cov z̃ = Σ σ_j² s̃_j s̃_jᵀ: the covariance of outputs that are scaled by their means is a sum
+of rank-one matrices of the parameters that scatter, so that their columns lie in its range and others do not.
+
+Source: Silva, Maia, Link and Mottershead (2016). The rank is estimated here, and the threshold follows the scatter:
+for each rank the columns are sorted by distance, and the rank is taken whose own number of columns stands nearest
+beside the next one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+
+Reals = NDArray[np.float64]
+
+_EXACT, _CLEAR, _FAR = 1e-10, 0.5, 0.1
+_INSENSITIVE = 1e-12
+
+
+@dataclass(frozen=True)
+class CosineDistances:
+    """Distance of each of k columns from the leading space of the output covariance.
+
+    Parameters
+    ----------
+    distance : (k,) 1 − cos between a column and its projection; 0 for a column without any effect
+    insensitive : (k,) True where no output depends on the parameter, so that nothing can be said of it
+    rank : dimension of the leading space
+    threshold : geometric mean of the distances on both sides of the gap
+    margin : distance of the farthest column inside by that of the nearest outside; near 1 nothing separates them
+    eigenvalues : (m,) of the scaled covariance, descending
+    """
+
+    names: tuple[str, ...]
+    distance: Reals
+    insensitive: NDArray[np.bool_]
+    rank: int
+    threshold: float
+    margin: float
+    eigenvalues: Reals
+
+    @property
+    def scatters(self) -> tuple[str, ...]:
+        """Names of the parameters whose columns lie in the leading space."""
+        inside = (self.distance <= self.threshold) & ~self.insensitive
+        return tuple(n for n, yes in zip(self.names, inside) if yes)
+
+    @property
+    def clear(self) -> bool:
+        """True where a gap separates the parameters that scatter from the others, and they lie near the space."""
+        return self.margin <= _CLEAR and self.threshold <= _FAR
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict, and what it does not cover."""
+        which = ", ".join(self.scatters) or "none"
+        found = f"The outputs scatter in {self.rank} independent ways, which these parameters explain: {which}."
+        if not self.clear:
+            found = (
+                f"The scatter of the outputs points at no set of these parameters clearly; nearest are {which}: a "
+                "parameter that scatters is not among the candidates, or the scatter is too large for first-order "
+                "sensitivities."
+            )
+        blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
+        return (found, *([f"No output depends on {', '.join(blind)}: nothing can be said."] if blind else []))
+
+
+def cosine_distances(
+    covariance: Reals, mean: Reals, jacobian: Reals, values: Reals, names: tuple[str, ...], rank: int | None = None
+) -> CosineDistances:
+    """Distances of the scaled columns s̃_j = (θ_j/z_i) ∂z_i/∂θ_j from the range of the scaled output covariance.
+
+    Parameters
+    ----------
+    covariance, mean : (m, m), (m,) of the outputs
+    jacobian : (m, k) ∂z/∂θ
+    values : (k,) θ
+    rank : dimension of the leading space, estimated where None
+
+    Raises
+    ------
+    FemtuneError : ``select.covariance`` for a covariance without any scatter, or of another size
+    """
+    if covariance.shape != (len(mean), len(mean)) or len(jacobian) != len(mean) or not np.trace(covariance) > 0.0:
+        raise FemtuneError(
+            "select.covariance",
+            "the covariance of the outputs has no scatter, or is not of the size of the sensitivities",
+            values={"covariance": covariance.shape, "outputs": len(mean), "sensitivities": jacobian.shape},
+            hint="give mean and covariance of the same outputs, in the order of the sensitivities",
+        )
+    S = jacobian * values / mean[:, None]
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(mean, mean))
+    eigenvalues, vectors = np.maximum(eigenvalues[::-1], 0.0), vectors[:, ::-1]
+    size = np.linalg.norm(S, axis=0)
+    blind = size <= _INSENSITIVE * size.max(initial=0.0)
+    unit = S / np.where(blind, 1.0, size)
+    rank = _estimated(vectors, unit[:, ~blind], eigenvalues) if rank is None else rank
+    distance = _distances(vectors[:, :rank], unit)
+    threshold, margin = _gap(np.sort(distance[~blind]), rank)
+    return CosineDistances(
+        names, np.where(blind, 0.0, distance), blind, rank, threshold, margin, eigenvalues
+    )  # fmt: skip
+
+
+def _distances(space: Reals, unit: Reals) -> Reals:
+    # 1 − cos of a small angle from its sine, which has not lost its digits
+    inside = space.T @ unit
+    sine = np.linalg.norm(unit - space @ inside, axis=0)
+    return np.asarray(sine**2 / (1.0 + np.linalg.norm(inside, axis=0)))
+
+
+def _estimated(vectors: Reals, unit: Reals, eigenvalues: Reals) -> int:
+    possible = int((eigenvalues > _EXACT**1.5 * eigenvalues[0]).sum())
+    most = max(1, min(len(vectors) - 1, possible, unit.shape[1]))
+    margins = [_gap(np.sort(_distances(vectors[:, :r], unit)), r)[1] for r in range(1, most + 1)]
+    return 1 + int(np.argmin(margins))
+
+
+def _gap(distances: Reals, rank: int) -> tuple[float, float]:
+    """Threshold and margin between the `rank` nearest columns and the others."""
+    inside = max(float(distances[min(rank, len(distances)) - 1]), _EXACT)
+    outside = max(float(distances[rank]) if rank < len(distances) else 1.0, _EXACT)
+    return float(np.sqrt(inside * outside)), inside / outside

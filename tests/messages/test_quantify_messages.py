@@ -1,0 +1,157 @@
+"""Messages of stochastic updating and of the selection, word for word where a user meets them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.quantify import (
+    FunctionOutputs,
+    StochasticRules,
+    given_statistics,
+    interval_bounds,
+    interval_update,
+    latin_hypercube,
+    statistics_of_repeats,
+    stochastic_update,
+)
+
+LINEAR = FunctionOutputs(lambda t: 2.0 + t, lambda t: np.eye(2))
+TABLE = np.array([[1.0, 2.0], [1.1, 2.1], [0.9, 2.3], [1.05, 1.9]])
+
+
+def _text(error: pytest.ExceptionInfo[FemtuneError]) -> str:
+    return str(error.value)
+
+
+def test_an_output_that_was_never_measured() -> None:
+    with pytest.raises(FemtuneError) as error:
+        statistics_of_repeats(np.array([[1.0, np.nan], [1.1, np.nan], [1.2, 3.0]]), ("f1", "f2"))
+    assert _text(error) == (
+        "[quantify.not-measured] f2 was measured in fewer than two repeats: it has no scatter\n"
+        "  repeats with a value = 1\n  repeats = 3\n\nhint: leave this output out"
+    )
+
+
+def test_an_infinite_repeat() -> None:
+    with pytest.raises(FemtuneError, match=r"repeat 2 of f1 is infinite") as error:
+        statistics_of_repeats(np.array([[1.0, 2.0], [np.inf, 2.1]]), ("f1", "f2"))
+    assert error.value.code == "quantify.infinite"
+
+
+def test_one_repeat() -> None:
+    with pytest.raises(FemtuneError) as error:
+        statistics_of_repeats(np.array([[1.0, 2.0], [np.nan, 3.0], [2.0, np.nan]]), missing="complete")
+    assert _text(error) == (
+        "[quantify.too-few-repeats] a covariance needs at least two repeats\n  repeats = 1\n  outputs = 2\n\n"
+        'hint: measure again; where repeats with gaps were left out take missing = "em"'
+    )
+
+
+def test_two_outputs_never_measured_together() -> None:
+    table = np.array([[1.0, np.nan], [1.2, np.nan], [np.nan, 2.0], [np.nan, 2.1]])
+    with pytest.raises(FemtuneError, match="measured together in 0 repeats") as error:
+        statistics_of_repeats(table, missing="pairwise")
+    assert error.value.code == "quantify.too-few-repeats"
+
+
+def test_no_scatter() -> None:
+    with pytest.raises(FemtuneError) as error:
+        statistics_of_repeats(np.array([[1.0, 2.0], [1.0, 2.1], [1.0, 2.3]]), ("f1", "f2"))
+    assert _text(error) == (
+        "[quantify.zero-variance] f1 does not scatter: its variance is zero\n  outputs without scatter = f1\n\n"
+        "hint: leave it out, or give values with more digits: rounding to the resolution hides the scatter"
+    )
+
+
+def test_no_covariance() -> None:
+    with pytest.raises(FemtuneError) as error:
+        given_statistics(np.ones(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
+    assert _text(error) == (
+        "[quantify.not-positive] the covariance of the outputs is not positive definite\n"
+        "  least eigenvalue of its correlations = -1\n\n"
+        "hint: check its entries: a correlation above one, or a covariance in another order than its outputs"
+    )
+
+
+def test_pairs_that_contradict_each_other() -> None:
+    nan = np.nan
+    a = [[0, 0, nan], [1, 1, nan], [2, 2.1, nan]]
+    b = [[nan, 0, 0], [nan, 1, 1.1], [nan, 2, 2]]
+    c = [[0, nan, 2], [1, nan, 1.1], [2, nan, 0]]
+    with pytest.raises(FemtuneError, match="covariance of the repeats is not positive definite") as error:
+        statistics_of_repeats(np.array([*a, *b, *c], float), missing="pairwise")
+    assert 'take missing = "em"' in _text(error)
+    # what it advises does work
+    assert np.linalg.eigvalsh(statistics_of_repeats(np.array([*a, *b, *c], float)).covariance).min() > -1e-9
+
+
+def test_an_asymmetric_covariance() -> None:
+    with pytest.raises(FemtuneError, match="not symmetric"):
+        given_statistics(np.ones(2), np.array([[1.0, 0.2], [0.1, 1.0]]))
+
+
+def test_a_singular_covariance_is_no_weight() -> None:
+    measured = statistics_of_repeats(TABLE[:2])
+    rules = StochasticRules(weighting="covariance")
+    with pytest.raises(FemtuneError) as error:
+        stochastic_update(LINEAR, measured, ("a", "b"), np.ones(2), np.ones(2), rules)
+    assert _text(error) == (
+        "[quantify.singular] the covariance of the outputs is singular: it has no inverse to weight with\n"
+        '  repeats = 2\n  outputs = 2\n\nhint: give more repeats than outputs, or take weighting = "relative"'
+    )
+
+
+def test_a_mean_of_zero() -> None:
+    with pytest.raises(FemtuneError, match="output 1 has a mean of zero") as error:
+        stochastic_update(LINEAR, given_statistics(np.array([0.0, 1.0]), np.eye(2)), ("a", "b"), np.ones(2), np.ones(2))
+    assert error.value.code == "quantify.zero-mean"
+
+
+@pytest.mark.parametrize(
+    ("names", "start", "sd", "code"),
+    [
+        (("a", "b"), np.ones(2), np.array([0.1, 0.0]), "quantify.start-sd"),
+        (("a", "b"), np.ones(2), np.array([np.nan, 0.1]), "quantify.start-sd"),
+        (("a",), np.ones(2), np.ones(2), "quantify.size"),
+    ],
+)
+def test_a_start_that_is_none(names, start, sd, code) -> None:
+    with pytest.raises(FemtuneError) as error:
+        stochastic_update(LINEAR, statistics_of_repeats(TABLE), names, start, sd)
+    assert error.value.code == code
+
+
+def test_another_number_of_outputs() -> None:
+    with pytest.raises(FemtuneError, match="another number of outputs than were measured") as error:
+        stochastic_update(LINEAR, given_statistics(np.ones(3), np.eye(3)), ("a", "b"), np.ones(2), np.ones(2))
+    assert error.value.code == "quantify.size"
+
+
+def test_a_model_without_numbers() -> None:
+    broken = FunctionOutputs(lambda t: np.full(2, np.nan), lambda t: np.eye(2))
+    with pytest.raises(FemtuneError, match="gives no number") as error:
+        stochastic_update(broken, statistics_of_repeats(TABLE), ("a", "b"), np.ones(2), np.ones(2))
+    assert error.value.code == "quantify.not-finite"
+
+
+def test_too_few_samples() -> None:
+    with pytest.raises(FemtuneError, match="cannot be imposed on so few samples") as error:
+        latin_hypercube(np.zeros(3), np.eye(3), 4)
+    assert error.value.code == "quantify.too-few-samples"
+
+
+def test_an_interval_without_room() -> None:
+    with pytest.raises(FemtuneError, match="has no room") as error:
+        interval_bounds(LINEAR, np.ones(2), np.array([2.0, 1.0]))
+    assert error.value.code == "quantify.interval"
+    with pytest.raises(FemtuneError, match="leave no room for a parameter"):
+        interval_update(LINEAR, (np.array([3.0, 3.0]), np.array([3.5, 2.9])), (np.zeros(2), np.ones(2)))
+
+
+def test_means_and_names_that_do_not_fit() -> None:
+    with pytest.raises(FemtuneError, match="not as many as the columns"):
+        statistics_of_repeats(TABLE, ("f1",))
+    with pytest.raises(FemtuneError, match="not as many as the columns"):
+        given_statistics(np.ones(3), np.eye(2))
