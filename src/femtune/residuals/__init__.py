@@ -17,7 +17,7 @@ from femtune.residuals.frf_forms import FrfForm
 from femtune.residuals.frf_lines import Band, Region, Resonance, Resonances
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.frf_scatter import FrfScatter
-from femtune.residuals.pair import PairedMode, PairResidual
+from femtune.residuals.pair import OfModes, OfPairs, PairedMode, PairResidual
 from femtune.residuals.problem import Evaluation, UpdateProblem
 from femtune.residuals.residual import Residual
 from femtune.residuals.rules import ResidualRules
@@ -34,6 +34,8 @@ __all__ = [
     "ModalCase",
     "ModelSolver",
     "ModelWay",
+    "OfModes",
+    "OfPairs",
     "PairResidual",
     "PairedMode",
     "PairingRules",

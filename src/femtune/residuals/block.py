@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
+OF_MODES = ("frequency", "shape", "strain", "dynamic")
+"""Kinds whose blocks belong to one test mode."""
+
 
 @dataclass(frozen=True)
 class ResidualBlock:
@@ -16,12 +19,12 @@ class ResidualBlock:
 
     Parameters
     ----------
-    kind : "frequency", "shape" …
+    kind : "frequency", "shape", "mass" …
     configuration : name of the configuration
-    mode : label of the test mode
+    mode : label of the test mode, or of what else is compared: a load case, "total"
     values : (n,) residuals
     jacobian : (n, k) ∂r/∂x
-    sd : σ; the same for all values of the block
+    sd : σ relative to the size of what is compared; of values of several deviations their root mean square
     """
 
     kind: str
@@ -33,10 +36,11 @@ class ResidualBlock:
 
     @property
     def error(self) -> float:
-        """Size of the misfit in the unit of z: |r|·σ."""
+        """Size of the misfit relative to what is compared: |r|·σ."""
         return float(np.linalg.norm(self.values) * self.sd)
 
     @property
     def label(self) -> str:
         """Text for tables."""
-        return f"{self.configuration} mode {self.mode} {self.kind}"
+        word = "mode " if self.kind in OF_MODES else ""
+        return f"{self.configuration} {word}{self.mode} {self.kind}"

@@ -44,7 +44,7 @@ class ModalCase:
     count, max_hz : which model modes are solved for; one of them
     solver : who computes solutions of the full model
     residuals : what is compared here besides the paired modes of `ResidualRules`
-    full : the full model, where `configured` is a reduced one
+    full : the case on the full model, where this one is on a reduced model
     """
 
     configured: ConfiguredModel
@@ -57,7 +57,7 @@ class ModalCase:
     rules: PairingRules = PairingRules()
     solver: ModelSolver = field(default=direct, repr=False)
     residuals: tuple[Residual, ...] = ()
-    full: ConfiguredModel | None = field(default=None, repr=False)
+    full: ModalCase | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
@@ -65,9 +65,9 @@ class ModalCase:
         return self.configured.configuration.name
 
     @property
-    def full_model(self) -> ConfiguredModel:
-        """The full model in this configuration."""
-        return self.configured if self.full is None else self.full
+    def on_full_model(self) -> ModalCase:
+        """The case on the full model; this one where it is not reduced."""
+        return self if self.full is None else self.full
 
     @property
     def on_modes(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.pair import PairedMode, PairResidual
+from femtune.residuals.pair import OfPairs, PairedMode, PairResidual
+from femtune.residuals.weights import Weights
 
 Reals = NDArray[np.float64]
 Form = Literal["frequency", "eigenvalue"]
@@ -58,11 +60,52 @@ class FrequencyResidual(PairResidual):
     def _of_test(self, pair: PairedMode) -> float:
         known = pair.case.test.freq_sd_hz
         if known is None or not known[pair.position] > 0.0:
-            raise FemtuneError(
-                "residual.no-scatter",
-                f"configuration {pair.case.name}: the test gives no scatter for mode {pair.label}",
-                hint="give frequency_sd a number",
-            )
+            raise _no_scatter(pair)
         # λ = ω² scatters twice as much as ω, relatively
         times = 2.0 if self.form == "eigenvalue" else 1.0
         return times * float(known[pair.position] / pair.test_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyCovariance(OfPairs):
+    """Differences of all frequencies at once, weighted by their covariance; one block a configuration.
+
+    Parameters
+    ----------
+    covariance : (m, m) in Hz² of the test's m modes in their order, paired or not; "test" takes the test's own (error
+        ``residual.no-scatter`` where it gives none)
+    form : "frequency", or "eigenvalue": the covariance of λ = ω² follows to first order
+    """
+
+    covariance: Reals | Literal["test"]
+    form: Form = "frequency"
+
+    def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
+        """One value a paired mode, whitened together: relative errors e, of which the covariance is C_ij/(f_i f_j)."""
+        if not pairs:
+            return []
+        test_hz = np.array([p.test_hz for p in pairs])
+        times = 2.0 if self.form == "eigenvalue" else 1.0
+        relative = Weights(covariance=times**2 * self._covariance(pairs) / np.outer(test_hz, test_hz))
+        each = [frequency_residual(p.eigenvalue, p.eigenvalue_gradient, p.test_hz, 1.0, self.form) for p in pairs]
+        errors, slopes = np.concatenate([e for e, _ in each]), np.concatenate([s for _, s in each])
+        values = relative.whiten(errors, slopes)
+        label = ", ".join(p.label for p in pairs)
+        return [ResidualBlock("frequency", pairs[0].case.name, label, *values, relative.scale)]
+
+    def _covariance(self, pairs: Sequence[PairedMode]) -> Reals:
+        test, at = pairs[0].case.test, [p.position for p in pairs]
+        given = test.covariance if isinstance(self.covariance, str) else self.covariance
+        if given is None:
+            raise _no_scatter(pairs[0])
+        matrix = np.asarray(given)[: len(test), : len(test)]
+        Weights(covariance=matrix).check_size(len(test), "the modes of the test")
+        return np.asarray(matrix[np.ix_(at, at)])
+
+
+def _no_scatter(pair: PairedMode) -> FemtuneError:
+    return FemtuneError(
+        "residual.no-scatter",
+        f"configuration {pair.case.name}: the test gives no scatter for mode {pair.label}",
+        hint="give frequency_sd a number",
+    )

@@ -61,29 +61,54 @@ def pairs_of_group(case: ModalCase, group: Group, aligned: AlignedModes) -> Iter
         yield PairedMode(case, i, value, slope, aligned.shapes[:, a], aligned.shape_gradients[:, a])
 
 
-class PairResidual(ABC):
-    """A residual that is made of each pair by itself."""
+class OfPairs(ABC):
+    """A residual that is made of paired modes."""
 
     on_modes = True
+
+    @abstractmethod
+    def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
+        """The blocks of all pairs of one configuration; nothing where no mode is paired."""
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        """See `Residual`."""
+        return self.of_pairs(list(state.pairs(derivatives)))
+
+
+class PairResidual(OfPairs):
+    """A residual that is made of each pair by itself."""
 
     @abstractmethod
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """The block of one pair."""
 
-    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+    def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """One block a pair."""
-        return [self.of_pair(pair) for pair in state.pairs(derivatives)]
+        return [self.of_pair(pair) for pair in pairs]
 
 
 @dataclass(frozen=True)
-class ByMode:
+class ByMode(OfPairs):
     """Several residuals of pairs, all those of one mode before those of the next."""
 
     parts: tuple[PairResidual, ...]
-    on_modes = True
+
+    def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
+        """The blocks of each pair in turn."""
+        return [part.of_pair(pair) for pair in pairs for part in self.parts]
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """The blocks of each pair in turn."""
-        if not self.parts:
-            return []
-        return [part.of_pair(pair) for pair in state.pairs(derivatives) for part in self.parts]
+        """See `Residual`; where nothing is compared nothing is solved."""
+        return super().blocks(state, derivatives) if self.parts else []
+
+
+@dataclass(frozen=True)
+class OfModes(OfPairs):
+    """A residual limited to the test modes of some labels."""
+
+    residual: OfPairs
+    labels: tuple[str, ...]
+
+    def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
+        """The blocks of the chosen pairs."""
+        return self.residual.of_pairs([pair for pair in pairs if pair.label in self.labels])

@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.case import ModalCase, keep_paired, pair_case
+from femtune.residuals.pair import OfPairs
 from femtune.residuals.rules import ResidualRules
 from femtune.residuals.state import CaseState, followed, paired_afresh, state_at
 
@@ -67,8 +68,15 @@ class UpdateProblem:
     rules: ResidualRules = field(default_factory=ResidualRules)
 
     def start(self, x: Reals) -> Evaluation:
-        """Solve and pair afresh; errors as of `solved`, and of the residuals."""
-        return self.assess(x, self.solved(x))
+        """Solve and pair afresh.
+
+        Raises
+        ------
+        FemtuneError : as of `solved`, those of the residuals, ``residual.nothing-compared``
+        """
+        found = self.assess(x, self.solved(x))
+        self.check_compared(found)
+        return found
 
     def solved(self, x: Reals) -> list[CaseState]:
         """States that are paired afresh, without residuals and their derivatives.
@@ -83,9 +91,22 @@ class UpdateProblem:
 
     def check_paired(self, states: Sequence[CaseState]) -> None:
         """Refuse states of which modes should be compared and none is paired (error ``correlate.no-pairs``)."""
-        tested = [s for s in states if len(s.case.test)]
-        if tested and self.rules.compare_modes and not any(s.groups for s in tested):
+        tested = [s for s in states if len(s.case.test) and self._compares_modes(s.case)]
+        if tested and not any(s.groups for s in tested):
             raise _no_pairs(tested[0])
+
+    def _compares_modes(self, case: ModalCase) -> bool:
+        return self.rules.compare_modes or any(isinstance(r, OfPairs) for r in case.residuals)
+
+    def check_compared(self, at: Evaluation) -> None:
+        """Refuse an evaluation without a single residual (error ``residual.nothing-compared``)."""
+        if not len(at.residuals):
+            names = ", ".join(case.name for case in self.cases)
+            raise FemtuneError(
+                "residual.nothing-compared",
+                f"nothing is compared in any configuration: {names}",
+                hint="add a residual, or give frequency_sd or shape_sd a value above zero",
+            )
 
     def follow(self, x: Reals, before: Evaluation, derivatives: bool = True) -> Evaluation:
         """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""

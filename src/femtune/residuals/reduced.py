@@ -38,4 +38,4 @@ def reduced_case(case: ModalCase, model: ReducedModel) -> ModalCase:
     """
     sensors = cast(sp.csr_array, model.rows)
     reduced = cast(ConfiguredModel, model)
-    return replace(case, configured=reduced, sensors=sensors, solver=reduced_solver, full=case.full_model)
+    return replace(case, configured=reduced, sensors=sensors, solver=reduced_solver, full=case.on_full_model)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from femtune.residuals.frequency import FrequencyResidual
+from femtune.residuals.mac import MacResidual
 from femtune.residuals.pair import ByMode, PairResidual
-from femtune.residuals.shape import MacResidual, ShapeResidual
+from femtune.residuals.scaling import Scaling
+from femtune.residuals.shape import ShapeResidual
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class ResidualRules:
     shape_sd : standard deviation of the entries of scaled shapes, or of the MAC form; 0 leaves shapes out
     frequency_form : "frequency" or "eigenvalue"
     shape_form : "difference" or "mac"
-    shape_scaling : "unit-norm" or "largest-entry", of differences
+    shape_scaling : of differences, see `scaled_difference`
     scatter : "stated" where the standard deviations are known, "estimated" where they are relative weights and the
         residuals tell their size
     """
@@ -30,7 +32,7 @@ class ResidualRules:
     shape_sd: float = 0.0
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_form: Literal["difference", "mac"] = "difference"
-    shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+    shape_scaling: Scaling = "unit-norm"
     scatter: Literal["stated", "estimated"] = "stated"
 
     @property

@@ -1,85 +1,87 @@
-"""Mode-shape residuals: the difference of shapes that are scaled alike, or the MAC."""
+"""Mode-shape residuals: the difference of shapes that are scaled alike."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.pair import PairedMode, PairResidual
+from femtune.residuals.scaling import Scaling, scaled_difference
+from femtune.residuals.weights import Weights, as_weights, weighted_block
 
 Reals = NDArray[np.float64]
-Scaling = Literal["unit-norm", "largest-entry"]
 
 
 def shape_difference(
-    shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: str = "unit-norm"
+    shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: Scaling = "unit-norm"
 ) -> tuple[Reals, Reals]:
-    """(φ − φ_e)/σ over the measured entries, signs aligned; both shapes scaled in the same way.
-
-    Parameters
-    ----------
-    shape, gradient : (s,) and (s, k) model shape at the sensors, in any scale
-    test : (s,) test shape; NaN entries are left out
-    scaling : "unit-norm" (both of unit Euclidean norm; the norm of the difference is √(2(1 − √MAC))) or
-        "largest-entry" (entry where the test is largest scaled to one in both, that entry left out)
-    """
-    known = ~np.isnan(test)
-    phi, slope, reference = shape[known], gradient[known], test[known]
-    scaled = _unit_norm if scaling == "unit-norm" else _largest_entry
-    values, jacobian = scaled(phi, slope, reference)
+    """(φ − φ_e)/σ over the measured entries, both shapes scaled in the same way; see `scaled_difference`."""
+    values, jacobian, _ = scaled_difference(shape, gradient, test, scaling)
     return values / sd, jacobian / sd
 
 
-def _unit_norm(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
-    norm = np.sign(phi @ test or 1.0) * np.linalg.norm(phi)
-    unit = phi / norm
-    return unit - test / np.linalg.norm(test), (slope - np.outer(unit, unit @ slope)) / norm
-
-
-def _largest_entry(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
-    top = int(np.argmax(np.abs(test)))
-    rest = np.arange(len(test)) != top
-    ratio = phi / phi[top]
-    jacobian = (slope - np.outer(ratio, slope[top])) / phi[top]
-    return (ratio - test / test[top])[rest], jacobian[rest]
-
-
-def mac_residual(shape: Reals, gradient: Reals, test: Reals, sd: float) -> tuple[Reals, Reals]:
-    """(1 − √MAC)/√MAC /σ, (1,) and (1, k): zero where the shapes are parallel."""
-    known = ~np.isnan(test)
-    phi, slope, reference = shape[known], gradient[known], test[known] / np.linalg.norm(test[known])
-    inner = float(phi @ reference)
-    side = np.sign(inner) or 1.0
-    norm = np.linalg.norm(phi)
-    root = side * inner / norm
-    d_root = side * (reference @ slope) / norm - root * (phi @ slope) / norm**2
-    return np.array([(1.0 - root) / root / sd]), (-d_root / root**2 / sd)[None, :]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShapeResidual(PairResidual):
-    """Differences of shapes that are scaled alike; `sd` is of an entry of the scaled shape."""
+    """Differences of shapes that are scaled alike.
 
-    sd: float
+    Parameters
+    ----------
+    weights : standard deviation of an entry of the scaled shape, or weights of the s sensors' entries
+    scaling : see `scaled_difference`
+    rows : positions of the sensors that are compared; all where None. Their entries alone are scaled
+    kind : what the report calls it: "shape", or "strain" where the sensors are strain gauges
+    """
+
+    weights: float | Weights
     scaling: Scaling = "unit-norm"
+    rows: tuple[int, ...] | None = None
+    kind: str = "shape"
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
-        """One value for each entry that was measured (one less where the largest is scaled to one)."""
-        found = shape_difference(pair.shape, pair.shape_gradient, pair.test_shape, self.sd, self.scaling)
-        return ResidualBlock("shape", pair.case.name, pair.label, *found, self.sd)
+        """One value for each entry that was measured (one less where the largest is scaled to one).
+
+        Raises
+        ------
+        FemtuneError : ``residual.not-mass-scaled``; ``residual.unmeasured`` where no entry was measured
+        """
+        if self.scaling == "mass":
+            check_mass_scaled(pair)
+        chosen = self._test_shape(pair)
+        known = int((~np.isnan(chosen)).sum())
+        if known <= (self.scaling != "mass") or not np.nan_to_num(chosen).any():
+            raise _unmeasured(pair, known)
+        errors, slopes, at = scaled_difference(pair.shape, pair.shape_gradient, chosen, self.scaling)
+        weights = as_weights(self.weights)
+        weights.check_size(len(chosen), f"the sensors of mode {pair.label}")
+        return weighted_block(self.kind, pair.case.name, pair.label, errors, slopes, weights.of(at))
+
+    def _test_shape(self, pair: PairedMode) -> Reals:
+        if self.rows is None:
+            return pair.test_shape
+        out = np.full(len(pair.test_shape), np.nan)
+        out[list(self.rows)] = pair.test_shape[list(self.rows)]
+        return out
 
 
-@dataclass(frozen=True)
-class MacResidual(PairResidual):
-    """(1 − √MAC)/√MAC of each pair; `sd` is of that value."""
+def check_mass_scaled(pair: PairedMode) -> None:
+    """Refuse a test whose shapes are not of unit modal mass (error ``residual.not-mass-scaled``)."""
+    if pair.case.test.normalisation != "mass":
+        raise FemtuneError(
+            "residual.not-mass-scaled",
+            f"configuration {pair.case.name}: the test's shapes are not mass-normalised, and this residual needs it",
+            values={"normalisation of the test": pair.case.test.normalisation},
+            hint="measure with known input and scale the shapes to unit modal mass, or take a residual that needs none",
+        )
 
-    sd: float
 
-    def of_pair(self, pair: PairedMode) -> ResidualBlock:
-        """One value a mode."""
-        found = mac_residual(pair.shape, pair.shape_gradient, pair.test_shape, self.sd)
-        return ResidualBlock("shape", pair.case.name, pair.label, *found, self.sd)
+def _unmeasured(pair: PairedMode, known: int) -> FemtuneError:
+    return FemtuneError(
+        "residual.unmeasured",
+        f"configuration {pair.case.name}: mode {pair.label} has too few measured entries to compare its shape",
+        values={"measured entries": known},
+        hint="name sensors that were measured, or leave this mode out",
+    )

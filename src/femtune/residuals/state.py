@@ -44,7 +44,7 @@ class CaseState:
     @property
     def full(self) -> ModelPoint:
         """The full model at this point, whatever model the modes come from."""
-        return self.case.full_model.at(self.point.x)
+        return self.case.on_full_model.configured.at(self.point.x)
 
     @cached_property
     def _kept(self) -> dict[tuple[Group, bool], AlignedModes]:

@@ -1,0 +1,118 @@
+"""Mass and inertia residuals: the weighed mass, the balanced centre of gravity, the swung moments of inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femtune.errors import FemtuneError
+from femtune.model.response import mass_response
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.weights import Weights, weighted_block
+
+if TYPE_CHECKING:
+    from femtune.residuals.state import CaseState
+
+Reals = NDArray[np.float64]
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class MassResidual:
+    """m(x) − m_e of all that is active in the configuration; `weights` in the unit of mass."""
+
+    mass: float
+    weights: Weights
+    on_modes = False
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0.0):
+            raise _bad("the weighed mass", self.mass, "a mass above zero")
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        """One value."""
+        found = mass_response(state.full)
+        errors, slopes = np.array([found.properties.mass - self.mass]), found.mass[None, :]
+        return [_block("mass", state, "total", errors, slopes, self.weights, self.mass, derivatives)]
+
+
+@dataclass(frozen=True, eq=False)
+class CentreResidual:
+    """Centre of gravity, in the basic frame; NaN coordinates were not measured.
+
+    `weights` are of the coordinates that were, in the unit of length.
+    """
+
+    centre: Reals
+    weights: Weights
+    on_modes = False
+
+    def __post_init__(self) -> None:
+        if np.shape(self.centre) != (3,) or np.isnan(self.centre).all() or np.isinf(self.centre).any():
+            raise _bad("the centre of gravity", self.centre, "three coordinates, of which one at least was measured")
+        self.weights.check_size(int(np.sum(~np.isnan(self.centre))), "coordinates of the centre of gravity")
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        """One value a coordinate, its error told beside the size of the model."""
+        found, known = mass_response(state.full), np.flatnonzero(~np.isnan(self.centre))
+        errors = (found.properties.centre - self.centre)[known]
+        xyz = state.full.configured.model.structure.nodes.xyz
+        size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 1.0
+        label = ", ".join(_AXES[i] for i in known)
+        return [_block("centre of gravity", state, label, errors, found.centre[known], self.weights, size, derivatives)]
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaResidual:
+    """Entries of the inertia tensor about a point, basic frame; NaN entries were not measured.
+
+    Parameters
+    ----------
+    inertia : (3, 3) symmetric
+    about : (3,) the point
+    weights : of the measured entries xx, xy, xz, yy, yz, zz, in the unit of inertia
+    """
+
+    inertia: Reals
+    about: ArrayLike
+    weights: Weights
+    on_modes = False
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.inertia, dtype=float)
+        if values.shape != (3, 3) or not np.array_equal(values, values.T, equal_nan=True) or np.isinf(values).any():
+            raise _bad("the inertia", values.tolist(), "a symmetric (3, 3) matrix")
+        if not np.nan_to_num(values).any():
+            raise _bad("the inertia", values.tolist(), "one measured entry at least")
+        self.weights.check_size(len(self._known), "entries of the inertia tensor")
+
+    @property
+    def _known(self) -> list[tuple[int, int]]:
+        return [(i, j) for i in range(3) for j in range(i, 3) if not np.isnan(self.inertia[i, j])]
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        """One value an entry, its error told beside the largest one that was measured."""
+        found, known = mass_response(state.full, self.about), self._known
+        rows, columns = (list(part) for part in zip(*known))
+        errors = (found.properties.inertia - self.inertia)[rows, columns]
+        label = ", ".join(f"I{_AXES[i]}{_AXES[j]}" for i, j in known)
+        size = float(np.nanmax(np.abs(self.inertia)))
+        slopes = found.inertia[rows, columns]
+        return [_block("inertia", state, label, errors, slopes, self.weights, size, derivatives)]
+
+
+def _block(
+    kind: str, state: CaseState, label: str, errors: Reals, slopes: Reals, weights: Weights, size: float, wanted: bool
+) -> ResidualBlock:
+    known = slopes if wanted else np.zeros((len(errors), 0))
+    return weighted_block(kind, state.case.name, label, errors, known, weights, size)
+
+
+def _bad(what: str, value: object, wanted: str) -> FemtuneError:
+    return FemtuneError(
+        "residual.mass-data", f"{what} is not {wanted}", values={"given": value}, hint="give what was measured"
+    )
