@@ -2,6 +2,7 @@
 
 from femtune.fem.assembled import AssembledMatrix
 from femtune.fem.contribution import Contribution, product
+from femtune.fem.mode_ratios import ALL_MODES, MODAL, mode_ratio_field, with_mode_ratios
 from femtune.fem.structure import (
     ConstraintRows,
     ElementBatch,
@@ -14,6 +15,8 @@ from femtune.fem.structure import (
 from femtune.fem.values import Derived, FieldRef, ValueTable, ValueTableBuilder
 
 __all__ = [
+    "ALL_MODES",
+    "MODAL",
     "AssembledMatrix",
     "ConstraintRows",
     "Contribution",
@@ -26,6 +29,8 @@ __all__ = [
     "ValueTable",
     "ValueTableBuilder",
     "join_constraints",
+    "mode_ratio_field",
     "no_constraints",
     "product",
+    "with_mode_ratios",
 ]

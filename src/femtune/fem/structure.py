@@ -199,11 +199,19 @@ class OverallDamping:
     loss_factor : position in the value table of a loss factor of all stiffness (PARAM G), None without one
     overall_omega, element_omega : rad/s at which viscous damping stands in for the overall and for the elements'
         loss factors where a response is not harmonic (PARAM W3 and W4); 0 leaves them out there
+    mode_ratios : positions in the value table of damping ratios of modes, by number of the mode from 1; 0 stands for
+        all modes without one of their own
     """
 
     loss_factor: int | None = None
     overall_omega: float = 0.0
     element_omega: float = 0.0
+    mode_ratios: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def of_whole_model(self) -> frozenset[int]:
+        """Positions in the value table of what damps all elements together."""
+        return frozenset(self.mode_ratios.values()) | ({self.loss_factor} if self.loss_factor is not None else set())
 
 
 @dataclass(frozen=True)
@@ -258,6 +266,6 @@ class Structure:
         """Numbers of the elements whose matrices depend on an entry of the value table; 0 for assembled matrices."""
         touched = self.values.dependents([index])
         whole = np.zeros(int(any(m.depends_on(touched) for m in self.assembled)), np.int64)
-        if self.damping.loss_factor in touched:
+        if not self.damping.of_whole_model.isdisjoint(touched):
             return np.unique(np.concatenate([whole, *(b.ids for b in self.batches)]))
         return np.unique(np.concatenate([whole, *(b.users(touched) for b in self.batches)]))

@@ -188,6 +188,12 @@ class ModelPoint:
         return None if index is None else self._table[index]
 
     @cached_property
+    def mode_ratios(self) -> dict[int, Jet]:
+        """Damping ratios of modes that are values of the model, by number of the mode; see `OverallDamping`."""
+        table = self._table
+        return {n: table[i] for n, i in self.configured.model.structure.damping.mode_ratios.items()}
+
+    @cached_property
     def stiffness_derivatives(self) -> tuple[sp.csr_array, ...]:
         """∂K/∂x_i of every free parameter."""
         return tuple(self._matrix("stiffness", (i,)) for i in range(self.n_parameters))

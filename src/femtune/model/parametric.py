@@ -137,7 +137,7 @@ def _place(
         raise _error(
             "parameter.zero-nominal", assignment, parameters, "is zero in the deck, so a factor of it does nothing"
         )
-    if chosen.size < users.size and position == structure.damping.loss_factor:
+    if chosen.size < users.size and position in structure.damping.of_whole_model:
         raise _error("parameter.whole-model", assignment, parameters, "damps the whole model, not a part of it")
     if chosen.size < users.size:
         structure = structure.split(position, chosen, assignment.parameter)
@@ -175,7 +175,7 @@ def _check_effect(
 
 def _has_effect(structure: Structure, index: int, compiled: CompiledTerms) -> bool:
     reached = structure.values.dependents([index])
-    return structure.damping.loss_factor in reached or any(
+    return not structure.damping.of_whole_model.isdisjoint(reached) or any(
         flags[list(reached)].any() for flags in compiled.used.values()
     )
 

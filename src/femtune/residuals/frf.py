@@ -94,7 +94,7 @@ class FrfResidual:
 
     def _model(self, state: CaseState) -> ModelPoint | EigenSolution:
         case, full = state.case, state.full
-        if self.method == "direct" and self.damping is None:
+        if self.method == "direct" and self.damping is None and not full.mode_ratios:
             return full
         if case.full is None and self.modes is None:
             return state.solution

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.fem import MODAL
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.field_refs import OF_MATRICES, parse_field_ref, resolve
@@ -49,7 +50,7 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
 def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
     """The field of one card, or of all cards of a name that elements of the region use."""
     ref = field_reference(text)
-    if ref.id or ref.card in ("PARAM", *OF_MATRICES):
+    if ref.id or ref.card in ("PARAM", MODAL, *OF_MATRICES):
         ref = parse_field_ref(text, where)
         resolve(built, ref, where)
         return [ref]

@@ -18,6 +18,7 @@ from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
 from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
 from femtune.study.imported_model import build_imported, compare_listed, mesh_of_grid
+from femtune.study.mode_ratios import with_parameters_of_modes
 from femtune.study.progress import Progress, silent
 from femtune.study.solvers import check_solvers
 
@@ -120,7 +121,7 @@ def load_study(path: Path | str, progress: Progress = silent) -> Study:
     check_solvers()
     path = Path(path)
     file = _study_of_deck(path) if is_deck(path) else read_study_file(path)
-    built = _built(file, progress)
+    built = with_parameters_of_modes(file, _built(file, progress))
     with located(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
     if file.imported:

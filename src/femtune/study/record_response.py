@@ -34,6 +34,7 @@ Complexes = NDArray[np.complex128]
 _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 _SAME_LINE = 1e-6
 _LEAST_LINES = 2
+_SHOWN = 6
 _ROUNDING = 1e-12
 
 
@@ -130,7 +131,16 @@ def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> 
         words += [f"modal damping ratio {span}"] if any(given) else []
     elif request.damping is not None:
         words.append(f"modal damping of the deck (SDAMPING {study.built.deck.case_control.damping})")
+    words += [_words_of_modes(point)] if point.mode_ratios else []
     return ", ".join(words)
+
+
+def _words_of_modes(point: ModelPoint) -> str:
+    """Ratios that are parameters."""
+    found = [
+        f"{float(r.value):.3g} of " + (f"mode {n}" if n else "others") for n, r in sorted(point.mode_ratios.items())
+    ]
+    return "updated damping ratios " + ", ".join(found[:_SHOWN]) + (" …" if len(found) > _SHOWN else "")
 
 
 def _frf_results(

@@ -56,7 +56,8 @@ class ResponseRequest:
     @property
     def needs_modes(self) -> bool:
         """True where the functions cannot be computed without modes."""
-        return self.method != "direct" or self.damping is not None
+        own = self.case.configured.model.structure.damping.mode_ratios
+        return self.method != "direct" or self.damping is not None or bool(own)
 
 
 def response_request(study: Study, case: StudyCase, table: ResponseTable) -> ResponseRequest:

@@ -70,7 +70,7 @@ def solved_frfs(
 
     form = Form("frf", _of_values, partial(_values, shape))
     parts = (table.kind, request.method, table.residual_vectors, request.freq_hz, *_of_ports(ports))
-    return _obtained(study, form, (_matrices(point), *_chosen(request), *parts), solve)
+    return _obtained(study, form, (_matrices(point), *_chosen(request, point), *parts), solve)
 
 
 def solved_poles(study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve) -> PoleTable:
@@ -78,7 +78,10 @@ def solved_poles(study: Study, request: ResponseRequest, point: ModelPoint, mode
     top = float(request.freq_hz[-1])
     form = Form("poles", _of_poles, _poles)
     return _obtained(
-        study, form, (_matrices(point), *_chosen(request), top), lambda: pole_table(modes(), request.damping, top)
+        study,
+        form,
+        (_matrices(point), *_chosen(request, point), top),
+        lambda: pole_table(modes(), request.damping, top),
     )
 
 
@@ -122,10 +125,11 @@ def _of_ports(ports: Ports) -> tuple[Part, ...]:
     return (ports.inputs, ports.outputs)
 
 
-def _chosen(request: ResponseRequest) -> tuple[Part, ...]:
+def _chosen(request: ResponseRequest, point: ModelPoint) -> tuple[Part, ...]:
     """Modes and their damping."""
     damping = request.damping
-    modes = request.modes
+    own = (f"{number} {float(ratio.value)!r}" for number, ratio in sorted(point.mode_ratios.items()))
+    modes = (*request.modes, *own)
     if damping is None:
         return (*modes, None)
     flags = f"{damping.by_mode} {damping.unit} {damping.flat} {damping.hysteretic}"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from femtune.errors import FemtuneError, Where
-from femtune.fem import FieldRef
+from femtune.fem import MODAL, FieldRef
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES
@@ -19,6 +19,7 @@ from femtune.files.nastran.write_plan import WritePlan, plan_edits
 from femtune.parameters import Parameter
 from femtune.study.history import HISTORY_FILE
 from femtune.study.load import Study
+from femtune.study.mode_ratios import with_updated_ratios
 from femtune.study.provenance import input_paths
 from femtune.study.record_write_back import edits, new_cards, repointed
 from femtune.study.respond import FRFS_FILE, uff_paths
@@ -27,6 +28,7 @@ from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.update import UpdateResult
 
 NAME = "updated.bdf"
+_OF_NO_CARD = (MODAL, *OF_MATRICES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +70,11 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     values = study.model.field_values(result.x)
     regions = _regions(study)
     blocked = {} if study.file.write.split else _shared_fields(values)
-    updates = {ref: value for ref, value in values.items() if ref not in blocked and ref.card not in OF_MATRICES}
+    updates = {ref: value for ref, value in values.items() if ref not in blocked and ref.card not in _OF_NO_CARD}
     plan = plan_edits(study.built, updates, regions, wide)
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
+    rebuilt = with_updated_ratios(rebuilt, values)
     record = _record(study, plan, deck, folder, values, blocked)
     return WriteBack(record, _written(study, plan), rebuilt)
 
@@ -119,6 +122,7 @@ def _record(
         without_field=(
             *_no_fields(study),
             *_of_matrices(values, owners),
+            *_of_modes(values, owners),
             *(_shared(ref, owners[ref]) for ref in blocked),
         ),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
@@ -129,6 +133,13 @@ def _of_matrices(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str
     for ref, value in values.items():
         if ref.card in OF_MATRICES:
             yield f"{owners[ref]}: the factor of {ref.name} stands in case control; write {value:.7g}*{ref.name} there"
+
+
+def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
+    for ref, value in values.items():
+        if ref.card == MODAL:
+            modes = f"mode {ref.id}" if ref.id else "all modes without one of their own"
+            yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} belongs to no card; TABDMP1 may hold it"
 
 
 def _no_fields(study: Study) -> Iterable[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from femtune.errors import FemtuneError, Where, did_you_mean
+from femtune.fem.mode_ratios import MODAL, mode_ratio_field
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
@@ -29,13 +30,18 @@ OF_MATRICES = ("MATRIX", "VARIABLE")
 
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
-    """Read ``PBAR 3 I1``: card, number, name of the field; or ``PARAM G``, the loss factor of the whole model.
+    """Read ``PBAR 3 I1``: card, number, name of the field.
+
+    Of the whole model there are ``PARAM G``, the loss factor of all stiffness, and ``MODAL 3 ZETA``, the damping ratio
+    of mode 3 (``MODAL ZETA``: of every mode without one of its own).
 
     Raises
     ------
     FemtuneError : ``study.unknown-field``, ``parameter.derived-field``
     """
     words = text.upper().split()
+    if words[:1] == [MODAL]:
+        return _of_modes(text, words, where)
     if words[:1] == ["PARAM"]:
         return _param(text, words, where)
     if len(words) == 2 and words[0] in OF_MATRICES:
@@ -52,6 +58,14 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
         hint = did_you_mean(name, CATALOGUE[card].values)
         raise _unknown(f"{card} has no field '{name}' that can be updated", hint, where)
     return FieldRef(card, number, name)
+
+
+def _of_modes(text: str, words: list[str], where: Where | None) -> FieldRef:
+    number = parse_integer(words[1]) if len(words) == 3 else 0
+    if words[-1] != "ZETA" or len(words) not in (2, 3) or number is None or (len(words) == 3 and number < 1):
+        hint = 'write "MODAL 3 ZETA" for the damping ratio of mode 3, or "MODAL ZETA" for that of all modes'
+        raise _unknown(f"'{text}' is no damping of modes", hint, where)
+    return mode_ratio_field(number)
 
 
 def _param(text: str, words: list[str], where: Where | None) -> FieldRef:

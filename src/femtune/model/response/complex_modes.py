@@ -80,8 +80,7 @@ def complex_modes(modes: EigenSolution, count: int | None = None, damping: Dampi
     FemtuneError : ``complex.no-convergence``, ``complex.inaccurate``, ``response.defective``,
         ``response.damping-ratio``
     """
-    damper = None if damping is None else modal_damper(modes, damping)
-    stiffness = DynamicStiffness(modes.point, damper)
+    stiffness = DynamicStiffness(modes.point, modal_damper(modes, damping))
     return modes_of(modes, stiffness, modes.wanted if count is None else max(count, 1))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -10,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
+from femtune.fem.mode_ratios import ALL_MODES
 from femtune.model.derivatives import SubspaceDerivative
 from femtune.model.eigen import EigenSolution
 from femtune.model.mode_derivatives import subspace_derivative
 from femtune.model.response.rigid import is_rigid
+from femtune.parameters.jet import Jet
 
 Reals = NDArray[np.float64]
 
@@ -44,6 +47,7 @@ class ModalDamper:
     rates : (m,) 2ζω in rad/s, or 2ζλ where it is hysteretic
     slopes : (m,) derivative of the rates by λ
     momentum : MΦ (n_free, m)
+    gradients : (m, p) derivatives of the rates by the parameters while the modes stay
     """
 
     modes: EigenSolution
@@ -51,6 +55,7 @@ class ModalDamper:
     rates: Reals
     slopes: Reals
     momentum: Reals
+    gradients: Reals
 
     def weights(self, s: complex) -> NDArray:
         """(m,) factors of the modes at the frequency s."""
@@ -75,7 +80,8 @@ class ModalDamper:
         driven = (self.momentum.T @ x).T * self.rates
         pushed = point.mass_derivatives[i] @ (phi @ driven.T) + point.mass @ (outside @ driven.T)
         felt = phi.T @ (point.mass_derivatives[i] @ x) + outside.T @ (point.mass @ x)
-        inner = (felt.T * self.rates).T + self._inside(i) @ (self.momentum.T @ x)
+        inside = self._inside(i) + np.diag(self.gradients[:, i])
+        inner = (felt.T * self.rates).T + inside @ (self.momentum.T @ x)
         return np.asarray(pushed + self.momentum @ inner)
 
     def _inside(self, i: int) -> Reals:
@@ -95,13 +101,18 @@ def _divided(at: Reals, values: Reals, slopes: Reals) -> Reals:
     return np.where(same, mean, (values[:, None] - values[None, :]) / np.where(same, 1.0, gap))
 
 
-def modal_damper(modes: EigenSolution, damping: DampingRatios) -> ModalDamper:
-    """The damper of the wanted modes of a solution.
+def modal_damper(modes: EigenSolution, damping: DampingRatios | None) -> ModalDamper | None:
+    """The damper of the wanted modes of a solution; None where nothing damps modes.
+
+    Ratios that are values of the model take the place of those of `damping` for their modes.
 
     Raises
     ------
     FemtuneError : ``response.damping-ratio`` for ratios not finite or negative, and what the damping raises
     """
+    own = modes.point.mode_ratios
+    if damping is None and not own:
+        return None
     m = modes.wanted
     rigid = is_rigid(modes)[:m]
     eigenvalues = np.where(rigid, 0.0, modes.eigenvalues[:m])
@@ -109,16 +120,29 @@ def modal_damper(modes: EigenSolution, damping: DampingRatios) -> ModalDamper:
     freq_hz = omega / (2.0 * np.pi)
     # a rigid-body mode has no damping whatever its ratio: a table need not reach to 0 Hz
     asked = np.where(rigid, freq_hz.max(initial=0.0), freq_hz)
-    zeta = _checked(np.where(rigid, 0.0, damping.ratio(asked)), freq_hz)
-    rise = np.where(rigid, 0.0, asked * damping.slope(asked))
+    zeta, slope, gradient = _ratios(own, damping, asked, modes.point.n_parameters)
+    zeta = _checked(np.where(rigid, 0.0, zeta), freq_hz)
+    rise = np.where(rigid, 0.0, asked * slope)
     # by λ = ω²; `rise` is ω dζ/dω
-    if damping.hysteretic:
-        rates, slopes = 2.0 * zeta * eigenvalues, 2.0 * zeta + rise
-    else:
-        rates = 2.0 * zeta * omega
-        slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
+    hysteretic = damping is not None and damping.hysteretic
+    viscous_slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
+    slopes = 2.0 * zeta + rise if hysteretic else viscous_slopes
+    size = 2.0 * (eigenvalues if hysteretic else omega)
     momentum = np.asarray(modes.point.mass @ modes.shapes[:, :m])
-    return ModalDamper(modes, damping.hysteretic, rates, slopes, momentum)
+    return ModalDamper(modes, hysteretic, size * zeta, slopes, momentum, size[:, None] * gradient)
+
+
+def _ratios(own: Mapping[int, Jet], damping: DampingRatios | None, freq_hz: Reals, p: int) -> tuple[Reals, ...]:
+    """Ratios (m,), their slopes by frequency (m,) and their derivatives by the parameters (m, p)."""
+    m = len(freq_hz)
+    zeta = np.zeros(m) if damping is None else np.array(damping.ratio(freq_hz), float)
+    slope = np.zeros(m) if damping is None else np.array(damping.slope(freq_hz), float)
+    gradient = np.zeros((m, p))
+    # all modes first, then those with a ratio of their own
+    for number, ratio in sorted(own.items()):
+        at = slice(None) if number == ALL_MODES else slice(number - 1, number)
+        zeta[at], slope[at], gradient[at] = ratio.value, 0.0, ratio.grad
+    return zeta, slope, gradient
 
 
 def _checked(ratios: Reals, freq_hz: Reals) -> Reals:

@@ -63,10 +63,10 @@ def checked_request(
     modes = model if isinstance(model, EigenSolution) else None
     point = model.point if isinstance(model, EigenSolution) else model
     _check_words(kind, method)
-    if modes is None and (method != "direct" or damping is not None):
+    if modes is None and (method != "direct" or damping is not None or point.mode_ratios):
         raise _modes_needed(method)
     check_ports(point, ports)
-    damper = modal_damper(modes, damping) if modes is not None and damping is not None else None
+    damper = None if modes is None else modal_damper(modes, damping)
     return Request(DynamicStiffness(point, damper), modes, ports, _lines(freq_hz), kind, method)
 
 
