@@ -26,7 +26,7 @@ def _tables_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _keys(table: type[BaseModel]) -> set[str]:
-    keys = set(table.model_fields)
+    keys = {field.alias or name for name, field in table.model_fields.items()}
     for field in table.model_fields.values():
         for inner in _tables_in(field.annotation):
             keys |= _keys(inner)

@@ -1,4 +1,4 @@
-"""The words of the command line as functions: info, modes, respond, correlate, select, update, report, run.
+"""The words of the command line as functions: info, modes, respond, correlate, select, update, validate, report, run.
 
 `modes_report` is ``modes --report``, `respond_report` is ``respond --report``.
 """
@@ -19,7 +19,7 @@ from femtune.study.respond import respond_results
 from femtune.study.results import Results
 from femtune.study.results_response import ResponseResults
 from femtune.study.run_folder import read_results
-from femtune.study.steps import RunFolder, SimulatedTest, correlate, info, mode_sets, modes, select, update
+from femtune.study.steps import RunFolder, SimulatedTest, correlate, info, mode_sets, modes, select, update, validate
 
 __all__ = [
     "RunFolder",
@@ -35,6 +35,7 @@ __all__ = [
     "run",
     "select",
     "update",
+    "validate",
 ]
 
 REPORT_FILE = "report.html"

@@ -33,11 +33,13 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
     module: Any = ModuleType("femtune.steps")
-    module.calls, module.outcome = [], None
+    module.calls, module.outcome, module.verdicts = [], None, ()
     for name in ("info", "modes", "respond", "correlate", "select"):
         setattr(module, name, _single(module, name))
     for name in ("update", "run"):
         setattr(module, name, _whole(module, name))
+    judge = _whole(module, "validate")
+    module.validate = lambda path, output, fresh, progress: judge(path, output, None, fresh, progress)
     module.report = lambda path, progress: Path(path) / "report.html"
     monkeypatch.setitem(sys.modules, "femtune.steps", module)
     monkeypatch.setattr(output, "document_of", lambda run, progress: run.results.name)
@@ -63,6 +65,7 @@ def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
         check_writable(folder)
         (folder / "results.json").write_text("{}")
         results = Outcome(name="CBAR", count=7, update=module.outcome)
+        results = results.model_copy(update={"validation": SimpleNamespace(verdicts=module.verdicts)})
         return SimpleNamespace(folder=folder, results=results, report=folder / "report.html")
 
     return step
@@ -73,6 +76,7 @@ class Outcome(CardCount):
 
     update: Any = None
     journal: Any = None
+    validation: Any = None
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from femtune.study.results_journal import JournalResults
 
 Invoke = Callable[..., Result]
 
-_COMMANDS = ["info", "modes", "respond", "correlate", "select", "update", "run", "report"]
+_COMMANDS = ["info", "modes", "respond", "correlate", "select", "update", "validate", "run", "report"]
 
 
 def test_help_lists_the_commands_in_the_order_of_the_steps(invoke: Invoke, command_names: list[str]) -> None:
@@ -97,6 +97,16 @@ def test_update_without_an_optimum_ends_with_code_1(invoke: Invoke, steps: Any, 
 def test_update_with_an_optimum_ends_with_code_0(invoke: Invoke, steps: Any, study: Path) -> None:
     steps.outcome = SimpleNamespace(ok=True, status="CONVERGED", message="")
     assert invoke("run", study, "--quiet").exit_code == 0
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("fail", 1), ("pass", 0), ("not tested", 0)])
+def test_validate_ends_with_code_1_where_a_criterion_fails(
+    invoke: Invoke, steps: Any, study: Path, verdict: str, code: int
+) -> None:
+    steps.verdicts = (SimpleNamespace(verdict=verdict),)
+    result = invoke("validate", study)
+    assert result.exit_code == code
+    assert "CBAR" in result.stdout
 
 
 def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -> None:

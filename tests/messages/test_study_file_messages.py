@@ -75,6 +75,8 @@ _ON_PAGES = (
     _Case(
         "study.nothing-compared", "[[parameter]]", "[residuals]\nfrequency_sd = 0\n\n[[parameter]]", 15, "above zero"
     ),
+    _Case("study.hold-out", "[[parameter]]", '[[hold_out]]\nconfiguration = "empty"\n\n[[parameter]]', 14, "above_hz"),
+    _Case("study.no-criteria", "[[parameter]]", '[validate]\nprofile = "own"\n\n[[parameter]]', 15, "frequency_error"),
     _Case("study.weight", "[[parameter]]", "[update]\nweight = 0.1\n\n[[parameter]]", 15, "minimum-change"),
     _Case("parameter.tied", "upper = 2.0", 'upper = 2.0\n\n[[parameter]]\nname = "GJ"\ntie = "EI"\nlower = 0.1', 23,
           "it follows the others"),
@@ -115,6 +117,10 @@ _OTHERS = (
           21, "did you mean 'EI'?"),
     _Case("dof.syntax", "[[parameter]]", "[[sensor]]\nname = \"1Q\"\nterms = [{ node = 1, component = \"X\" }]\n\n"
           "[[parameter]]", 15, "101Z+"),
+    _Case("study.hold-out", "[[parameter]]", '[[hold_out]]\nconfiguration = "full"\nmodes = ["1"]\n\n[[parameter]]', 15,
+          "no configuration"),
+    _Case("study.hold-out", "[[parameter]]", 'use = "validation"\n[[hold_out]]\nconfiguration = "empty"\n'
+          "above_hz = 9.0\n\n[[parameter]]", 16, "as a whole"),
     _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three unit vectors"),
     _Case("test.mirrored", '"2b"]', '"2b"]\nrotation = [[1,0,0],[0,1,0],[0,0,-1]]', 13, "change the sign of one row"),
 )  # fmt: skip

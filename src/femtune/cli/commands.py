@@ -39,8 +39,8 @@ _wide = click.option("--wide", is_flag=True, default=None, help="Write changed c
 def main() -> None:
     """Finite element model updating: from a vibration test and a deck to an updated deck.
 
-    The exit code is 0 where all went well, 1 where the update did not reach an optimum (its results are written), 2
-    for input that has to be mended, 70 for a fault of femtune itself, 130 after Ctrl-C.
+    The exit code is 0 where all went well, 1 where the update did not reach an optimum (its results are written) or a
+    criterion of validate fails, 2 for input that has to be mended, 70 for a fault of femtune itself, 130 after Ctrl-C.
     """
 
 
@@ -176,6 +176,23 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @main.command()
 @_study
 @_output
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
+    """Judge the updated model on data that the update did not use.
+
+    Updates first, as `update` does; what an earlier run had solved is taken from its journal. The exit code is 1 where
+    a criterion fails, and where the update did not reach an optimum.
+    """
+    folder = _do("validate", study, quiet, output=output, fresh=fresh)
+    _end_of_validation(study, folder, as_json, quiet)
+
+
+@main.command()
+@_study
+@_output
 @_wide
 @_eigensolver
 @_fresh
@@ -265,4 +282,21 @@ def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
         click.echo(f"{outcome.status}: {outcome.message}", err=True)
     click.echo(f"results: {Path(folder.folder).resolve()}" if page is None else f"report: {Path(page).resolve()}")
     if outcome is not None and not outcome.ok:
+        click.get_current_context().exit(1)
+
+
+def _end_of_validation(path: Path, folder: Any, as_json: bool, quiet: bool) -> None:
+    """Verdicts as JSON or as tables; exit code 1 where one fails or the update has no optimum."""
+    from femtune.cli import output  # noqa: PLC0415
+
+    results = folder.results
+    _say(output.remarks_of(results), quiet)
+    if as_json:
+        click.echo(output.as_text(results.validation))
+    elif not quiet:
+        output.show_document(output.document_of_step("validate", path, results, {}))
+    missed = results.update is not None and not results.update.ok
+    if missed:
+        click.echo(f"{results.update.status}: {results.update.message}", err=True)
+    if missed or any(v.verdict == "fail" for v in results.validation.verdicts):
         click.get_current_context().exit(1)

@@ -50,6 +50,8 @@ def document_of_step(step: str, path: Path, result: Any, arrays: Mapping[str, ND
         return steps.correlation_document(subject, result, arrays)
     if step == "respond":
         return steps.responses_document(subject, result)
+    if step == "validate":
+        return steps.validation_document(subject, result)
     return steps.selection_document(subject, result)
 
 

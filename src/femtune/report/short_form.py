@@ -15,6 +15,7 @@ from femtune.report.numbers import (
     value,
 )
 from femtune.report.sections.summary import summary
+from femtune.report.sections.validation import untested_reasons, validation_verdicts
 from femtune.report.source import Source, stages
 from femtune.study.results_correlation import CorrelationResults, PairedMode
 from femtune.study.results_update import ParameterFacts
@@ -28,9 +29,16 @@ def short_form(source: Source) -> tuple[Section, ...]:
         ("summary", "Summary", summary(source)),
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
+        ("validation", "Validation", _validation(source)),
         ("open", "What stays open", [*_undetermined(source), *_not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+
+
+def _validation(source: Source) -> list[Block]:
+    """Verdicts on data that the update did not use; the sentence stands in the summary."""
+    found = source.results.validation
+    return [] if found is None else validation_verdicts(found)[1:]
 
 
 def _modes(source: Source) -> list[Block]:
@@ -128,7 +136,7 @@ def _not_tested(source: Source) -> list[Block]:
     found = source.results.validation
     if found is None:
         return [Paragraph("Not tested: the model on data that were not used; no validation was run.")]
-    lines = [*_untested_criteria(source), *found.not_tested]
+    lines = [*_untested_criteria(source), *untested_reasons(found), *found.not_tested]
     return [Heading("Not tested"), Listing(tuple(_some(lines, "line")))] if lines else []
 
 

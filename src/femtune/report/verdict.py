@@ -77,4 +77,13 @@ def _caveats(source: Source, update: UpdateResults) -> list[str]:
     return [
         *([f"{counted(at_bound, 'parameter')} ended at a bound"] if at_bound else []),
         *([f"the data leave {counted(open_, 'combination')} of parameters undetermined"] if open_ else []),
+        *(["the residuals are not noise"] if update.goodness and update.goodness.verdict == "fail" else []),
+        *_failed(source),
     ]
+
+
+def _failed(source: Source) -> list[str]:
+    """That criteria failed on data that were not used."""
+    verdicts = source.results.validation.verdicts if source.results.validation else ()
+    failed = sum(v.verdict == "fail" for v in verdicts)
+    return [f"{counted(failed, 'criterion', 'criteria')} failed on data that were not used"] if failed else []

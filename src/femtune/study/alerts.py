@@ -13,11 +13,10 @@ from femtune.study.record_model import alert_of
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Level
 from femtune.study.results_correlation import CorrelationResults
-from femtune.study.results_update import ResidualCount
 
 _WEIGHED_PERCENT = 2.0
 _WRITTEN_PERCENT = 0.05
-_MISFIT = 2.0
+_MISFIT = "the model lacks something, another minimum fits better, or the scatter is stated too small"
 _MOST_UNPAIRED = 8
 
 
@@ -62,16 +61,8 @@ def _of_update(results: Results) -> Iterable[Alert]:
         turns = len({event.iteration for event in update.pairing_events})
         count = f"{turns} iteration{'s' if turns > 1 else ''} ({len(update.pairing_events)} test modes in all)"
         yield _alert("info", "update.pairing-changed", f"the pairing changed in {count}")
-    for kind in update.residual_counts:
-        if kind.misfit > _MISFIT:
-            yield _alert("warning", "update.misfit", _misfit_sentence(kind))
-
-
-def _misfit_sentence(kind: ResidualCount) -> str:
-    return (
-        f"the {kind.kind} residuals are {kind.misfit:.1f} times their stated scatter after the update: the model lacks "
-        f"something, another minimum fits better, or the scatter is stated too small"
-    )
+    if update.goodness is not None and update.goodness.verdict == "fail":
+        yield _alert("warning", "update.misfit", f"{update.goodness.sentence}; {_MISFIT}")
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:

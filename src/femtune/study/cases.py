@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from femtune.modal import ModeSet
 from femtune.model import ConfiguredModel, ParametricModel, configure
 from femtune.residuals import ModalCase, PairingRules
 from femtune.study.drawn_mesh import DrawnMesh
+from femtune.study.held_out import HeldOut, held_out, without
 from femtune.study.located import located, located_in, place_of
 from femtune.testdata import ModalTest
 from femtune.testdata.checks import check_test, real_modes
@@ -33,8 +34,8 @@ class StudyCase:
     """One configuration: its entry in the study, the model in this state, and its test where there is one.
 
     `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
-    in place of the model's own elements, where it has none. `compared` is what the update uses of this configuration,
-    None where nothing is compared in it.
+    in place of the model's own elements, where it has none. `compared` is all that is compared in this configuration,
+    None where nothing is; the update sees it without what is `held` out.
     """
 
     entry: ConfigurationEntry
@@ -44,6 +45,7 @@ class StudyCase:
     compared: ModalCase | None = None
     all_sensors: SensorMap | None = None
     mesh: DrawnMesh | None = None
+    held: HeldOut = field(default_factory=HeldOut)
 
     @property
     def name(self) -> str:
@@ -54,6 +56,13 @@ class StudyCase:
     def modal(self) -> ModalCase | None:
         """What is compared, where modes were measured."""
         return self.compared if self.compared is not None and len(self.compared.test) else None
+
+    @property
+    def used(self) -> ModalCase | None:
+        """What the update uses of it; None where nothing is compared, or where it is kept for validation."""
+        if self.compared is None or self.entry.use != "update":
+            return None
+        return without(self.compared, self.held)
 
 
 def study_case(
@@ -74,11 +83,12 @@ def study_case(
     _check_coordinates(file, model.structure)
     with located(place_of(file, entry, "test")):
         found = _sensor_map(file, test, model.structure)
-    modal, sensors = None, found
+    modal, sensors, held = None, found, HeldOut()
     if test.modes is not None:
         sensors = _of_modes(found, test.modes)
         modal = _modal_case(file, entry, configured, test.modes, sensors)
-    return StudyCase(entry, configured, test, sensors, modal, found), (*notices, *found.notices)
+        held = held_out(file, entry, modal)
+    return StudyCase(entry, configured, test, sensors, modal, found, held=held), (*notices, *found.notices)
 
 
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
@@ -232,7 +242,7 @@ def _floors(file: StudyFile, structure: Structure) -> Iterable[GeneralisedSensor
 def _modal_case(
     file: StudyFile, entry: ConfigurationEntry, configured: ConfiguredModel, modes: ModeSet, sensors: SensorMap
 ) -> ModalCase:
-    known = modes.select_dofs(sensors.dofs)
+    known = _with_scatter(file, modes.select_dofs(sensors.dofs))
     gates = file.correlate
     return ModalCase(
         configured,
@@ -244,6 +254,15 @@ def _modal_case(
         file.modes.max_hz,
         PairingRules(gates.frequency_gate, gates.mac_gate, gates.cluster_gap),
     )
+
+
+def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
+    """The modes with the scatter of shapes that [validate] states, where the test does not tell its own."""
+    stated = file.validation.shape_sd
+    if stated is None or modes.shapes_sd is not None:
+        return modes
+    largest = np.nanmax(np.abs(modes.shapes), axis=0, initial=0.0)
+    return replace(modes, shapes_sd=np.where(np.isnan(modes.shapes), np.nan, stated * largest))
 
 
 def _fixed_pairs(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Iterable[tuple[int, int]]:

@@ -65,7 +65,7 @@ class Study:
         ------
         FemtuneError : ``study.no-test``
         """
-        cases = tuple(c.compared for c in self.cases if c.compared is not None and c.entry.use == "update")
+        cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
             raise self.no_test("the update may use")
         return UpdateProblem(cases, self.parameters, self.rules)

@@ -19,7 +19,6 @@ from femtune.study.results_correlation import (
     Criterion,
     LeftOutMode,
     PairedMode,
-    Prediction,
     UnpairedModelMode,
     UnpairedTestMode,
 )
@@ -150,29 +149,3 @@ def _criterion(v: Verdict) -> Criterion:
         verdict=v.outcome.value,
         remark=v.remark,
     )
-
-
-def prediction(name: str, c: Correlation, i: int, remark: str, before: Correlation | None = None) -> Prediction:
-    """The model mode that resembles a test mode most, whether they were paired or not."""
-    j = _most_alike(c, i)
-    test_hz = float(c.test.freq_hz[i])
-    error = None if j is None else 100.0 * (float(c.model.freq_hz[j]) / test_hz - 1.0)
-    k = None if before is None else _most_alike(before, i)
-    return Prediction(
-        configuration=name,
-        test_label=c.test.labels[i],
-        test_freq_hz=test_hz,
-        model_number=None if j is None else j + 1,
-        model_freq_hz=None if j is None else float(c.model.freq_hz[j]),
-        freq_error_percent=error,
-        mac=None if j is None else float(c.mac[i, j]),
-        before_freq_error_percent=(
-            None if k is None or before is None else 100.0 * (float(before.model.freq_hz[k]) / test_hz - 1.0)
-        ),
-        remark=remark,
-    )
-
-
-def _most_alike(c: Correlation, i: int) -> int | None:
-    row = np.nan_to_num(c.mac[i], nan=-1.0)
-    return int(np.argmax(row)) if len(row) and row.max() > 0.0 else None

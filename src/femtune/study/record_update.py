@@ -15,6 +15,7 @@ from femtune.select import Combination as SelectedCombination
 from femtune.select import Identifiability, combination_text, sentences, verdict
 from femtune.select.identifiability import NO_EFFECT
 from femtune.study.load import Study
+from femtune.study.record_goodness import goodness, goodness_results
 from femtune.study.results_base import Citation
 from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import (
@@ -175,6 +176,7 @@ def update_results(
         regularisation_weight=table.weight if weighted else None,
         residual_counts=_counts(result),
         citations=citations(result.citations),
+        goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
     )
 

@@ -17,14 +17,16 @@ from femtune.study import (
     results_response,
     results_shapes,
     results_update,
+    results_validation,
 )
 from femtune.study.results_base import Alert, Citation, Provenance, Record, StudyFacts
-from femtune.study.results_correlation import CorrelationResults, ValidationResults
+from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_journal import JournalResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
 from femtune.study.results_response import ResponseResults
 from femtune.study.results_shapes import ModeShapes
 from femtune.study.results_update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
+from femtune.study.results_validation import ValidationResults
 
 SCHEMA_VERSION = "1"
 
@@ -83,7 +85,7 @@ def json_schema() -> dict[str, Any]:
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_model, results_correlation, results_shapes, results_response)
-    modules = (results_base, *model, results_update, results_reduction, results_journal)
+    modules = (results_base, *model, results_update, results_validation, results_reduction, results_journal)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

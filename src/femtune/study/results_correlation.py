@@ -149,35 +149,3 @@ class CorrelationResults(Record):
     """How many of the model modes, from the lowest, are rigid-body motions; 0 in results of before it was kept."""
     mac_gate: float | None = None
     """Least MAC of a pair, 0 to 1, as the study asks; None where not recorded."""
-
-
-class Prediction(Record):
-    """A test mode that was not used in the update, beside what the updated model predicts."""
-
-    configuration: str
-    """Name of the configuration."""
-    test_label: str
-    """Label of the test mode."""
-    test_freq_hz: float
-    """Frequency of the test in Hz."""
-    model_number: int | None
-    """Number of the model mode; None where none answers."""
-    model_freq_hz: float | None
-    """Frequency of the updated model in Hz."""
-    freq_error_percent: float | None
-    """(model − test)/test in %."""
-    mac: float | None
-    """Modal assurance criterion, 0 to 1."""
-    before_freq_error_percent: float | None = None
-    """The same error before the update in %."""
-    remark: str = ""
-    """Why the mode was not used, or what to think of it."""
-
-
-class ValidationResults(Record):
-    """On data that were not used."""
-
-    predictions: tuple[Prediction, ...]
-    """Modes that were held out."""
-    not_tested: tuple[str, ...]
-    """What was not tested, a sentence each."""

@@ -6,6 +6,7 @@ from typing import Literal
 
 from femtune.study.results_base import Citation, Record
 from femtune.study.results_reduction import ReductionResults
+from femtune.study.results_validation import GoodnessResults
 
 BoundState = Literal["", "lower", "upper"]
 
@@ -221,6 +222,8 @@ class UpdateResults(Record):
     """Residuals by kind."""
     citations: tuple[Citation, ...] = ()
     """Publications behind what ran in the update."""
+    goodness: GoodnessResults | None = None
+    """Whether the residuals are noise; None in results of before it was tested."""
     reduction: ReductionResults | None = None
     """Reduced models that the update searched on; None where it ran on the full model."""
 

@@ -17,10 +17,12 @@ from femtune.study.alerts import alerts_of
 from femtune.study.history import History
 from femtune.study.journal import Journal
 from femtune.study.load import Study, on_deck
+from femtune.study.predict import Sensitivities, predictions
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
+from femtune.study.record_validation import validation
 from femtune.study.reduction import find_on_reduced
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.results import Results
@@ -28,7 +30,7 @@ from femtune.study.results_base import Alert, Stage
 from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import SelectionResults
 from femtune.study.run_folder import RESULTS_FILE, write_results
-from femtune.study.stages import StageRecords, as_written, solutions_of, stage_records, start, validation
+from femtune.study.stages import Solved, StageRecords, as_written, nothing, solutions_of, stage_records, start
 from femtune.study.update_method import regularisation_of
 from femtune.study.with_journal import journal_results
 from femtune.study.write_back import WriteBack, check_written, write_back
@@ -75,6 +77,7 @@ class Run:
     journal: Journal | None = None
     arrays: Arrays = field(default_factory=dict)
     reductions: list[ReductionResults] = field(default_factory=list)
+    sensitivities: Sensitivities = field(default_factory=Sensitivities)
 
     def go(self) -> RunFolder:
         """All steps. The results are on disk once the update is done, and again when all is done.
@@ -89,7 +92,9 @@ class Run:
         before = self._timed("respond", lambda: self._responding(self.study, "before", at.x, before))
         selection = self._timed("select", lambda: select_at(self.study, at, self.arrays, self.progress))
         result = self._timed("update", lambda: self._update(at))
-        after = self._timed("correlate after", lambda: self._stage(self.study, "after", result.after))
+        after = self._timed(
+            "correlate after", lambda: self._stage(self.study, "after", result.after, self.sensitivities.add)
+        )
         if self.study.file.imported:
             return self._without_deck(facts, [before, after], selection, result)
         self._keep(self._results(facts, [before, after], selection, result), _UNFINISHED)
@@ -144,8 +149,8 @@ class Run:
             citations=what_ran(study),
         )
 
-    def _stage(self, study: Study, stage: Stage, at: Evaluation) -> StageRecords:
-        return stage_records(study, stage, at.x, solutions_of(at), self.arrays, self.progress)
+    def _stage(self, study: Study, stage: Stage, at: Evaluation, solved: Solved = nothing) -> StageRecords:
+        return stage_records(study, stage, at.x, solutions_of(at), self.arrays, self.progress, solved)
 
     def _update(self, at: Evaluation) -> UpdateResult:
         table = self.study.file.update
@@ -191,7 +196,7 @@ class Run:
             "selection": selection,
             "update": update_results(self.study, result, values, error, next(iter(self.reductions), None)),
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, stages[0], stages[-1]),
+            "validation": validation(self.study, stages[0], stages[-1], predictions(result, self.sensitivities)),
             "journal": journal_results(self.journal),
         }
         return facts.model_copy(update=parts)

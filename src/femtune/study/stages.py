@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,23 +15,22 @@ from femtune.study.cases import StudyCase
 from femtune.study.load import Study
 from femtune.study.located import located, located_in, located_in_deck, place_of
 from femtune.study.progress import Progress, silent
-from femtune.study.record_correlation import array_prefix, correlate_case, correlation_results, prediction
+from femtune.study.record_correlation import array_prefix, correlate_case, correlation_results
 from femtune.study.record_model import model_modes
 from femtune.study.record_shapes import mode_shapes
 from femtune.study.results_base import Stage
-from femtune.study.results_correlation import CorrelationResults, ValidationResults
+from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_model import ModelModes
 from femtune.study.results_response import ResponseResults
 from femtune.study.results_shapes import ModeShapes
 
 Arrays = dict[str, NDArray]
 Solutions = Mapping[str, EigenSolution]
+Solved = Callable[[StudyCase, EigenSolution], None]
 
-_FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
-_NOT_TESTED = (
-    "linearity: the test's modes were taken as those of one linear structure",
-    "mesh convergence: the deck's mesh was taken as it is",
-)
+
+def nothing(case: StudyCase, solution: EigenSolution) -> None:
+    """Nobody wants to know of a solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ def start(study: Study, progress: Progress) -> Evaluation:
     FemtuneError : ``study.no-test``, ``correlate.no-pairs``, ``residual.*``, ``eigen.*``
     """
     problem, x, states = study.problem(), nominal(study), []
-    cases = [c for c in study.cases if any(c.compared is used for used in problem.cases)]
+    cases = [c for c in study.cases if c.used is not None]
     for i, case in enumerate(cases):
         progress.step(f"solving and pairing the modes: {case.name}", i, len(cases))
         states.append(_state(study, case, x))
@@ -71,12 +70,13 @@ def start(study: Study, progress: Progress) -> Evaluation:
 
 
 def _state(study: Study, case: StudyCase, x: NDArray) -> CaseState:
-    assert case.compared is not None
+    used = case.used
+    assert used is not None
     if case.modal is None:
-        return state_at(case.compared, x)
+        return state_at(used, x)
     solution = solve(study, case, x)
     with located_in(study.file, case.entry, "test"):
-        return state_at(case.modal, x, solution)
+        return state_at(used, x, solution)
 
 
 def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
@@ -102,13 +102,20 @@ def solved_cases(study: Study, progress: Progress) -> Iterator[tuple[StudyCase, 
 
 
 def stage_records(
-    study: Study, stage: Stage, x: NDArray, known: Solutions, arrays: Arrays, progress: Progress
+    study: Study,
+    stage: Stage,
+    x: NDArray,
+    known: Solutions,
+    arrays: Arrays,
+    progress: Progress,
+    solved: Solved = nothing,
 ) -> StageRecords:
-    """Modes and correlations at `x`; what `known` has is not solved again."""
+    """Modes and correlations at `x`; what `known` has is not solved again. `solved` is told each solution."""
     found, records, shapes, raw = [], [], [], {}
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {stage}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else solve(study, case, x)
+        solved(case, solution)
         found.append(model_modes(case.name, stage, solution))
         prefix = array_prefix(stage, case.name, i + 1)
         # a model of matrices is never written: what comes after the update is its last stage
@@ -135,21 +142,3 @@ def as_written(study: Study, after: Evaluation) -> Evaluation:
     states = tuple(CaseState(c, s.point, s.groups, s.solved) for c, s in zip(problem.cases, after.states))
     with located_in_deck(study.built.deck):
         return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))
-
-
-def validation(study: Study, before: StageRecords, after: StageRecords) -> ValidationResults:
-    """Modes that the update did not use beside their predictions, and what was not tested."""
-    predictions = []
-    for case in study.cases:
-        if case.modal is None:
-            continue
-        held = range(len(case.modal.test)) if case.entry.use == "validation" else ()
-        for i in sorted({*held, *case.modal.left_out}):
-            remark = case.modal.left_out.get(i, "this configuration was not used in the update")
-            predictions.append(prediction(case.name, after.raw[case.name], i, remark, before.raw[case.name]))
-    untested = [f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None]
-    if not any(c.entry.use == "validation" and c.modal is not None for c in study.cases):
-        untested.append("the updated model on data that were not used: the study keeps no configuration for validation")
-    seen = any(r.frfs is not None and r.frfs.test_values_key for r in after.responses)
-    rest = _NOT_TESTED if seen else (_FORCED, *_NOT_TESTED)
-    return ValidationResults(predictions=tuple(predictions), not_tested=(*untested, *rest))

@@ -1,4 +1,4 @@
-"""The steps of a study, in the words of the command line: info, modes, correlate, select, update."""
+"""The steps of a study, in the words of the command line: info, modes, correlate, select, update, validate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from femtune.study.stages import nominal, solve, solved_cases, stage_records, st
 from femtune.study.with_journal import keeping, looking_up
 from femtune.study.write_back import check_inputs_safe
 
-__all__ = ["RunFolder", "SimulatedTest", "correlate", "info", "mode_sets", "modes", "select", "update"]
+__all__ = ["RunFolder", "SimulatedTest", "correlate", "info", "mode_sets", "modes", "select", "update", "validate"]
 
 
 def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
@@ -144,6 +144,20 @@ def update(
         study, journal = keeping(study, folder, fresh)
         wide = study.file.write.wide if wide is None else wide
         return Run(study, folder, wide, watch, progress, inputs, journal).go()
+
+
+def validate(
+    path: Path | str,
+    output: Path | str | None = None,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
+) -> RunFolder:
+    """The updated model on data that the update did not use: `update`, then ``results.validation`` of the run folder.
+
+    What an earlier run has solved is taken from its journal; parameters and errors as of `update`.
+    """
+    return update(path, output, None, progress, fresh=fresh, word="validate")
 
 
 def _folder(study: Study, output: Path | str | None) -> Path:

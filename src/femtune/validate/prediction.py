@@ -62,7 +62,7 @@ class FrequencyMiss:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:.2g} %"
+    return f"{100.0 * value:.2g} %" if value >= 5e-7 else "0 %"
 
 
 def frequency_miss(error: float, gradient: Reals, covariance: Reals, test_sd: float) -> FrequencyMiss:

@@ -33,10 +33,12 @@ from femtune.files.study_file.steps import (
     WriteTable,
 )
 from femtune.files.study_file.study import StudyFile
+from femtune.files.study_file.validation import HoldOutEntry, ValidateTable
 
 __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
+    "HoldOutEntry",
     "LeaveOutEntry",
     "LoadEntry",
     "MassEntry",
@@ -60,6 +62,7 @@ __all__ = [
     "StudyTable",
     "TestKeys",
     "UpdateTable",
+    "ValidateTable",
     "VariableEntry",
     "WriteTable",
     "element_list",

@@ -18,6 +18,7 @@ from femtune.files.study_file.parameter_rules import parameter_rules
 from femtune.files.study_file.plain import named_twice, number, table, tables, texts
 from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
+from femtune.files.study_file.validation_rules import validation_rules
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -35,6 +36,7 @@ def rules(data: Data, source: Source) -> Problems:
     yield from _residuals(data, source)
     yield from _regularisation(data, source)
     yield from response_rules(data, source)
+    yield from validation_rules(data, source)
 
 
 def _modes(data: Data, source: Source) -> Problems:

@@ -26,6 +26,7 @@ from femtune.files.study_file.steps import (
     WriteTable,
 )
 from femtune.files.study_file.table import Table
+from femtune.files.study_file.validation import HoldOutEntry, ValidateTable
 
 
 class StudyFile(Table):
@@ -48,6 +49,8 @@ class StudyFile(Table):
     parameter: tuple[ParameterEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     update: UpdateTable = Field(default_factory=UpdateTable)
+    hold_out: tuple[HoldOutEntry, ...] = ()
+    validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")
     reduction: ReductionTable | None = None
     response: ResponseTable | None = None
     load: tuple[LoadEntry, ...] = ()

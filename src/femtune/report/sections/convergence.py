@@ -7,6 +7,7 @@ from functools import partial
 from femtune.report.document import Block, Figure, Listing, Paragraph, Table, columns, row
 from femtune.report.figures.convergence import convergence_svg
 from femtune.report.numbers import NONE, counted, percent, short
+from femtune.report.sections.goodness import goodness
 from femtune.report.sections.reduction import reduced_models
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, UpdateResults
@@ -22,6 +23,7 @@ def convergence(source: Source) -> list[Block]:
         Paragraph(f"Outcome: {update.message} ({update.status})."),
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
         _events(update),
+        *goodness(source),
         *reduced_models(update.reduction),
         *history,
     ]

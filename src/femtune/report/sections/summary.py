@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from femtune.report.document import AlertBox, Block, KeyNumber, KeyNumbers, Paragraph
 from femtune.report.numbers import NOT_TESTED, counted, listed, percent, signed_percent, unit_fraction
+from femtune.report.sections.goodness import goodness_sentence
+from femtune.report.sections.validation import outcome_sentence
 from femtune.report.source import Scores, Source
 
 _ORDER = ("problem", "warning")
@@ -18,6 +20,10 @@ def summary(source: Source) -> list[Block]:
         blocks = [KeyNumbers((*_objective(source), *_scores(before, after))), _meaning(source, before, after)]
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
+        # where it fails an alert says so
+        failed = update.goodness is not None and update.goodness.verdict == "fail"
+        blocks += [] if failed else goodness_sentence(source)
+    blocks += _validation(source)
     blocks += source.after_notes
     grave = [a for a in source.results.alerts if a.level in _ORDER]
     alerts = sorted(grave, key=lambda a: _ORDER.index(a.level))
@@ -73,3 +79,13 @@ def _mean(scores: Scores) -> str:
 
 def _worst(scores: Scores) -> str:
     return NOT_TESTED if scores.worst_error_percent is None else f"{signed_percent(scores.worst_error_percent)} %"
+
+
+def _validation(source: Source) -> list[Block]:
+    """How the criteria came out on data that the update did not use."""
+    found = source.results.validation
+    sentence = "" if found is None else outcome_sentence(found)
+    if found is None or not sentence:
+        return []
+    failed = any(v.verdict == "fail" for v in found.verdicts)
+    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", "poor" if failed else "good")]

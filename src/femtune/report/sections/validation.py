@@ -1,33 +1,137 @@
-"""Modes that were not used, and what was not tested."""
+"""On data that the update did not use: verdicts, predictions beside their scatter, and what was not tested."""
 
 from __future__ import annotations
 
-from femtune.report.document import Block, Cell, Heading, Listing, Paragraph, columns, row, table_or_none
-from femtune.report.numbers import NONE, freq, signed_percent
+from femtune.report.document import (
+    Block,
+    Cell,
+    Figure,
+    Heading,
+    Listing,
+    Paragraph,
+    Table,
+    Tone,
+    columns,
+    row,
+    table_or_none,
+)
+from femtune.report.figures.predictions import PredictedMode, predictions_svg
+from femtune.report.numbers import (
+    NONE,
+    NOT_TESTED,
+    counted,
+    freq,
+    listed,
+    percent,
+    short,
+    signed_percent,
+    value,
+    with_unit,
+)
 from femtune.report.sections.modes import mac_cell
 from femtune.report.source import Source
-from femtune.study.results_correlation import Prediction
+from femtune.study.results_validation import Prediction, ValidationResults, ValidationVerdict
+
+_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
 
 def validation(source: Source) -> list[Block]:
-    """Predictions beside measurements, then the list of what nobody looked at."""
+    """Verdicts, predictions beside measurements, held-out sensors, then the list of what nobody looked at."""
     found = source.results.validation
     if found is None:
         return [Paragraph("Not tested: no validation was run, so nothing here says how well the model predicts.")]
-    heads = columns(
-        "Configuration", "Test mode", ">Hz", ">Model mode", ">Hz", ">Error before %", ">Error %", ">MAC", "Remark"
-    )
-    none = "No measured mode was held out: how well the model predicts was not tested."
     return [
-        table_or_none(
-            "Measured modes that the update did not use", heads, [_row(source, p) for p in found.predictions], none
-        ),
+        *validation_verdicts(found),
+        *_picture(found),
+        *prediction_blocks(found, [m.reason for m in source.left_out()]),
+        *sensor_blocks(found),
         Heading("What was not tested"),
-        Listing(found.not_tested) if found.not_tested else Paragraph("Nothing is listed."),
+        _listing([*untested_reasons(found), *found.not_tested]),
     ]
 
 
-def _row(source: Source, p: Prediction) -> tuple[Cell, ...]:
+def _listing(lines: list[str]) -> Block:
+    return Listing(tuple(lines)) if lines else Paragraph("Nothing is listed.")
+
+
+def outcome_sentence(found: ValidationResults) -> str:
+    """How many criteria passed on data that were not used, without a full stop; "" where none was tested."""
+    tested = [v for v in found.verdicts if v.verdict != NOT_TESTED]
+    failed = [v for v in tested if v.verdict == "fail"]
+    if not tested:
+        return ""
+    count = f"{len(tested) - len(failed)} of {counted(len(tested), 'criterion', 'criteria')}"
+    where = listed(dict.fromkeys(v.configuration for v in failed))
+    tail = f"; {len(failed)} failed in {where}" if failed else ""
+    return f"on data that the update did not use {count} passed ({found.profile}){tail}"
+
+
+def validation_verdicts(found: ValidationResults) -> list[Block]:
+    """The outcome in a sentence, and a table of the criteria that were tested."""
+    sentence = outcome_sentence(found)
+    if not sentence:
+        return []
+    heads = columns("Configuration", "Data", "Criterion", ">Required", ">Measured", "Verdict", "Decided by")
+    rows = tuple(_verdict_row(v) for v in found.verdicts if v.verdict != NOT_TESTED)
+    noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
+    misses: list[Block] = [Heading("What noise explains of the misses"), Listing(noise)] if noise else []
+    tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
+    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", tone), Table("", heads, rows), *misses]
+
+
+def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
+    asked = with_unit(f"{'≤' if v.sense == 'at most' else '≥'} {value(v.required)}", v.unit)
+    measured = NOT_TESTED if v.measured is None else with_unit(value(v.measured), v.unit)
+    return row(
+        v.configuration, v.data, v.criterion, asked, measured, Cell(v.verdict, tone=_TONES[v.verdict]), v.remark or NONE
+    )
+
+
+def untested_reasons(found: ValidationResults) -> list[str]:
+    """Criteria that were not tested, those with one reason together."""
+    reasons: dict[tuple[str, str], dict[str, None]] = {}
+    for v in found.verdicts:
+        if v.verdict == NOT_TESTED:
+            reasons.setdefault((v.configuration, v.remark), {})[v.criterion] = None
+    return [f"{name}: {'; '.join(criteria)}: {reason}" for (name, reason), criteria in reasons.items()]
+
+
+def _picture(found: ValidationResults) -> list[Block]:
+    modes = [_predicted(p) for p in found.predictions if p.data and p.freq_error_percent is not None]
+    if not modes:
+        return []
+    limits = [v.required for v in found.verdicts if v.criterion.startswith("frequency error")]
+    limit = min(limits, default=None)
+    caption = (
+        "Errors of predicted frequencies (model − test)/test: grey ring before the update, blue dot after it; the "
+        "bar is ± 2 σ of what the scatter of test and parameters gives around zero"
+        + (f", the orange lines are the strictest limit asked for ({value(limit)} %)." if limit else ".")
+    )
+    alt = f"Errors of {counted(len(modes), 'predicted frequency', 'predicted frequencies')} beside their scatter"
+    return [Figure(lambda: predictions_svg(modes, limit), caption, alt)]
+
+
+def _predicted(p: Prediction) -> PredictedMode:
+    known = p.test_sd_percent is not None
+    sd = ((p.test_sd_percent or 0.0) ** 2 + (p.parameter_sd_percent or 0.0) ** 2) ** 0.5 if known else None
+    label = f"{p.configuration}, mode {p.test_label}"
+    return PredictedMode(label, p.before_freq_error_percent, p.freq_error_percent or 0.0, sd)
+
+
+def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
+    """All measured modes that the update did not use."""
+    heads = columns(
+        "Configuration", "Test mode", ">Hz", ">Model mode", ">Hz", ">Error before %", ">Error %", ">σ test %",
+        ">σ parameters %", ">z", ">MAC", "Remark",
+    )  # fmt: skip
+    none = "No measured mode was held out: how well the model predicts was not tested."
+    rows = [_row(p, known_reasons) for p in found.predictions]
+    note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
+    table = table_or_none("Measured modes that the update did not use", heads, rows, none)
+    return [table, *([Paragraph(note, "muted")] if any(p.z is not None for p in found.predictions) else [])]
+
+
+def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
     return row(
         p.configuration,
         p.test_label,
@@ -36,12 +140,31 @@ def _row(source: Source, p: Prediction) -> tuple[Cell, ...]:
         freq(p.model_freq_hz),
         signed_percent(p.before_freq_error_percent),
         signed_percent(p.freq_error_percent),
+        percent(p.test_sd_percent),
+        percent(p.parameter_sd_percent),
+        NONE if p.z is None else signed_percent(p.z),
         mac_cell(p.mac),
-        _remark(source, p),
+        Cell(_remark(p, known_reasons), tone="muted"),
     )
 
 
-def _remark(source: Source, p: Prediction) -> str:
+def _remark(p: Prediction, known_reasons: list[str]) -> str:
     """The study's reason for leaving a mode out stands in the table of modes left out."""
-    known = any(p.remark == m.reason and p.test_label in m.labels for m in source.left_out())
-    return "left out by the study" if known else p.remark or NONE
+    if p.data:
+        return p.data if p.paired else f"{p.data}; no pair, only the most alike"
+    return "left out by the study" if p.remark in known_reasons else p.remark or NONE
+
+
+def sensor_blocks(found: ValidationResults) -> list[Block]:
+    """Shapes at the sensors that were held out."""
+    if not found.held_out_sensors:
+        return []
+    heads = columns("Configuration", "Shape of", ">Error %", ">Noise gives %")
+    rows = tuple(
+        row(s.configuration, s.test_label, short(s.error_percent), short(s.noise_percent)) for s in found.shapes
+    )
+    names = ", ".join(found.held_out_sensors[:8])
+    more = len(found.held_out_sensors) - 8
+    note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
+    note += "The error is test − model, root mean square, over that of the shape; the scale is of the sensors used."
+    return [Table("Shapes at held-out sensors", heads, rows, note)]

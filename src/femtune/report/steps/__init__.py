@@ -6,6 +6,7 @@ from femtune.report.steps.modes import modes_document
 from femtune.report.steps.respond import responses_document
 from femtune.report.steps.select import selection_document
 from femtune.report.steps.subject import Subject, subject_of
+from femtune.report.steps.validate import validation_document
 
 __all__ = [
     "Subject",
@@ -15,4 +16,5 @@ __all__ = [
     "responses_document",
     "selection_document",
     "subject_of",
+    "validation_document",
 ]

@@ -1,0 +1,191 @@
+"""Data that are kept from the update: held-out modes and sensors, other configurations, verdicts, goodness of fit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.study import RunFolder
+
+Bench = Any
+
+HALF = """
+[[parameter]]
+name = "root"
+fields = ["PBAR 1 I1"]
+lower = 0.5
+upper = 2.0
+"""
+
+
+def _validation(run: RunFolder) -> Any:
+    assert run.results.validation is not None
+    return run.results.validation
+
+
+def _goodness(run: RunFolder) -> Any:
+    assert run.results.update is not None
+    return run.results.update.goodness
+
+
+def _values(run: RunFolder) -> dict[str, float]:
+    assert run.results.update is not None
+    return {p.name: p.value for p in run.results.update.parameters}
+
+
+def _noisy(bench: Bench, sd: float, seed: int = 3) -> None:
+    """The beam's test with scatter on its frequencies."""
+    test = bench.measure(bench.truth())
+    factors = 1.0 + sd * np.random.default_rng(seed).standard_normal(len(test.modes))
+    object.__setattr__(test.modes, "freq_hz", test.modes.freq_hz * factors)
+    bench.uff(test)
+
+
+def test_held_out_modes_have_no_residual_and_are_judged(beam: Bench) -> None:
+    run = steps.update(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["2", "4"]\n[validate]\nprofile = "ECSS"'))
+    assert _values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)
+    assert run.results.selection is not None
+    assert not any(label.split()[-2] in ("2", "4") for label in run.results.selection.row_labels)
+    found = _validation(run)
+    assert found.profile == "ECSS-E-ST-32-11C"
+    assert {(p.test_label, p.data) for p in found.predictions} == {
+        ("2", "held-out modes"), ("4", "beyond the frequencies used")}  # fmt: skip
+    # the pairs of all modes are shown, held out or not
+    assert [p.test_label for p in run.results.correlations[-1].pairs] == ["1", "2", "3", "4"]
+    judged = {(v.data, v.criterion): v.verdict for v in found.verdicts}
+    assert judged["held-out modes", "frequency error, ECSS-E-ST-32-11C"] == "pass"
+    assert judged["beyond the frequencies used", "MAC, ECSS-E-ST-32-11C"] == "pass"
+    assert not any("beyond" in line or "held" in line for line in found.not_tested)
+
+
+def test_modes_beyond_a_frequency_are_held_out(beam: Bench) -> None:
+    hz = beam.measure(beam.truth()).modes.freq_hz
+    run = steps.update(beam.study(beam.parameters + f"[[hold_out]]\nabove_hz = {0.5 * (hz[2] + hz[3]):.3f}\n"))
+    found = _validation(run)
+    assert [(p.test_label, p.data) for p in found.predictions] == [("4", "beyond the frequencies used")]
+
+
+def test_own_numbers_decide(beam: Bench) -> None:
+    """Only the root is free, so that the model misses; the verdicts turn where the limits are set."""
+    held = '[[hold_out]]\nmodes = ["3"]\n[validate]\nprofile = "own"\nfrequency_error = '
+    miss = abs(_validation(steps.update(beam.study(HALF + held + "0.5"))).predictions[0].freq_error_percent)
+    assert miss > 0.1
+    for limit, verdict in ((1.1 * miss, "pass"), (0.9 * miss, "fail")):
+        found = _validation(steps.update(beam.study(HALF + held + f"{limit / 100:.8f}")))
+        (one,) = found.verdicts
+        assert (one.verdict, one.criterion) == (verdict, "frequency error, own criterion")
+        assert one.measured == pytest.approx(miss, rel=1e-6)
+        assert one.required == pytest.approx(limit, rel=1e-6)
+        assert one.sentence.startswith(f"as the deck, {one.data}: {verdict}: frequency error {miss:.3g} %")
+
+
+def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
+    tail = '[[hold_out]]\nsensors = ["4Y+", "4Z+"]\n[validate]\nprofile = "own"\n'
+    tail += "shape_error = 0.02\nmac = 0.99\nshape_sd = 0.01"
+    run = steps.update(beam.study(beam.parameters + tail))
+    found = _validation(run)
+    assert found.held_out_sensors == ("as the deck: 4Y+", "as the deck: 4Z+")
+    assert [v.verdict for v in found.verdicts] == ["pass", "pass"]
+    assert {v.data for v in found.verdicts} == {"held-out sensors"}
+    assert len(found.shapes) == 4
+    assert all(s.error_percent < 0.01 for s in found.shapes)
+    assert all(0.3 < s.noise_percent < 3.0 for s in found.shapes)
+
+
+def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
+    from femtune.model import Configuration  # noqa: PLC0415
+    from femtune.model.configuration import AddedMass  # noqa: PLC0415
+
+    labels, true = ("2Y+", "2Z+", "3Y+", "3Z+", "4Y+", "4Z+"), bench.truth()
+    states = {
+        "free": (Configuration("free"), ""),
+        "loaded": (Configuration("loaded", masses=(AddedMass(3, 1.5),)), "masses = [{ node = 3, mass = 1.5 }]\n"),
+        "propped": (Configuration("propped", supports_added=((5, "23"),)), 'supports_added = ["5:23"]\n'),
+    }
+    bench.uff([bench.measure(true, *labels, configuration=c, name=name) for name, (c, _) in states.items()])
+    text = "".join(
+        f'[[configuration]]\nname = "{name}"\ntest = "beam.uff"\nrecords = "{name}"\n{keys}'
+        + ("" if name == "free" else 'use = "validation"\n')
+        for name, (_, keys) in states.items()
+    )
+    found = _validation(steps.update(bench.study(text + bench.parameters, test=None)))
+    data = {p.configuration: p.data for p in found.predictions}
+    assert data == {"loaded": "modified structure", "propped": "other boundary conditions"}
+    assert all(
+        p.parameter_sd_percent is not None and p.test_sd_percent == pytest.approx(1.0) for p in found.predictions
+    )
+    assert {v.verdict for v in found.verdicts if v.criterion.startswith("frequency")} == {"pass"}
+    assert any(line.startswith("frequencies beyond those used") for line in found.not_tested)
+
+
+def test_residuals_that_are_noise_pass(bench: Bench) -> None:
+    _noisy(bench, 0.002)
+    run = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01"))
+    found = _goodness(run)
+    # 4 frequencies, and 4 shapes of 8 entries of unit norm, less two parameters
+    assert found.degrees_of_freedom == 4 + 4 * 7 - 2
+    assert (found.verdict, found.p_value > 0.01) == ("pass", True)
+    assert [k.kind for k in found.by_kind] == ["frequency", "shape"]
+    assert not [a for a in run.results.alerts if a.code == "update.misfit"]
+
+
+def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
+    """The real beam stands on a spring that the deck lacks."""
+    sprung = bench.text.replace("CONM2", "CELAS2,77,3.+5,4,3\nCONM2")
+    bench.uff(bench.measure(bench.truth((), sprung)))
+    run = steps.update(bench.study(bench.parameters + "[residuals]\nfrequency_sd = 0.002"))
+    found = _goodness(run)
+    assert found.verdict == "fail"
+    assert found.p_value < 1e-6
+    assert found.sentence.startswith("the residuals are not noise: chi-square")
+    assert [a.sentence.startswith("the residuals are not noise") for a in run.results.alerts
+            if a.code == "update.misfit"] == [True]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("form", "reason"),
+    [('shape_form = "mac"', "no normal variable"), ('shape_scaling = "largest-entry"', "largest entry")],
+)
+def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench, form: str, reason: str) -> None:
+    tail = f"[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\n{form}"
+    found = _goodness(steps.update(beam.study(beam.parameters + tail)))
+    assert [k.kind for k in found.by_kind] == ["frequency"]
+    alone = _goodness(steps.update(beam.study(beam.parameters + tail.replace("0.002", "0"))))
+    assert alone.verdict == "not tested"
+    assert reason in alone.sentence
+
+
+@pytest.mark.parametrize(
+    ("tail", "code", "says"),
+    [
+        ('[[hold_out]]\nmodes = ["9"]', "study.unknown-mode", "no mode of the test is called '9'"),
+        ('[[hold_out]]\nsensors = ["77Z+"]', "study.hold-out", "the test has no sensor 77Z+"),
+        ("[[hold_out]]\nabove_hz = 0.001", "study.hold-out", "no mode would be left"),
+        (
+            '[[hold_out]]\nsensors = ["2Y+", "2Z+", "3Y+", "3Z+", "4Y+", "4Z+", "5Y+"]',
+            "study.hold-out",
+            "fewer than two",
+        ),
+    ],
+)
+def test_what_cannot_be_held_out_is_refused(beam: Bench, tail: str, code: str, says: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study(beam.parameters + tail))
+    assert caught.value.code == code
+    assert says in caught.value.what
+    assert "study.toml" in str(caught.value.where)
+
+
+def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
+    study = beam.study(HALF + '[[hold_out]]\nmodes = ["2", "4"]\nsensors = ["4Y+"]\n[validate]\nprofile = "ECSS"')
+    run = steps.validate(study)
+    assert ".validate(" in run.results.provenance.command
+    assert _validation(run).verdicts
+    page = steps.report(run.folder).read_text()
+    assert "On data that the update did not use" in page
+    assert "Shapes at held-out sensors" in page
+    assert "Errors of predicted frequencies" in page
