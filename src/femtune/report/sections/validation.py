@@ -5,6 +5,7 @@ from __future__ import annotations
 from femtune.report.document import (
     Block,
     Cell,
+    Column,
     Figure,
     Heading,
     Listing,
@@ -81,7 +82,7 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
 
 def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
     asked = with_unit(f"{'≤' if v.sense == 'at most' else '≥'} {value(v.required)}", v.unit)
-    measured = NOT_TESTED if v.measured is None else with_unit(value(v.measured), v.unit)
+    measured = NOT_TESTED if v.measured is None else with_unit(short(v.measured), v.unit)
     return row(
         v.configuration, v.data, v.criterion, asked, measured, Cell(v.verdict, tone=_TONES[v.verdict]), v.remark or NONE
     )
@@ -120,10 +121,12 @@ def _predicted(p: Prediction) -> PredictedMode:
 
 def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
     """All measured modes that the update did not use."""
-    heads = columns(
-        "Configuration", "Test mode", ">Hz", ">Model mode", ">Hz", ">Error before %", ">Error %", ">σ test %",
-        ">σ parameters %", ">z", ">MAC", "Remark",
-    )  # fmt: skip
+    heads = (
+        *columns("Configuration", "Mode", ">Test Hz", ">Model no.", ">Hz"),
+        *(Column(title, "right", "Error %") for title in ("before", "after")),
+        *(Column(title, "right", "σ %") for title in ("test", "parameters")),
+        *columns(">z", ">MAC", "Remark"),
+    )
     none = "No measured mode was held out: how well the model predicts was not tested."
     rows = [_row(p, known_reasons) for p in found.predictions]
     note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
