@@ -1,0 +1,236 @@
+"""A state-space model with given poles: B, C and D by linear least squares on functions of any bands and channels.
+
+Each pole has one shape ψ and one participation l: H = Σ ψ lᵀ/(iω − λ) + conjugates + D. With one reference that is
+linear; with several, ψ for given l and l for given ψ are solved in turn, from the leading singular vectors of free
+residues.
+
+Source: the re-estimation of B and C with residual modes, as after T. McKelvey, H. Akcay, L. Ljung (1996), IEEE Trans.
+Automatic Control 41(7), section on B and D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.identify.modal_basis import real_rows
+from femtune.identify.scaling import DrivingPoint, driving_points
+from femtune.modal import FrfSet, StateSpace
+
+Reals = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+MOST_TURNS = 50
+ENOUGH = 1e-8
+"""Relative change of the sum of squares that ends the turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """shapes (n, m), participations (m, u), direct (n, u)."""
+
+    shapes: Complex
+    participations: Complex
+    direct: Reals
+
+
+def fit_system(frfs: FrfSet, poles: Complex, direct: bool = True, reciprocal: bool = False) -> StateSpace:
+    """A real state-space model of order 2m.
+
+    Parameters
+    ----------
+    frfs : (n, u, k); NaN where a function was not measured at a line, so that bands and channels may differ
+        (`join_frfs` puts sets together)
+    poles : (m,) rad/s of the upper half plane that decay: those identified, and `residual_poles` for what lies outside
+    direct : with a direct term D, which accelerance needs
+    reciprocal : participations in proportion to the shapes at the driving points; D stays free
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-poles``, ``identify.unstable-poles``, ``identify.few-lines``,
+        ``identify.no-driving-point`` where reciprocity is asked for and a reference is not among the responses
+    """
+    poles = np.asarray(poles, complex)
+    _check_poles(poles)
+    points = _points(frfs) if reciprocal else ()
+    near = _near(frfs, poles)
+    parts = _turns(frfs, near, _start(frfs, near, direct), direct, points)
+    A, B, C = _real_form(poles, parts)
+    return StateSpace(
+        A, B, C, parts.direct, frfs.responses, frfs.references, frfs.kind, source=f"fit of {len(poles)} modes"
+    )
+
+
+def stable_poles(poles: Complex) -> Complex:
+    """Those of the upper half plane that decay, by ascending modulus."""
+    kept = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
+    return kept[np.argsort(np.abs(kept))]
+
+
+def residual_poles(band_hz: tuple[float, float], low: int = 1, high: int = 2, damping_ratio: float = 1e-3) -> Complex:
+    """Poles below and above a band that stand for what lies there, of very low damping.
+
+    Below: 1/3, 1/9, … of the lower end; above: 1.5, 2.25, … times the upper end.
+    """
+    below = band_hz[0] / 3.0 ** np.arange(low, 0, -1)
+    above = band_hz[1] * 1.5 ** np.arange(1, high + 1)
+    omega = 2.0 * np.pi * np.concatenate([below, above])
+    return np.asarray(omega * (-damping_ratio + 1j * np.sqrt(1.0 - damping_ratio**2)), dtype=complex)
+
+
+def _check_poles(poles: Complex) -> None:
+    if not len(poles):
+        raise FemtuneError("identify.no-poles", "there is no pole to fit", hint="take some by hand")
+    growing = poles[(poles.real >= 0.0) | (poles.imag <= 0.0)]
+    if len(growing):
+        raise FemtuneError(
+            "identify.unstable-poles",
+            f"{len(growing)} of {len(poles)} poles do not decay, or do not oscillate",
+            values={"first": f"{growing[0]:.6g} rad/s"},
+            hint="keep the stable ones only",
+        )
+
+
+def _points(frfs: FrfSet) -> tuple[DrivingPoint, ...]:
+    points = driving_points(frfs)
+    lacking = set(range(len(frfs.references))) - {p.reference for p in points}
+    if lacking:
+        names = ", ".join(str(frfs.references[j]) for j in sorted(lacking))
+        what = "reciprocity needs the motion at every reference"
+        raise FemtuneError("identify.no-driving-point", what, values={"references without response": names})
+    return points
+
+
+def _near(frfs: FrfSet, poles: Complex) -> Complex:
+    """(k, 2m): 1/(iω − λ), then 1/(iω − λ̄)."""
+    i_omega = 2j * np.pi * frfs.freq_hz[:, None]
+    return np.hstack([1.0 / (i_omega - poles), 1.0 / (i_omega - poles.conj())])
+
+
+def _columns(near: Complex, factors: Complex) -> Complex:
+    """Columns of the real and of the imaginary part of a number x in x·f/(iω − λ) + conjugates, f given; (k, 2m)."""
+    m = near.shape[1] // 2
+    up, down = near[:, :m] * factors, near[:, m:] * factors.conj()
+    return np.hstack([up + down, 1j * (up - down)])
+
+
+def _start(frfs: FrfSet, near: Complex, direct: bool) -> _Parts:
+    """Free residues of every function, and their leading singular vectors."""
+    n, u, _ = frfs.values.shape
+    m = near.shape[1] // 2
+    residues, D = np.zeros((n, u, m), complex), np.zeros((n, u))
+    basis = _with_direct(_columns(near, np.ones(m)), direct)
+    for i in range(n):
+        for j in range(u):
+            x = _least_squares(basis, frfs.values[i, j])
+            residues[i, j] = x[:m] + 1j * x[m : 2 * m]
+            D[i, j] = x[2 * m] if direct else 0.0
+    left, s, right = np.linalg.svd(residues.transpose(2, 0, 1), full_matrices=False)
+    root = np.sqrt(s[:, 0])
+    return _Parts((left[:, :, 0] * root[:, None]).T, right[:, 0] * root[:, None], D)
+
+
+def _with_direct(columns: Complex, direct: bool) -> Complex:
+    return np.hstack([columns, np.ones((len(columns), 1))]) if direct else columns
+
+
+def _least_squares(basis: Complex, values: Complex) -> Reals:
+    known = np.isfinite(values)
+    if 2 * known.sum() < basis.shape[1]:
+        what = f"a function has {int(known.sum())} lines, too few for {basis.shape[1]} unknowns"
+        raise FemtuneError("identify.few-lines", what, hint="leave that response out, or fit fewer poles")
+    rows = real_rows(basis[known])
+    size = np.linalg.norm(rows, axis=0)
+    return np.asarray(np.linalg.lstsq(rows / size, real_rows(values[known]), rcond=None)[0] / size)
+
+
+def _turns(frfs: FrfSet, near: Complex, parts: _Parts, direct: bool, points: Sequence[DrivingPoint]) -> _Parts:
+    if len(frfs.references) == 1 and not points:
+        return parts
+    before = np.inf
+    for _ in range(MOST_TURNS):
+        parts = _refit_participations(frfs, near, parts, points)
+        parts = _refit_shapes(frfs, near, parts, direct)
+        now = _squares(frfs, near, parts)
+        if before - now <= ENOUGH * now:
+            break
+        before = now
+    # the last word is the participations', which makes a model that has to be reciprocal exactly so
+    return _refit_participations(frfs, near, parts, points) if points else parts
+
+
+def _refit_shapes(frfs: FrfSet, near: Complex, parts: _Parts, direct: bool) -> _Parts:
+    """ψ and D of each response, from all its references."""
+    n, u, k = frfs.values.shape
+    m = near.shape[1] // 2
+    rows = [_columns(near, parts.participations[:, j]) for j in range(u)]
+    own = np.kron(np.eye(u), np.ones((k, 1)))
+    basis = np.hstack([np.vstack(rows), own]) if direct else np.vstack(rows)
+    shapes, D = np.zeros((n, m), complex), np.zeros((n, u))
+    for i in range(n):
+        x = _least_squares(basis, frfs.values[i].ravel())
+        shapes[i] = x[:m] + 1j * x[m : 2 * m]
+        D[i] = x[2 * m :] if direct else 0.0
+    return _Parts(shapes, parts.participations, D)
+
+
+def _refit_participations(frfs: FrfSet, near: Complex, parts: _Parts, points: Sequence[DrivingPoint]) -> _Parts:
+    """l of each reference from all responses, each weighted by its size; with reciprocity one factor a mode."""
+    m = near.shape[1] // 2
+    if points:
+        ends = np.array([parts.shapes[p.response] * p.sign for p in sorted(points, key=lambda p: p.reference)])
+        factor = _solve_products(_products(frfs, near, parts, range(len(points)), ends), m)
+        return _Parts(parts.shapes, (ends * factor).T, parts.direct)
+    ones = np.ones((len(frfs.references), m), complex)
+    found = [_solve_products(_products(frfs, near, parts, [j], ones), m) for j in range(len(frfs.references))]
+    return _Parts(parts.shapes, np.array(found).T, parts.direct)
+
+
+def _products(
+    frfs: FrfSet, near: Complex, parts: _Parts, references: Sequence[int] | range, ends: Complex
+) -> Iterator[tuple[Reals, Reals]]:
+    """Normal equations of x in Σ ψ_i x e_j/(iω − λ), function by function."""
+    for i in range(len(frfs.responses)):
+        weight = 1.0 / np.nanmean(np.abs(frfs.values[i]) ** 2)
+        for j in references:
+            known = np.isfinite(frfs.values[i, j])
+            rows = real_rows(_columns(near[known], parts.shapes[i] * ends[j]))
+            wanted = real_rows(frfs.values[i, j, known] - parts.direct[i, j])
+            yield weight * rows.T @ rows, weight * rows.T @ wanted
+
+
+def _solve_products(products: Iterator[tuple[Reals, Reals]], m: int) -> Complex:
+    normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)
+    for matrix, vector in products:
+        normal += matrix
+        right += vector
+    size = np.sqrt(np.diag(normal))
+    size[size == 0.0] = 1.0
+    x = np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=None)[0] / size
+    return np.asarray(x[:m] + 1j * x[m:])
+
+
+def _squares(frfs: FrfSet, near: Complex, parts: _Parts) -> float:
+    m = near.shape[1] // 2
+    residues = parts.shapes[:, None, :] * parts.participations.T[None]
+    model = residues @ near[:, :m].T + residues.conj() @ near[:, m:].T + parts.direct[:, :, None]
+    weight = 1.0 / np.nanmean(np.abs(frfs.values) ** 2, axis=(1, 2))
+    return float(np.nansum(weight[:, None, None] * np.abs(frfs.values - model) ** 2))
+
+
+def _real_form(poles: Complex, parts: _Parts) -> tuple[Reals, Reals, Reals]:
+    """State x = (Re ξ, Im ξ) of ξ̇ = λξ + lᵀu, y = 2 Re ψξ."""
+    m = len(poles)
+    A = np.zeros((2 * m, 2 * m))
+    even, odd = np.arange(0, 2 * m, 2), np.arange(1, 2 * m, 2)
+    A[even, even] = A[odd, odd] = poles.real
+    A[even, odd], A[odd, even] = -poles.imag, poles.imag
+    B = np.zeros((2 * m, parts.participations.shape[1]))
+    B[even], B[odd] = parts.participations.real, parts.participations.imag
+    C = np.zeros((len(parts.shapes), 2 * m))
+    C[:, even], C[:, odd] = 2.0 * parts.shapes.real, -2.0 * parts.shapes.imag
+    return A, B, C
