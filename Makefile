@@ -64,7 +64,7 @@ browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in head
 bench: $(VENV)/.stamp-test  ## speed and memory against size, hours; goes on where it was ended (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## the extras that read OP2 and Ansys files, so that their tests run
+readers: $(VENV)/.stamp-readers  ## the extras that read OP2, Ansys and HDF5 files, so that their tests run
 
 clean:  ## remove what can be made again, the environment too
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
@@ -90,8 +90,8 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 	@touch $@
 
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
-	@echo "installing the libraries that read OP2 and Ansys files into $(VENV)"
-	@$(PIP) -e '.[op2,ansys]'
+	@echo "installing the libraries that read OP2, Ansys and HDF5 files into $(VENV)"
+	@$(PIP) -e '.[op2,ansys,hdf5]'
 	@touch $@
 
 $(VENV)/.stamp-docs: pyproject.toml $(VENV)/.stamp-test

@@ -1,0 +1,61 @@
+"""RecordTable: the columns of a record file as they stand in it, before anybody says what they measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Where
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordTable:
+    """Columns of one length.
+
+    Parameters
+    ----------
+    values : (columns, samples); NaN where the file has none
+    names : of the columns, "" where the file gives none
+    sampling_hz : what the file says, or None
+    times_s : (samples,) of a column of times, which is not among the columns any more, or None
+    source : the file
+    """
+
+    values: Reals
+    names: tuple[str, ...]
+    sampling_hz: float | None = None
+    times_s: Reals | None = None
+    source: str = ""
+
+
+def problem(path: object, code: str, what: str, hint: str, line: int | None = None, **values: object) -> FemtuneError:
+    """An error in a record file."""
+    return FemtuneError(code, what, where=Where(str(path), line), values=dict(values), hint=hint)
+
+
+def as_columns(array: NDArray, path: object) -> Reals:
+    """(columns, samples) of a real array of one or two dimensions; the longer side is time.
+
+    Raises
+    ------
+    FemtuneError : ``record.file`` for complex numbers, text, or another number of dimensions
+    """
+    if array.dtype.kind not in "iufb" or array.ndim not in (1, 2) or not array.size:
+        found = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
+        hint = "store real numbers, one row a sample and one column a channel"
+        raise problem(path, "record.file", "this array is no time record", hint, found=found)
+    columns = np.atleast_2d(array.astype(float))
+    return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
+
+
+def split_times(values: Reals, names: tuple[str, ...]) -> tuple[Reals, tuple[str, ...], Reals | None]:
+    """Columns and names without the first column that is called time, and that column."""
+    for i, name in enumerate(names):
+        if name.strip().lower().split("(")[0].split("[")[0].strip() in ("t", "time", "zeit", "temps"):
+            rest = [j for j in range(len(names)) if j != i]
+            return values[rest], tuple(names[j] for j in rest), values[i]
+    return values, names, None

@@ -1,0 +1,125 @@
+"""Records in text: columns with or without names, separated by commas, semicolons, tabs or blanks."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from femtune.files.records.table import RecordTable, problem, split_times
+
+_MISSING = {"": "nan", "na": "nan", "n/a": "nan", "nan": "nan"}
+_MOST_HEADER_LINES = 200
+
+
+def read_text(path: Path) -> RecordTable:
+    """A text file: header lines, of which the last may name the columns, then one line a sample.
+
+    Raises
+    ------
+    FemtuneError : ``record.file`` for what is no number, with its line, and for lines of different length
+    """
+    lines = _lines(path)
+    first = _first_row(lines, path)
+    separator = _separator(lines[first])
+    comma = separator != "," and any("," in line for line in lines[first:])
+    width = len(_fields(lines[first], separator))
+    values = _quick(lines[first:], separator, comma)
+    if values is None or values.shape[1] != width:
+        values = _strict(lines, first, separator, comma, width, path)
+    names = _names(lines, first, separator, width)
+    columns, names, times = split_times(np.ascontiguousarray(values.T), names)
+    return RecordTable(columns, names, None, times, str(path))
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        text = path.read_text(encoding="latin-1")
+    if "\x00" in text:
+        hint = "name its format, or export it as text"
+        raise problem(path, "record.file", "this is no text file: it holds zero bytes", hint)
+    return text.splitlines()
+
+
+def _separator(line: str) -> str | None:
+    """Of a row of numbers: a semicolon or tab where one is there; a comma, unless blanks separate decimal commas."""
+    for mark in (";", "\t"):
+        if mark in line:
+            return mark
+    by_blanks = line.split()
+    return "," if "," in line and not (len(by_blanks) > 1 and _numbers(by_blanks, True)) else None
+
+
+def _fields(line: str, separator: str | None) -> list[str]:
+    fields = line.split(separator)
+    return fields[:-1] if separator and len(fields) > 1 and not fields[-1].strip() else fields
+
+
+def _number(text: str, comma: bool) -> float | None:
+    plain = text.strip().strip('"')
+    plain = plain.replace(",", ".") if comma else plain
+    try:
+        return float(_MISSING.get(plain.lower(), plain)) if "_" not in plain else None
+    except ValueError:
+        return None
+
+
+def _numbers(fields: list[str], comma: bool) -> bool:
+    return len(fields) > 0 and all(_number(f, comma) is not None for f in fields)
+
+
+def _first_row(lines: list[str], path: Path) -> int:
+    """The first line that is all numbers, at least one of them given."""
+    for i, line in enumerate(lines[:_MOST_HEADER_LINES]):
+        if not line.strip() or line.lstrip()[0] in "#%":
+            continue
+        separator = _separator(line)
+        fields = _fields(line, separator)
+        if _numbers(fields, separator != ",") and any(f.strip() for f in fields):
+            return i
+    hint = "one line a sample, columns separated by commas, semicolons, tabs or blanks"
+    raise problem(path, "record.file", "no line of this file is a row of numbers", hint)
+
+
+def _quick(rows: list[str], separator: str | None, comma: bool) -> np.ndarray | None:
+    text = "\n".join(rows)
+    try:
+        return np.loadtxt(io.StringIO(text.replace(",", ".") if comma else text), delimiter=separator, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _strict(lines: list[str], first: int, separator: str | None, comma: bool, width: int, path: Path) -> np.ndarray:
+    """Row by row, so that what is wrong has its line."""
+    out = []
+    for number, line in enumerate(lines[first:], first + 1):
+        if not line.strip() or line.lstrip()[0] in "#%":
+            continue
+        fields = _fields(line, separator)
+        if len(fields) != width:
+            last = not any(later.strip() for later in lines[number:])
+            what = (
+                "the last line is cut short" if last and len(fields) < width else "a line has another number of columns"
+            )
+            hint = "cut it off, or export the record again" if last else "export the record again"
+            raise problem(path, "record.file", what, hint, number, wanted=width, found=len(fields))
+        row = [_number(f, comma) for f in fields]
+        if None in row:
+            bad = fields[row.index(None)].strip()[:30]
+            hint = "leave a missing sample empty, or write nan"
+            raise problem(path, "record.file", f"'{bad}' is not a number", hint, number, column=row.index(None) + 1)
+        out.append(row)
+    return np.array(out, dtype=float)
+
+
+def _names(lines: list[str], first: int, separator: str | None, width: int) -> tuple[str, ...]:
+    """Names from the last line before the numbers, where it has as many of them as there are columns."""
+    before = [line for line in lines[:first] if line.strip()]
+    if before:
+        fields = [f.strip().strip('"') for f in _fields(before[-1].lstrip("#% "), separator)]
+        if len(fields) == width:
+            return tuple(fields)
+    return ("",) * width
