@@ -86,5 +86,5 @@ def unmoved_by_mass(states_hz: Sequence[Reals], fixed: float = 2e-3, moved: floa
 
 
 def ground_to_floor(spectra: CrossSpectra, ground: int, floor: int) -> NDArray[np.complex128]:
-    """(k,) transfer function H1 from a channel of the ground to one of a floor, in which the lines of the ground vanish."""
+    """(k,) transfer function H1 from a channel of the ground to one of a floor: the lines of the ground vanish."""
     return np.asarray(spectra.values[:, floor, ground] / spectra.values[:, ground, ground].real)

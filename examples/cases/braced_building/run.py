@@ -1,0 +1,218 @@
+"""Seven modes where six were expected: a building in ambient vibration. python run.py [--quick] [--evidence DIR].
+
+The two-storey benchmark building in its three mass configurations, simulated on a ground that shakes and hums at
+7.8 Hz. Upper braces that nobody instrumented split the fourth mode into 4a and 4b. ERA, FDD and TFIE are applied to
+fragments of the record; nothing is picked by hand. Half an hour of record; the example takes a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.dofs import Dof, DofSet
+from femtune.identify.combine import CombinedModes, Estimate, combine
+from femtune.identify.fdd import decompose
+from femtune.identify.input_lines import InputVerdict, ground_to_floor, judge_peaks, unmoved_by_mass
+from femtune.identify.operational import METHODS, Operational, prepared, segment_of
+from femtune.identify.rigid_motion import to_rigid_motion
+from femtune.identify.spectra import cross_spectra
+from femtune.identify.tfie import phase_scatter
+from femtune.modal import ModeSet, TimeSeries
+from femtune.modal.mac import mac
+from femtune.report.figures.canvas import draw_svg
+from femtune.report.figures.svg import BLUE, LINE, ORANGE
+from femtune.testing.laboratory import (
+    Clock,
+    MeasuringChain,
+    braced_building,
+    narrow_line,
+    simulated_test,
+    white_noise,
+)
+from femtune.testing.laboratory.braced_building import HUM_HZ
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STATES, LABELS = ("BC", "NC", "SC"), ("1", "2", "3", "4a", "4b", "5", "6")
+WANTED = ("ERA", "FDD", "TFIE")
+FLOORS = DofSet(Dof(floor, d) for floor in (1, 2) for d in ("X", "Y", "RZ"))
+SHOWN_HZ = (2.0, 20.0)
+ASKED = Operational((2.0, 22.0), 40)
+GROUND_RMS, HUM_RMS = np.array([[1.0], [1.0], [0.3]]), np.array([[0.3], [0.2], [0.0]])
+
+
+@dataclass(frozen=True)
+class Size:
+    """Seconds of record, and the fragments that it is cut into."""
+
+    duration_s: float
+    fragments: int
+
+
+QUICK, FULL = Size(1200.0, 2), Size(2400.0, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What was found in one mass configuration, the excitation's lines still among the modes."""
+
+    name: str
+    truth: ModeSet
+    record: TimeSeries
+    motions: TimeSeries
+    found: CombinedModes
+    verdicts: tuple[InputVerdict, ...]
+
+    @property
+    def of_structure(self) -> list[int]:
+        """Positions of the modes that the ground does not have."""
+        return [i for i, v in enumerate(self.verdicts) if not v.of_input]
+
+
+def shaken(name: str, size: Size, seed: int) -> tuple[ModeSet, TimeSeries, TimeSeries]:
+    """Truth at the floors, record of the sensors and the ground, and motions of the rigid floors."""
+    building, clock, rng = braced_building(name), Clock(size.duration_s, 200.0, 20.0), np.random.default_rng(seed)
+    ground = GROUND_RMS * white_noise(rng, 3, clock.fine_samples)
+    ground += HUM_RMS * narrow_line(rng, clock.fine_samples, clock.fine_step_s, HUM_HZ, 0.02, 1.0)
+    record = simulated_test(building.plant, ground, clock, MeasuringChain(40.0, 16), seed, (0, 1), "acceleration")
+    motions, rest = to_rigid_motion(record, building.floors, FLOORS)
+    assert rest.max() < 0.03
+    truth = building.plant.truth
+    shapes = np.linalg.lstsq(building.floors, truth.shapes, rcond=None)[0]
+    return ModeSet(truth.freq_hz, shapes, FLOORS, LABELS, truth.damping_ratio), record, motions
+
+
+def identify(name: str, size: Size, seed: int) -> State:
+    """Every method on every fragment, combined."""
+    truth, record, motions = shaken(name, size, seed)
+    length = motions.samples // size.fragments
+    estimates = []
+    for i in range(size.fragments):
+        piece = motions.select_samples(i * length, (i + 1) * length)
+        estimates += [Estimate(m, i, METHODS[m](piece, ASKED).modes) for m in WANTED]
+    found = combine(estimates, share=0.6)
+    spectra = cross_spectra(record.values, record.even_hz, 16384)
+    return State(
+        name, truth, record, motions, found, judge_peaks(found.modes.freq_hz, spectra, record.positions("input"))
+    )
+
+
+def check(states: Sequence[State]) -> None:
+    """Everything that the example claims."""
+    for state in states:
+        keep, modes = state.of_structure, state.found.modes
+        assert len(keep) == len(LABELS), (state.name, modes.freq_hz[keep])
+        assert np.abs(modes.freq_hz[keep] / state.truth.freq_hz - 1.0).max() < 3e-3
+        assert np.diag(mac(modes.shapes[:, keep], state.truth.shapes)).min() > 0.98
+        hum = [i for i in range(len(modes)) if i not in keep]
+        assert [abs(modes.freq_hz[i] - HUM_HZ) < 0.02 for i in hum] == [True]
+        for freq in state.found.by_method.values():
+            assert np.abs(freq[keep] / modes.freq_hz[keep] - 1.0).max() < 3e-3
+    still = unmoved_by_mass([s.found.modes.freq_hz for s in states])
+    assert len(still) == 1, still
+    assert abs(still[0] - HUM_HZ) < 0.02
+
+
+def text(states: Sequence[State], size: Size) -> str:
+    """The page."""
+    rows = [_row(state, label, i) for state in states for label, i in zip(LABELS, state.of_structure)]
+    hum = [next(v for v in s.verdicts if v.of_input) for s in states]
+    apart = max(
+        float(np.abs(f[s.of_structure] / s.found.modes.freq_hz[s.of_structure] - 1.0).max())
+        for s in states for f in s.found.by_method.values()
+    )  # fmt: skip
+    return "\n".join([
+        "# Seven modes where six were expected", "",
+        f"The benchmark building with its braces, simulated: {size.duration_s:.0f} s of ambient vibration at 200 Hz in "
+        f"{size.fragments} fragments, eight sensors on two floors (40 dB, 16 bits), made into the motions of rigid "
+        "floors. ERA, FDD and TFIE on every fragment, averaged; nothing is picked by hand.", "",
+        "| state | mode | true Hz | found Hz | ± of the mean | scatter ‰ | ERA | FDD | TFIE | ζ % (true .25) | MAC |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |", *rows, "",
+        f"The methods lie within {100 * apart:.2f} % of their mean. The eighth peak is the ground's: "
+        + "; ".join(f"{s.name}: {v.freq_hz:.3f} Hz, {v.ground_db:.0f} dB above its level" for s, v in zip(states, hum))
+        + ". Added mass does not move it, and it moves all modes.", "",
+        "![Singular values, scatter of phases, and ground to floor](cases_braced_building.svg)", "",
+        "The braces have a mass of 140 kg and 10 Hz. They leave the other modes where they were and make two modes of "
+        "the fourth, which is at 9.65, 8.93 and 8.36 Hz without them.", "",
+    ])  # fmt: skip
+
+
+def _row(state: State, label: str, i: int) -> str:
+    at, modes = LABELS.index(label), state.found.modes
+    like = mac(modes.shapes[:, [i]], state.truth.shapes[:, [at]])[0, 0]
+    methods = " | ".join(f"{state.found.by_method[m][i]:.3f}" for m in WANTED)
+    scatter = 1000.0 * state.found.scatter_hz[i] / modes.freq_hz[i]
+    assert modes.freq_sd_hz is not None
+    assert modes.damping_ratio is not None
+    known = f"{state.truth.freq_hz[at]:.3f} | {modes.freq_hz[i]:.3f} | {modes.freq_sd_hz[i]:.4f} | {scatter:.1f}"
+    return f"| {state.name} | {label} | {known} | {methods} | {100 * modes.damping_ratio[i]:.2f} | {like:.4f} |"
+
+
+def figure(states: Sequence[State]) -> str:
+    """Three rows for three ways to look, a column a state."""
+
+    def draw(sheet: Figure) -> None:
+        grid = sheet.subplots(3, len(states), sharex=True, sharey="row", squeeze=False)
+        for column, state in zip(grid.T, states):
+            _column(column, state)
+        for axes, words in zip(
+            grid[:, 0], ("singular values, dB", "scatter of phases, rad", "ground to floors (y), dB")
+        ):
+            axes.set_ylabel(words)
+
+    return draw_svg(9.4, 6.2, draw)
+
+
+def _column(column: Sequence[Axes], state: State) -> None:
+    motions = prepared(state.motions, ASKED)
+    segment = segment_of(motions, ASKED) // 4
+    values = decompose(cross_spectra(motions.values, motions.even_hz, segment))
+    steady = phase_scatter(motions.values, motions.even_hz, segment)
+    column[0].set_title(state.name)
+    _curve(column[0], values.freq_hz, 10 * np.log10(values.singular_values[:, :2]), BLUE)
+    _curve(column[1], steady.freq_hz, steady.sd_rad, BLUE)
+    spectra = cross_spectra(state.record.values, state.record.even_hz, 8192)
+    ground = state.record.positions("input")[1]
+    for floor, colour in ((1, BLUE), (5, ORANGE)):
+        _curve(column[2], spectra.freq_hz, 20 * np.log10(np.abs(ground_to_floor(spectra, ground, floor))), colour)
+    for axes in column:
+        for i, verdict in enumerate(state.verdicts):
+            colour, style = (ORANGE, "--") if verdict.of_input else (LINE, "-")
+            axes.axvline(state.found.modes.freq_hz[i], linewidth=0.6, zorder=0, color=colour, linestyle=style)
+        axes.set_xlim(*SHOWN_HZ)
+    column[2].set_ylim(-50, 50)
+    column[2].set_xlabel("Hz")
+
+
+def _curve(axes: Axes, freq_hz: np.ndarray, values: np.ndarray, colour: str) -> None:
+    shown = (freq_hz >= SHOWN_HZ[0]) & (freq_hz <= SHOWN_HZ[1])
+    axes.plot(freq_hz[shown], values[shown], linewidth=0.6, color=colour)
+
+
+def main() -> None:
+    """Run the example."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="a shorter record, for continuous integration")
+    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    options = parser.parse_args()
+    size = QUICK if options.quick else FULL
+    states = [identify(name, size, seed) for seed, name in enumerate(STATES)]
+    check(states)
+    page = text(states, size)
+    print(page)
+    if options.evidence:
+        options.evidence.mkdir(parents=True, exist_ok=True)
+        (options.evidence / "cases_braced_building.md").write_text(page, encoding="utf-8")
+        (options.evidence / "cases_braced_building.svg").write_text(figure(states), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
