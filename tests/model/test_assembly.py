@@ -15,7 +15,7 @@ from femtune.fem.elements import contributions, pieces
 from femtune.model import Assignment, Configuration, ModelPoint, configure, memory, parametric_model, spread
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
-from femtune.testing.structures import make_structure, masses, rods
+from femtune.testing.structures import make_structure, masses, rods, scalars
 
 EVERY = (1, 2, 3, 4, 5, 6)
 STEP = 1e-30
@@ -144,6 +144,17 @@ def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) 
     point = model(shells("union"), **THREE)
     exact = slowly(point, "stiffness")
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
+
+
+def test_a_state_without_any_element_of_a_term() -> None:
+    """The only dashpot is switched off: the model has no damping, and is built all the same."""
+    ends = np.array([[0, -1], [0, -1]])
+    parts = [scalars("spring", ends[:1], "K", 5.0), scalars("dashpot", ends[1:], "B", 2.0)]
+    structure = make_structure([[0.0, 0.0, 0.0]], parts, element_kinds={1: "CELAS2", 1001: "CDAMP2"})
+    whole = configure(parametric_model(structure, ParameterSet(()), ()), Configuration())
+    without = configure(whole.model, Configuration(elements_off=frozenset({1001})))
+    assert whole.at(np.zeros(0)).viscous.sum() == 2.0
+    assert without.at(np.zeros(0)).viscous.sum() == 0.0
 
 
 def test_elements_switched_off() -> None:

@@ -32,7 +32,7 @@ class Piece:
 def spread_of(pieces: Sequence[Piece], n_columns: int, nnz: int) -> sp.csc_array:
     """(nnz, n_columns) sums of the values."""
     total = sum(p.places.size for p in pieces)
-    passes = n_columns * nnz <= PASSES * total
+    passes = not pieces or n_columns * nnz <= PASSES * total
     found = _by_passes(pieces, n_columns, nnz) if passes else _by_sorting(pieces, n_columns, nnz)
     data, indices, ends = np.empty(total), np.empty(total, np.int32), [0]
     for places, values in found:
