@@ -100,7 +100,8 @@ def _terms_of(structure: Structure) -> list[tuple[Contribution, dict[str, np.nda
 
 def test_every_kernel_has_a_case():
     kinds = {part.kind for part in CASES.values()} | {_shell(name, False).batches[0].kind for name in SHELLS}
-    elsewhere = {"shear-panel", "shell-quad8", "shell-tri6"}  # tests/fem/elements: test_shear_panel, test_curved_shell
+    # tests/fem/elements: test_shear_panel, test_curved_shell; tests/fem/test_generic
+    elsewhere = {"shear-panel", "shell-quad8", "shell-tri6", "generic"}
     assert kinds | set(CARDS) | elsewhere == set(KERNELS)
 
 

@@ -58,11 +58,19 @@ def product(*roles: str) -> Coefficient:
 def hysteretic(part: Contribution) -> Contribution:
     """The imaginary stiffness that a loss factor makes of a stiffness."""
 
-    def coefficient(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-        return values[part.loss] * part.coefficient(values, facts)
+    return replace(times(part, part.loss), matrix="hysteretic")
 
-    roles = tuple(dict.fromkeys((*part.roles, part.loss)))
-    return replace(part, matrix="hysteretic", roles=roles, coefficient=coefficient)
+
+def times(part: Contribution, *factors: str) -> Contribution:
+    """The contribution multiplied with further values of the batch (one may stand twice)."""
+
+    def coefficient(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        out = part.coefficient(values, facts)
+        for name in factors:
+            out = values[name] * out
+        return out
+
+    return replace(part, roles=tuple(dict.fromkeys((*part.roles, *factors))), coefficient=coefficient)
 
 
 def joined(pieces: Iterable[list[Contribution]]) -> list[Contribution]:

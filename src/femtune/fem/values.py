@@ -17,7 +17,7 @@ from femtune.parameters.jet import Jet
 class FieldRef:
     """A field of a card, for example ``PBAR 3 I1``; `region` is set where a part of its users was split off.
 
-    A PARAM has no number: ``PARAM G`` has id 0.
+    A PARAM has no number: ``PARAM G`` has id 0. A factor of matrices has no name either: ``STIFFNESS``.
     """
 
     card: str
@@ -28,7 +28,8 @@ class FieldRef:
     def __str__(self) -> str:
         tail = f" [{self.region}]" if self.region else ""
         number = f" {self.id}" if self.id else ""
-        return f"{self.card}{number} {self.name}{tail}"
+        name = f" {self.name}" if self.name else ""
+        return f"{self.card}{number}{name}{tail}"
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,12 @@ class ValueTable:
                 derived.append(Derived(moved[d.target], d.function, sources))
         values = np.concatenate([self.values, self.values[list(moved)]])
         return ValueTable(tuple(refs), values, tuple(derived)), moved
+
+    def extended(self, entries: Mapping[FieldRef, float]) -> ValueTable:
+        """The table with further entries at its end; those that it has already stay as they are."""
+        new = {ref: value for ref, value in entries.items() if self.index(ref) is None}
+        values = np.concatenate([self.values, np.array(list(new.values()), float)])
+        return ValueTable((*self.refs, *new), values, self.derived)
 
 
 @dataclass

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable, Structure
+from femtune.fem.generic import check_whole
 from femtune.model.term import Term, constant_term
 
 
@@ -105,7 +106,8 @@ def check_configuration(structure: Structure, configuration: Configuration) -> N
 
     Raises
     ------
-    FemtuneError : ``configuration.unknown-element``, ``configuration.unknown-set`` or ``model.unknown-node``
+    FemtuneError : ``configuration.unknown-element``, ``configuration.unknown-set``, ``model.unknown-node`` or
+        ``generic.switched-off``
     """
     unknown = sorted(configuration.elements_off - set(structure.element_kinds))
     if unknown:
@@ -115,6 +117,7 @@ def check_configuration(structure: Structure, configuration: Configuration) -> N
             values={"elements": ", ".join(map(str, unknown[:10]))},
             hint="correct elements_off",
         )
+    check_whole(structure, configuration.elements_off)
     number = configuration.multipoint_set
     if number is not None and number not in structure.multipoint_sets:
         raise _unknown_set(configuration, "multipoint constraint set (MPC)", number, structure.multipoint_sets)

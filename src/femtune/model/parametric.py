@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
 from femtune.fem.contribution import MatrixKind
+from femtune.fem.generic import check_untouched
+from femtune.fem.offsets import settled
 from femtune.fem.values import TableJet
 from femtune.model.imported_terms import with_assembled
 from femtune.model.term import TermFunction
@@ -82,7 +84,8 @@ def parametric_model(
     Raises
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
-        ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together
+        ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together; ``parameter.offset-axis``,
+        ``generic.moved-elsewhere``
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()
@@ -97,10 +100,12 @@ def parametric_model(
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
     bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), ())
-    touched = structure.values.dependents(placed)
-    compiled = with_assembled(compile_terms(structure, touched, _samples(bare)), structure, touched)
+    touched, samples = structure.values.dependents(placed), _samples(bare)
+    check_untouched(structure, touched)
+    structure = settled(structure, samples)
+    compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    return replace(bare, terms=compiled.terms, used=compiled.used)
+    return replace(bare, structure=structure, terms=compiled.terms, used=compiled.used)
 
 
 def _samples(model: ParametricModel) -> NDArray[np.float64]:

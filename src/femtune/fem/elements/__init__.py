@@ -10,8 +10,10 @@ from femtune.fem.elements.bar import bar
 from femtune.fem.elements.bush import bush
 from femtune.fem.elements.dashpot import dashpot, line_dashpot, line_spring
 from femtune.fem.elements.discrete import scalar_mass, spring
+from femtune.fem.elements.generic import generic
 from femtune.fem.elements.hexa8 import hexa8
 from femtune.fem.elements.hexa20 import hexa20
+from femtune.fem.elements.moved_ends import has_offsets, with_moved_ends
 from femtune.fem.elements.penta6 import penta6
 from femtune.fem.elements.penta15 import penta15
 from femtune.fem.elements.point_mass import concentrated_mass, general_mass
@@ -25,6 +27,7 @@ from femtune.fem.elements.tapered_beam import tapered_beam
 from femtune.fem.elements.tetra4 import tetra4
 from femtune.fem.elements.tetra10 import tetra10
 from femtune.fem.elements.tri6 import tri6, tri6_pieces
+from femtune.fem.factors import factored
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
@@ -54,6 +57,7 @@ KERNELS: dict[str, ElementKernel] = {
     "penta6": penta6,
     "tetra4": tetra4,
     "pyram5": pyram5,
+    "generic": generic,
 }
 """Kernel of each batch kind."""
 
@@ -71,8 +75,14 @@ PIECE = 1024
 
 
 def contributions(batch: ElementBatch, structure: Structure) -> list[Contribution]:
-    """All exact terms of a batch; a stiffness whose loss factor is a value of the batch gives a hysteretic one too."""
-    return _with_losses(KERNELS[batch.kind](batch, structure), batch)
+    """All exact terms of a batch; a stiffness whose loss factor is a value of the batch gives a hysteretic one too.
+
+    Factors of whole matrices and offsets of ends are those values of the batch that `with_factors` and `with_offsets`
+    made of them.
+    """
+    kernel = KERNELS[batch.kind]
+    parts = with_moved_ends(kernel, batch, structure) if has_offsets(batch) else kernel(batch, structure)
+    return _with_losses(parts, batch)
 
 
 def pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribution]]:
@@ -93,4 +103,5 @@ def _part(batch: ElementBatch, rows: slice) -> ElementBatch:
 
 
 def _with_losses(parts: list[Contribution], batch: ElementBatch) -> list[Contribution]:
+    parts = factored(parts, batch)
     return [*parts, *(hysteretic(p) for p in parts if p.matrix == "stiffness" and p.loss in batch.roles)]

@@ -35,12 +35,17 @@ def bar(batch: ElementBatch, structure: Structure) -> list[Contribution]:
 
 
 def bar_placement(batch: ElementBatch, structure: Structure) -> tuple[Reals, Reals]:
-    """Lengths (e,) and the transformation (e, 12, 12) onto the nodes' displacements."""
+    """Lengths (e,) and the transformation (e, 12, 12) onto the nodes' displacements.
+
+    With the fact "at_ends" it leads onto those of the ends of the arms, along the nodes' frames.
+    """
     arm_a, arm_b = batch.facts["offset_a"], batch.facts["offset_b"]
     start = placement.node_positions(batch, structure, 0) + arm_a
     end = placement.node_positions(batch, structure, 1) + arm_b
     x, length = placement.line_axes(batch, start, end)
     axes = placement.oriented_axes(batch, x, batch.facts["orientation"])
+    if "at_ends" in batch.facts:
+        arm_a = arm_b = np.zeros_like(arm_a)
     a = placement.arm_transform(axes, arm_a, placement.node_frames(batch, structure, 0))
     b = placement.arm_transform(axes, arm_b, placement.node_frames(batch, structure, 1))
     return length, placement.join_ends(a, b)

@@ -63,7 +63,8 @@ def _placement(record: Record, grids: Grids, a: int, b: int) -> dict[str, NDArra
     ends = (("A", a, kinds[1]), ("B", b, kinds[2]))
     offsets = [_offset(record, grids, end, row, kind, line, v) for end, row, kind in ends]
     check_line(record, line + offsets[1] - offsets[0], v)
-    return {"orientation": v, "offset_a": offsets[0], "offset_b": offsets[1]}
+    of_line = np.array([kind == "O" for kind in kinds[1:]])
+    return {"orientation": v, "offset_a": offsets[0], "offset_b": offsets[1], "offset_of_line": of_line}
 
 
 def _offset_kinds(record: Record) -> str:

@@ -1,0 +1,123 @@
+"""Offsets of the ends of bars and beams as values that parameters move.
+
+The fields W1A … W3B of a card are components along the displacement frame of the grid point, or along a frame of the
+element's line (OFFT). Elements whose offsets move are a batch of their own; all others keep theirs as constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Where
+from femtune.fem.elements import placement
+from femtune.fem.elements.moved_ends import COMPONENTS, has_offsets, may_turn, spans
+from femtune.fem.structure import ElementBatch, Structure
+from femtune.fem.values import FieldRef
+
+Reals = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+KINDS = ("bar", "tapered-beam")
+# rounding of offsets that are moved together
+_STILL = 1e-12
+
+
+def with_offsets(structure: Structure, elements: Collection[int]) -> Structure:
+    """The structure in which the offsets of some bars and beams are entries of the value table.
+
+    Parameters
+    ----------
+    elements : numbers of CBAR and CBEAM elements; others are left as they are
+    """
+    batches: list[ElementBatch] = []
+    for batch in structure.batches:
+        chosen = np.isin(batch.ids, list(elements)) & (batch.kind in KINDS) & (not has_offsets(batch))
+        if not chosen.any():
+            batches.append(batch)
+            continue
+        if not chosen.all():
+            batches.append(_rows(batch, ~chosen))
+        structure, own = _with_entries(structure, _rows(batch, chosen))
+        batches.append(own)
+    return replace(structure, batches=tuple(batches))
+
+
+def _rows(batch: ElementBatch, keep: Flags) -> ElementBatch:
+    roles, facts = ({name: a[keep] for name, a in arrays.items()} for arrays in (batch.roles, batch.facts))
+    return replace(batch, ids=batch.ids[keep], nodes=batch.nodes[keep], dofs=batch.dofs[keep], roles=roles, facts=facts)
+
+
+def _with_entries(structure: Structure, batch: ElementBatch) -> tuple[Structure, ElementBatch]:
+    """The batch with roles W1A … W3B and the frames in which they count."""
+    frames = {end: _frames(batch, structure, k) for k, end in enumerate("AB")}
+    entries, roles = {}, {}
+    for end, names in COMPONENTS.items():
+        arms = np.einsum("eic,ei->ec", frames[end], batch.facts[f"offset_{end.lower()}"])
+        for c, name in enumerate(names):
+            entries |= {FieldRef(batch.card, int(n), name): float(w) for n, w in zip(batch.ids, arms[:, c])}
+    values = structure.values.extended(entries)
+    for name in (n for names in COMPONENTS.values() for n in names):
+        found = (values.index(FieldRef(batch.card, int(n), name)) for n in batch.ids)
+        roles[name] = np.array([i for i in found if i is not None], np.int64)
+    facts = {**batch.facts, **{f"frame_{end.lower()}": frame for end, frame in frames.items()}}
+    return replace(structure, values=values), replace(batch, roles={**batch.roles, **roles}, facts=facts)
+
+
+def _frames(batch: ElementBatch, structure: Structure, k: int) -> Reals:
+    """(e, 3, 3) axes of the components of an end's offset, columns in the basic frame."""
+    own = placement.node_frames(batch, structure, k)
+    of_line = batch.facts.get("offset_of_line")
+    if of_line is None or not of_line[:, k].any():
+        return own
+    a, b = (placement.node_positions(batch, structure, end) for end in (0, 1))
+    x, _ = placement.line_axes(batch, a, b)
+    along = placement.oriented_axes(batch, x, batch.facts["orientation"])
+    return np.where(of_line[:, k, None, None], along, own)
+
+
+def settled(structure: Structure, samples: Reals) -> Structure:
+    """The structure with the note which of its movable offsets leave the axes of their elements where they are.
+
+    Where both ends move alike, matrices are polynomials of second degree in the offsets; elsewhere length and direction
+    change, and they are rational.
+
+    Parameters
+    ----------
+    samples : (s, n) value tables at points of the parameters
+
+    Raises
+    ------
+    FemtuneError : ``parameter.offset-axis`` where a tapered or skew beam would turn or change its length
+    """
+    if not any(has_offsets(b) for b in structure.batches):
+        return structure
+    return replace(structure, batches=tuple(_settled(structure, samples)))
+
+
+def _settled(structure: Structure, samples: Reals) -> Iterator[ElementBatch]:
+    for batch in structure.batches:
+        if not has_offsets(batch):
+            yield batch
+            continue
+        found = np.array([spans(batch, structure, table) for table in (structure.values.values, *samples)])
+        size = np.abs(structure.nodes.xyz[batch.nodes]).max(axis=(1, 2)) + np.linalg.norm(found[0], axis=1)
+        still = np.asarray(np.abs(found - found[0]).max(axis=(0, 2)) <= _STILL * size)
+        _refuse(batch, ~still & ~may_turn(batch, structure))
+        for part in (still, ~still):
+            if part.any():
+                own = _rows(batch, part)
+                yield replace(own, facts={**own.facts, "still": part[part]} if part is still else own.facts)
+
+
+def _refuse(batch: ElementBatch, bad: Flags) -> None:
+    for number in batch.ids[bad]:
+        raise FemtuneError(
+            "parameter.offset-axis",
+            "an offset would turn this beam or change its length, and its section is tapered or skew (I12)",
+            where=Where(record=f"{batch.card} {number}"),
+            hint="move both ends alike (W2A and W2B by one parameter), or give the beam a constant section",
+        )
