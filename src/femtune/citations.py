@@ -43,6 +43,26 @@ _register(
     year="1995",
 )
 _register(
+    "mottershead1996",
+    "article",
+    author="Mottershead, J. E. and Friswell, M. I. and Ng, G. H. T. and Brandon, J. A.",
+    title="Geometric parameters for finite element model updating of joints and constraints",
+    journal="Mechanical Systems and Signal Processing",
+    volume="10",
+    number="2",
+    year="1996",
+)
+_register(
+    "gladwell1995",
+    "article",
+    author="Gladwell, G. M. L. and Ahmadian, H.",
+    title="Generic element matrices suitable for finite element model updating",
+    journal="Mechanical Systems and Signal Processing",
+    volume="9",
+    number="6",
+    year="1995",
+)
+_register(
     "allemang1982",
     "inproceedings",
     author="Allemang, R. J. and Brown, D. L.",

@@ -32,7 +32,7 @@ def _at(structure: Structure, **values: float) -> Structure:
     return replace(structure, values=replace(structure.values, values=table))
 
 
-def _K(structure: Structure) -> np.ndarray:
+def _stiffness(structure: Structure) -> np.ndarray:
     return assemble(structure, "stiffness").toarray()
 
 
@@ -53,7 +53,7 @@ def test_eigenvalues_of_a_beam_in_its_plane(EI: float, length: float):
 def test_the_deck_stays_as_it_is():
     structure = _beams()
     generic = with_generic(structure, GenericGroup("JOINT", frozenset([1, 2])), ["K1", "K3", "S1-2"])
-    np.testing.assert_array_equal(_K(generic), _K(structure))
+    np.testing.assert_array_equal(_stiffness(generic), _stiffness(structure))
 
 
 def test_the_group_has_the_eigenvalues_and_turned_shapes_that_are_asked_for():
@@ -63,7 +63,7 @@ def test_the_group_has_the_eigenvalues_and_turned_shapes_that_are_asked_for():
     moved = _at(structure, K1=0.3 * before.kappa[0], K2=1.7 * before.kappa[1], S1_3=0.4, S1_2=-0.2)
     dofs = before.dofs
     # element 3 stands beside the group
-    change = (_K(moved) - _K(structure))[np.ix_(dofs, dofs)]
+    change = (_stiffness(moved) - _stiffness(structure))[np.ix_(dofs, dofs)]
     K = before.shapes * before.kappa @ before.shapes.T + change
     wanted = before.kappa * np.array([0.3, 1.7, *np.ones(len(before.kappa) - 2)])
     np.testing.assert_allclose(np.linalg.eigvalsh(K)[before.rigid :], np.sort(wanted), rtol=1e-12)
@@ -76,12 +76,12 @@ def test_the_group_has_the_eigenvalues_and_turned_shapes_that_are_asked_for():
 
 def test_rigid_body_modes_stay():
     structure = with_generic(_beams(), GenericGroup("JOINT", frozenset([1, 2, 3])), ["K1", "S1-2", "S2-5", "K7"])
-    moved = _K(_at(structure, K1=5.0, S1_2=0.5, S2_5=-0.3, K7=0.01))
+    moved = _stiffness(_at(structure, K1=5.0, S1_2=0.5, S2_5=-0.3, K7=0.01))
     rigid = np.zeros((24, 6))
     for n, (x, y, z) in enumerate(LINE):
         rigid[6 * n : 6 * n + 6] = np.eye(6)
         rigid[6 * n : 6 * n + 3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    assert np.abs(moved - _K(structure)).max() > 0.1
+    assert np.abs(moved - _stiffness(structure)).max() > 0.1
     assert np.abs(moved @ rigid).max() <= 1e-12 * np.abs(moved).max()
 
 
@@ -91,7 +91,7 @@ def test_a_group_condensed_onto_its_ends_has_the_asked_eigenvalues():
     generic = with_generic(structure, group, ["K1", "K4"])
     before = generic_modes(structure, group)
     assert (len(before.dofs), before.rigid) == (12, 6)
-    moved = _K(_at(generic, K1=0.5 * before.kappa[0], K4=3.0 * before.kappa[3]))
+    moved = _stiffness(_at(generic, K1=0.5 * before.kappa[0], K4=3.0 * before.kappa[3]))
     inner = np.setdiff1d(np.arange(24), before.dofs)
     b = before.dofs
     condensed = moved[np.ix_(b, b)] - moved[np.ix_(b, inner)] @ np.linalg.solve(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.fem.tapered_parts import tapered
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef, Structure
@@ -17,7 +18,6 @@ from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_contribution
 from femtune.testing.structures import bars, make_structure
-from tests.fem.tapered_parts import tapered
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
 PAIRS = [[0, 1], [1, 2]]
@@ -35,7 +35,7 @@ PARTS = {
 }
 SKEW = {
     "skew": lambda arms: bars(PAIRS, {**SECTION, "I12": 2e-9}, card="CBEAM", offsets=arms),
-    "tapered": lambda arms: _tapered(arms),
+    "tapered": lambda arms: _tapered(arms),  # noqa: PLW0108
 }
 
 

@@ -1,7 +1,7 @@
 """Factors of whole element matrices: K_e, M_e and C_e of a group times a number of its own.
 
-The simplest parameters there are (Friswell and Mottershead 1995, section 5.2): what multiplies a group is one value that
-its elements share, and the matrices are linear in it.
+The simplest parameters there are (Friswell and Mottershead 1995, section 5.2): what multiplies a group is one value
+that its elements share, and the matrices are linear in it.
 """
 
 from __future__ import annotations

@@ -172,7 +172,7 @@ def with_generic(structure: Structure, group: GenericGroup, names: Sequence[str]
 
 
 def _batch(
-    group: GenericGroup, modes: GenericModes, used: list[int], angles: list[tuple[int, ...]], at: list[int]
+    group: GenericGroup, modes: GenericModes, used: list[int], angles: Sequence[tuple[int, ...]], at: list[int]
 ) -> ElementBatch:
     of = [np.flatnonzero(modes.owner == i - 1) for i in used]
     names = [*(f"K{i}" for i in range(len(used))), *(f"S{s}" for s in range(len(angles)))]

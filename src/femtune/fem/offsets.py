@@ -54,7 +54,8 @@ def _rows(batch: ElementBatch, keep: Flags) -> ElementBatch:
 def _with_entries(structure: Structure, batch: ElementBatch) -> tuple[Structure, ElementBatch]:
     """The batch with roles W1A … W3B and the frames in which they count."""
     frames = {end: _frames(batch, structure, k) for k, end in enumerate("AB")}
-    entries, roles = {}, {}
+    entries: dict[FieldRef, float] = {}
+    roles: dict[str, NDArray[np.int64]] = {}
     for end, names in COMPONENTS.items():
         arms = np.einsum("eic,ei->ec", frames[end], batch.facts[f"offset_{end.lower()}"])
         for c, name in enumerate(names):

@@ -84,8 +84,8 @@ def parametric_model(
     Raises
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
-        ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together; ``parameter.offset-axis``,
-        ``generic.moved-elsewhere``
+        ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together;
+        ``parameter.offset-axis``, ``generic.moved-elsewhere``
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()

@@ -69,13 +69,13 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     written, update = results.write_back, results.update
     if written is None or update is None:
         return
-    shared = [sentence for sentence in written.without_field if "split = true" in sentence]
+    lost = [s for s in written.without_field if "split = true" in s or "no card holds" in s]
     for sentence in written.without_field:
-        yield _alert("warning" if sentence in shared else "info", "write.without-field", sentence)
+        yield _alert("warning" if sentence in lost else "info", "write.without-field", sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
         errors = f"a weighted mean error of {as_written:.3g} % instead of {update.objective_after_percent:.3g} %"
-        if shared:
+        if lost:
             yield _alert(
                 "warning", "write.incomplete", f"without the values that were not written the deck has {errors}"
             )

@@ -9,9 +9,10 @@ import numpy as np
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.fem import MODAL
+from femtune.fem.factors import FACTORS
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
-from femtune.files.nastran.field_refs import OF_MATRICES, parse_field_ref, resolve
+from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, parse_field_ref, resolve
 from femtune.files.study_file import ParameterEntry, StudyFile
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
@@ -50,12 +51,14 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
 def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
     """The field of one card, or of all cards of a name that elements of the region use."""
     ref = field_reference(text)
-    if ref.id or ref.card in ("PARAM", MODAL, *OF_MATRICES):
-        ref = parse_field_ref(text, where)
+    if ref.id or ref.card in ("PARAM", MODAL, *WITHOUT_CARD):
+        ref = ref if ref.card in WITHOUT_CARD else parse_field_ref(text, where)
         resolve(built, ref, where)
         return [ref]
     parse_field_ref(f"{ref.card} 1 {ref.name}", where)
     found = [r for r in _of_cards(ref, built) if _is_used(built, r, chosen)]
+    for r in found if ref.card in BARS else ():
+        resolve(built, r, where)
     if not found:
         raise FemtuneError(
             "parameter.touches-nothing",
@@ -105,9 +108,24 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     nominal = entry.nominal
     if nominal is None:
         nominal = _deck_value(target, built) if entry.absolute else 1.0
+    _check_positive(target)
     lower = nominal if entry.lower is None else entry.lower
     upper = nominal if entry.upper is None else entry.upper
     return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where)
+
+
+def _check_positive(target: Target) -> None:
+    """Refuse factors and eigenvalues of zero or below, with which a part of the structure would fall off."""
+    for ref in target.refs:
+        stiff = ref.card in FACTORS or (ref.card == "GENERIC" and ref.name.split()[-1].startswith("K"))
+        if stiff and target.entry.lower is not None and target.entry.lower <= 0.0:
+            raise FemtuneError(
+                "parameter.not-positive",
+                f"parameter {target.entry.name}: {ref} may fall to zero or below",
+                where=target.where,
+                values={"lower": target.entry.lower},
+                hint="give a lower bound above zero; elements that are not there are switched off by elements_off",
+            )
 
 
 def _deck_value(target: Target, built: BuiltModel) -> float:

@@ -17,8 +17,10 @@ from femtune.parameters import ParameterSet
 from femtune.residuals import ModelSolver, ResidualRules, UpdateProblem, direct
 from femtune.study.assignments import assignments, parameter_set, targets
 from femtune.study.cases import StudyCase, on_model, study_case
+from femtune.study.derived import check_derived
 from femtune.study.imported_model import build_imported, compare_listed, mesh_of_grid
 from femtune.study.mode_ratios import with_parameters_of_modes
+from femtune.study.named_fields import with_named_fields
 from femtune.study.progress import Progress, silent
 from femtune.study.solvers import check_solvers
 
@@ -141,7 +143,7 @@ def _built(file: StudyFile, progress: Progress) -> BuiltModel:
     built = build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
     _check_not_empty(built)
-    return built
+    return with_named_fields(file, built)
 
 
 def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
@@ -196,6 +198,7 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     with errors.catch():
         found = targets(file, built)
         model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+        check_derived(file, model.parameters)
     notices: list[Notice] = []
     cases: list[StudyCase] = []
     base = model or parametric_model(built.structure, ParameterSet(()), ())

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.citations import citation
+from femtune.files.nastran.field_refs import BARS
 from femtune.model import Assignment
 from femtune.residuals import Evaluation
 from femtune.select import Combination as SelectedCombination
 from femtune.select import Identifiability, combination_text, sentences, verdict
 from femtune.select.identifiability import NO_EFFECT
 from femtune.study.load import Study
+from femtune.study.record_derived import derived_results
 from femtune.study.record_goodness import goodness, goodness_results
 from femtune.study.results_base import Citation
 from femtune.study.results_reduction import ReductionResults
@@ -52,15 +54,18 @@ _BY_KIND = {
     "shell-tri": ("lee2004",),
     "shell-quad8": ("bathe1986", "macneal1992"),
     "shell-tri6": ("bathe1989", "neunteufel2021"),
+    "generic": ("gladwell1995",),
 }
+_OFFSETS = ("mottershead1996",)
 
 
 def what_ran(study: Study) -> tuple[Citation, ...]:
     """Publications of the comparison, of the elements that the deck has, and of the responses where they are asked."""
     kinds = sorted({batch.kind for batch in study.built.structure.batches})
     elements = (key for kind in kinds for key in _BY_KIND.get(kind, ()))
+    moved = any(a.ref.card in BARS for a in study.model.assignments)
     responses = () if study.file.response is None else ("heylen1996",)
-    return citations((*_ALWAYS, *elements, *responses))
+    return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
@@ -171,6 +176,7 @@ def update_results(
         history_parameters=tuple(p.name for p in result.parameters.free),
         history=tuple(_iteration(result, i) for i in range(len(result.history))),
         parameters=tuple(_parameters(study, result, written)),
+        derived=tuple(derived_results(study, result)),
         pairing_events=tuple(_events(result)),
         regularisation=table.regularisation,
         regularisation_weight=table.weight if weighted else None,

@@ -172,6 +172,25 @@ class ParameterResult(Record):
     """What stands in the updated deck."""
 
 
+class DerivedResult(Record):
+    """A quantity that follows from the parameters."""
+
+    name: str
+    """Name."""
+    expression: str
+    """Expression of parameters."""
+    unit: str
+    """Unit; "" where none is given."""
+    nominal: float | None
+    """Its value at the start, in `unit`; None where the expression has none."""
+    value: float | None
+    """Its value after the update, in `unit`; None where the expression has none there."""
+    sd: float | None
+    """Standard deviation by linear propagation, in `unit`; None where not given."""
+    sd_reason: str = ""
+    """Why none is given: "stiffness: at bound, σ not given"."""
+
+
 class ResidualCount(Record):
     """How many residuals of one kind went in."""
 
@@ -212,6 +231,8 @@ class UpdateResults(Record):
     """One record an iteration, the start first."""
     parameters: tuple[ParameterResult, ...]
     """Free and tied parameters after the update."""
+    derived: tuple[DerivedResult, ...] = ()
+    """Quantities that follow from the parameters, as the study defines them."""
     pairing_events: tuple[PairingEvent, ...]
     """Changes of pairing; empty where there were none."""
     regularisation: str

@@ -11,9 +11,10 @@ import numpy as np
 
 from femtune.errors import FemtuneError, Where
 from femtune.fem import MODAL, FieldRef
+from femtune.fem.factors import FACTORS
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.deck import read_deck
-from femtune.files.nastran.field_refs import OF_MATRICES
+from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
 from femtune.files.nastran.write import WrittenDeck, check_overwrites, write_deck
 from femtune.files.nastran.write_plan import WritePlan, plan_edits
 from femtune.parameters import Parameter
@@ -28,7 +29,7 @@ from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.update import UpdateResult
 
 NAME = "updated.bdf"
-_OF_NO_CARD = (MODAL, *OF_MATRICES)
+_OF_NO_CARD = (MODAL, *WITHOUT_CARD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,9 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     """
     values = study.model.field_values(result.x)
     regions = _regions(study)
-    blocked = {} if study.file.write.split else _shared_fields(values)
-    updates = {ref: value for ref, value in values.items() if ref not in blocked and ref.card not in _OF_NO_CARD}
+    of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
+    blocked = {} if study.file.write.split else _shared_fields(of_cards)
+    updates = {ref: value for ref, value in of_cards.items() if ref not in blocked}
     plan = plan_edits(study.built, updates, regions, wide)
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
@@ -123,6 +125,7 @@ def _record(
             *_no_fields(study),
             *_of_matrices(values, owners),
             *_of_modes(values, owners),
+            *_without_card(values, owners),
             *(_shared(ref, owners[ref]) for ref in blocked),
         ),
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
@@ -140,6 +143,19 @@ def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) 
         if ref.card == MODAL:
             modes = f"mode {ref.id}" if ref.id else "all modes without one of their own"
             yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} belongs to no card; TABDMP1 may hold it"
+
+
+def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
+    """What no card of a deck can hold."""
+    for ref, value in values.items():
+        if ref.card in FACTORS:
+            matrices = {"stiffness": "stiffness", "mass": "mass", "viscous": "viscous damping"}[FACTORS[ref.card]]
+            yield (
+                f"{owners[ref]}: no card holds a factor of the {matrices} of elements; the updated one is {value:.7g}, "
+                "to be multiplied into their materials and properties"
+            )
+        if ref.card == "GENERIC":
+            yield f"{owners[ref]}: no card holds {ref}, so the updated value {value:.7g} was not written"
 
 
 def _no_fields(study: Study) -> Iterable[str]:

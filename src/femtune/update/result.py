@@ -69,7 +69,7 @@ class UpdateResult:
     def sd(self) -> dict[str, float]:
         """Standard deviations of all parameters; NaN where none is given. Tied ones by linear propagation."""
         jets = self.parameters.jets(self.x)
-        return {name: self._sd(jets[name].grad) for name in self.parameters.names}
+        return {name: self.spread(jets[name].grad) for name in self.parameters.names}
 
     def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Confidence intervals of all parameters, NaN where no standard deviation is given.
@@ -79,7 +79,8 @@ class UpdateResult:
         k, values = self.covariance.coverage_factor(level), self.values
         return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}
 
-    def _sd(self, gradient: Reals) -> float:
+    def spread(self, gradient: Reals) -> float:
+        """Standard deviation of what has this gradient in x, by linear propagation; NaN where none is given."""
         used = np.flatnonzero(gradient)
         return float(np.sqrt(gradient[used] @ self.covariance.matrix[np.ix_(used, used)] @ gradient[used]))
 

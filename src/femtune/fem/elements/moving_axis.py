@@ -148,7 +148,7 @@ class _Geometry:
     def placed(self, values: Values) -> tuple[Jet, list[Vector], list[Vector]]:
         """Length, the three axes, and both arms, all in the basic frame."""
         w = [[values[name] for name in OFFSETS[3 * k : 3 * k + 3]] for k in (0, 1)]
-        arms = [_turned(frame, own) for frame, own in zip(self.arms, w)]
+        arms: list[Vector] = [_turned(frame, own) for frame, own in zip(self.arms, w)]
         span = [b - a + self.base[:, i] for i, (a, b) in enumerate(zip(*arms))]
         length = _norm(span)
         x = [s / length for s in span]

@@ -163,6 +163,8 @@ _VALUES = {
     "PBARL": f"{_DIMENSIONS} NSM",
     "PBEAML": f"{_DIMENSIONS} NSM {_DIMENSIONS.replace(' ', 'B ')}B NSMB",
     "PBCOMP": "A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2",
+    "CBAR": "W1A W2A W3A W1B W2B W3B",
+    "CBEAM": "W1A W2A W3A W1B W2B W3B",
     "PROD": "A J NSM",
     "CONROD": "A J NSM",
     "PELAS": "K GE",

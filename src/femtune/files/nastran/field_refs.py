@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from femtune.errors import FemtuneError, Where, did_you_mean
+from femtune.fem.factors import FACTORS
 from femtune.fem.mode_ratios import MODAL, mode_ratio_field
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.build import BuiltModel
@@ -25,8 +26,11 @@ _FOLLOWING = {
 }
 
 
+BARS = ("CBAR", "CBEAM")
 OF_MATRICES = ("MATRIX", "VARIABLE")
 """``MATRIX FRAME`` is the factor of a matrix that no element made, ``VARIABLE T`` what sets of matrices depend on."""
+WITHOUT_CARD = (*OF_MATRICES, *FACTORS, "GENERIC")
+"""What a study may move although no card of a deck holds it."""
 
 
 def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
@@ -89,6 +93,8 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
     if index is None and ref.card in OF_MATRICES:
         known = [r.name for r in table.refs if r.card == ref.card]
         raise _unknown(f"the model has no {ref}", did_you_mean(ref.name, known) or "it has no matrices", where)
+    if ref.card in BARS and (index is None or ref not in built.fields) and ref.id in built.element_cards:
+        raise _blank(ref, where)
     if index is None:
         raise _not_in_table(built, ref, where)
     if table.is_derived(index):
@@ -137,8 +143,8 @@ def _derived(ref: FieldRef, why: str, where: Where | None) -> FemtuneError:
 
 
 def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
-    """Fields of shells are values where they are filled; a mesh of blank ones is one value for all."""
-    start = "0." if ref.name == "ZOFFS" else "the thickness of the PSHELL"
+    """Fields of shells and offsets of bars are values where they are filled; blank ones have none of their own."""
+    start = "0." if ref.name == "ZOFFS" or ref.card in BARS else "the thickness of the PSHELL"
     return FemtuneError(
         "parameter.touches-nothing",
         f"the field of {ref} is blank in the deck",

@@ -272,7 +272,8 @@ def _owners(built: BuiltModel, elements: set[int]) -> dict[int, tuple[Owner | No
 
 
 def _of_role(refs: Iterable[FieldRef], role: str) -> tuple[Owner, ...]:
-    return tuple(sorted({(r.card, r.id) for r in refs if CATALOGUE[r.card].role == role}))
+    known = (r for r in refs if r.card in CATALOGUE)
+    return tuple(sorted({(r.card, r.id) for r in known if CATALOGUE[r.card].role == role}))
 
 
 def _record(built: BuiltModel, owner: Owner) -> Record:

@@ -11,6 +11,8 @@ from femtune.files.study_file.configuration import (
     supports,
     switched_off,
 )
+from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.generic import GenericEntry
 from femtune.files.study_file.kinds import element_list
 from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.options import with_modes, with_response
@@ -38,6 +40,8 @@ from femtune.files.study_file.validation import HoldOutEntry, ValidateTable
 __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
+    "DerivedEntry",
+    "GenericEntry",
     "HoldOutEntry",
     "LeaveOutEntry",
     "LoadEntry",

@@ -12,6 +12,8 @@ from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Where
+from femtune.fem.factors import FACTORS, factor_ref
+from femtune.fem.generic import generic_ref
 from femtune.fem.values import FieldRef
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
@@ -25,6 +27,8 @@ T = TypeVar("T")
 _MOST_SUPPORTS = 100_000
 _LEAST_SPREAD = 1e-12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
+_GROUP = r"[A-Z][A-Z0-9]{0,15}"
+_GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
 _FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7})(?: +([0-9]{1,18}))? +([A-Z][A-Z0-9]{0,15})")
 
 
@@ -115,7 +119,19 @@ def _bad_support(text: str) -> FemtuneError:
 
 
 def field_reference(text: str) -> FieldRef:
-    """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR (error ``study.field``)."""
+    """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR.
+
+    ``STIFFNESS`` is the factor of element matrices, ``GENERIC JOINT K1`` an eigenvalue of a group.
+
+    Raises
+    ------
+    FemtuneError : ``study.field``
+    """
+    if text.strip() in FACTORS:
+        return factor_ref(text.strip())
+    generic = _GENERIC.fullmatch(text.strip())
+    if generic is not None:
+        return generic_ref(generic[1], generic[2])
     match = _FIELD.fullmatch(text.strip())
     if match is None or (match[2] is not None and int(match[2]) == 0):
         raise FemtuneError("study.field", "this does not name the field of a card", hint=_form_of_field(text))
@@ -127,6 +143,8 @@ def _form_of_field(text: str) -> str:
     word = re.match(r"\s*(\w*)", text)
     card = word[1].upper() if word else ""
     names = list(CATALOGUE[card].values) if card in CATALOGUE else []
+    if card == "GENERIC":
+        return 'write the name of a [[generic]] and K1, or S1-2: "GENERIC JOINT K1"'
     if not names:
         return 'write card, number and field in capitals, for example "PBAR 1 I1" or "MAT1 2 E"'
     return f'write card, number and field in capitals, as in "{card} 1 {names[0]}"; {card} has {", ".join(names)}'
@@ -179,6 +197,8 @@ Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
 ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
 Support = Annotated[str, checked(support)]
 FieldText = Annotated[str, checked(field_reference)]
+GroupName = Annotated[str, StringConstraints(pattern=rf"^{_GROUP}$")]
+Components = Annotated[str, StringConstraints(pattern=r"^[1-6]{1,6}$")]
 Expression = Annotated[str, checked(parse_expression)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]

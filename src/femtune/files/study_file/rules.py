@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.derived import derived_rules
+from femtune.files.study_file.generic import generic_rules
 from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.lines import Place
 from femtune.files.study_file.matrices import matrix_rules
@@ -33,6 +35,8 @@ def rules(data: Data, source: Source) -> Problems:
     yield from _configurations(data, source)
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
+    yield from generic_rules(data, source)
+    yield from derived_rules(data, source)
     yield from _residuals(data, source)
     yield from _regularisation(data, source)
     yield from response_rules(data, source)

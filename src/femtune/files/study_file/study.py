@@ -8,6 +8,8 @@ from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
+from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.generic import GenericEntry
 from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.response import LoadEntry, ResponseTable
@@ -46,7 +48,9 @@ class StudyFile(Table):
     sensor: tuple[SensorEntry, ...] = ()
     rigid_floor: tuple[RigidFloorEntry, ...] = ()
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
+    generic: tuple[GenericEntry, ...] = ()
     parameter: tuple[ParameterEntry, ...] = ()
+    derived: tuple[DerivedEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()

@@ -1,0 +1,82 @@
+"""Values that a model has only where a study names them: factors of matrices, offsets of bars, generic elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
+from femtune.fem import FieldRef, Structure
+from femtune.fem.factors import FACTORS, with_factors
+from femtune.fem.generic import GenericGroup, with_generic
+from femtune.fem.offsets import with_offsets
+from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.building import FieldPlace
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.field_refs import BARS
+from femtune.files.study_file import GenericEntry, StudyFile, element_list
+from femtune.study.located import located
+from femtune.study.regions import region_of
+
+
+def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
+    """The model with all values that the parameters of a study move.
+
+    Raises
+    ------
+    FemtuneError : ``generic.*``, and ``parameter.region`` of offsets of a region
+    """
+    named = [ref for entry in file.parameter for ref in entry.targets]
+    words = sorted({ref.card for ref in named if ref.card in FACTORS})
+    structure = with_factors(built.structure, words) if words else built.structure
+    offset = set(_offset_elements(file, built))
+    structure = with_offsets(structure, offset) if offset else structure
+    structure = _with_groups(file, replace(built, structure=structure), named)
+    return replace(built, structure=structure, fields={**built.fields, **dict(_places(built, offset))})
+
+
+def _offset_elements(file: StudyFile, built: BuiltModel) -> Iterator[int]:
+    """Bars and beams whose offsets a parameter names, by number or by its region."""
+    for i, entry in enumerate(file.parameter):
+        for ref in entry.targets:
+            if ref.card in BARS and ref.id:
+                yield from {ref.id} & built.element_cards.keys()
+            elif ref.card in BARS:
+                chosen = region_of(file, i, built)
+                kinds = built.structure.element_kinds
+                yield from (n for n, kind in kinds.items() if kind == ref.card and (chosen is None or n in chosen))
+
+
+def _places(built: BuiltModel, elements: set[int]) -> Iterator[tuple[FieldRef, FieldPlace]]:
+    """Where filled offset fields stand."""
+    for number in sorted(elements):
+        card = built.deck.cards[built.element_cards[number]]
+        kind = CATALOGUE.get(card.name)
+        for name in kind.values if kind is not None and card.name in BARS else ():
+            at = CATALOGUE[card.name].fields.index(name)
+            if at < len(card.fields) and not card.blank(at):
+                yield FieldRef(card.name, number, name), FieldPlace(card.position, (at,))
+
+
+def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> Structure:
+    """The generic elements, those that can be made; several problems are shown together."""
+    errors, structure = ErrorCollector(), built.structure
+    for i, entry in enumerate(file.generic):
+        words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
+        names = list(dict.fromkeys(name for group, name in words if group == entry.name))
+        with errors.catch(), located(file.where("generic", i)):
+            structure = with_generic(structure, _group(entry, built), names)
+    errors.raise_if_any()
+    return structure
+
+
+def _group(entry: GenericEntry, built: BuiltModel) -> GenericGroup:
+    known, wanted = built.structure.element_kinds, element_list(entry.elements)
+    missing = sorted(set(wanted.singles) - set(known))
+    if missing:
+        raise FemtuneError(
+            "generic.elements",
+            f"generic element {entry.name}: element {missing[0]} does not exist",
+            hint=did_you_mean(str(missing[0]), map(str, known)) or "name elements of the deck",
+        )
+    return GenericGroup(entry.name, frozenset(wanted.among(known)), entry.nodes, entry.components)
