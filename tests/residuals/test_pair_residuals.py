@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.residuals import ModalCase, OfModes, OfPairs, PairingRules, ResidualRules, UpdateProblem
 from femtune.residuals.flexibility import FlexibilityResidual
@@ -34,7 +35,7 @@ RESIDUALS: dict[str, Callable[[int, int], OfPairs]] = {
     "scale factor": lambda s, m: ShapeResidual(0.1, "scale-factor"),
     "mass": lambda s, m: ShapeResidual(0.1, "mass"),
     "shapes by covariance": lambda s, m: ShapeResidual(Weights(covariance=0.01 * HALF[:s, :s]), "largest-entry"),
-    "some sensors": lambda s, m: ShapeResidual(0.1, rows=(0, 2), kind="strain"),
+    "some sensors": lambda s, m: ShapeResidual(0.1, sensors=DofSet.parse(("1X+", "4X+")), kind="strain"),
     "root of the MAC": lambda s, m: MacResidual(0.1),
     "ratio of the MAC": lambda s, m: MacResidual(0.1, "ratio"),
     "one minus MAC": lambda s, m: MacResidual(0.1, "difference"),
@@ -140,6 +141,17 @@ def test_a_covariance_gives_the_mahalanobis_distance():
     assert 2.0 * rest.objective == pytest.approx(expected, rel=1e-9)
 
 
+def test_sensors_are_found_by_their_labels():
+    """A test that lost its first sensor still compares the entries that are left, with their own weights."""
+    case, seen = chain_case(), DofSet.parse(("4X+", "1X+", "3X+"))
+    whole = problem_of(case, ShapeResidual(Weights([0.1, 0.2, 0.3]), "mass", seen)).start(np.zeros(3)).blocks[0]
+    kept = case.test.dofs.select([1, 2])
+    less = replace(case, test=case.test.select_dofs(kept), sensors=case.sensors[[1, 2]])
+    part = problem_of(less, ShapeResidual(Weights([0.1, 0.2, 0.3]), "mass", seen)).start(np.zeros(3)).blocks[0]
+    ratio = np.linalg.norm(case.test.shapes[:, 0]) / np.linalg.norm(less.test.shapes[:, 0])
+    np.testing.assert_allclose(part.values, whole.values[[0, 2]] * ratio)
+
+
 def spoilt(case: ModalCase, **changes: object) -> ModalCase:
     return replace(case, test=replace(case.test, **changes))
 
@@ -152,7 +164,7 @@ def spoilt(case: ModalCase, **changes: object) -> ModalCase:
         (FrequencyCovariance("test"), {}, "residual.no-scatter"),
         (FrequencyCovariance(np.eye(2)), {}, "residual.weights"),
         (ShapeResidual(Weights(covariance=np.eye(5))), {}, "residual.weights"),
-        (ShapeResidual(0.1, rows=(1,)), {}, "residual.unmeasured"),
+        (ShapeResidual(0.1, sensors=DofSet.parse(("3X+",))), {}, "residual.unmeasured"),
         (OfModes(ShapeResidual(0.1), ("9",)), {}, "residual.nothing-compared"),
     ],
 )

@@ -16,7 +16,7 @@ def verdict(source: Source) -> tuple[str, Level]:
     """One sentence and how serious it is."""
     update, before, after = source.results.update, source.scores("before"), source.scores(source.final_stage)
     if before is None:
-        return "Test and model have not been compared.", "warning"
+        return _without_modes(source, update)
     if update is None or after is None:
         return f"Test and model were compared, no update was run: {agreement(before)}.", "info"
     if not update.ok:
@@ -26,6 +26,18 @@ def verdict(source: Source) -> tuple[str, Level]:
         )
     caveats = _caveats(source, update)
     sentence = f"After the update {agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
+    return sentence, "warning" if caveats else "info"
+
+
+def _without_modes(source: Source, update: UpdateResults | None) -> tuple[str, Level]:
+    """Where no modes were measured the weighted mean error is all that there is."""
+    if update is None:
+        return "Test and model have not been compared.", "warning"
+    first, last = percent(update.objective_before_percent), percent(update.objective_after_percent)
+    if not update.ok:
+        return f"The update did not reach an optimum ({update.message}); weighted mean error {last} %.", "problem"
+    caveats = _caveats(source, update)
+    sentence = f"After the update the weighted mean error is {last} % (before: {first} %){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Reals = NDArray[np.float64]
 
-OF_MODES = ("frequency", "shape", "strain", "dynamic")
+OF_MODES = ("frequency", "shape", "MAC", "strain", "dynamic")
 """Kinds whose blocks belong to one test mode."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.pair import PairedMode, PairResidual
@@ -14,6 +15,7 @@ from femtune.residuals.scaling import Scaling, scaled_difference
 from femtune.residuals.weights import Weights, as_weights, weighted_block
 
 Reals = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 
 def shape_difference(
@@ -30,15 +32,15 @@ class ShapeResidual(PairResidual):
 
     Parameters
     ----------
-    weights : standard deviation of an entry of the scaled shape, or weights of the s sensors' entries
+    weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order
     scaling : see `scaled_difference`
-    rows : positions of the sensors that are compared; all where None. Their entries alone are scaled
+    sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
     kind : what the report calls it: "shape", or "strain" where the sensors are strain gauges
     """
 
     weights: float | Weights
     scaling: Scaling = "unit-norm"
-    rows: tuple[int, ...] | None = None
+    sensors: DofSet | None = None
     kind: str = "shape"
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
@@ -50,21 +52,24 @@ class ShapeResidual(PairResidual):
         """
         if self.scaling == "mass":
             check_mass_scaled(pair)
-        chosen = self._test_shape(pair)
-        known = int((~np.isnan(chosen)).sum())
-        if known <= (self.scaling != "mass") or not np.nan_to_num(chosen).any():
-            raise _unmeasured(pair, known)
-        errors, slopes, at = scaled_difference(pair.shape, pair.shape_gradient, chosen, self.scaling)
-        weights = as_weights(self.weights)
-        weights.check_size(len(chosen), f"the sensors of mode {pair.label}")
-        return weighted_block(self.kind, pair.case.name, pair.label, errors, slopes, weights.of(at))
+        weights, known = as_weights(self.weights), pair.case.test.dofs
+        weights.check_size(len(known if self.sensors is None else self.sensors), f"the sensors of mode {pair.label}")
+        which, at = self._places(known)
+        test = pair.test_shape[at]
+        measured = int((~np.isnan(test)).sum())
+        if measured <= (self.scaling != "mass") or not np.nan_to_num(test).any():
+            raise _unmeasured(pair, measured)
+        errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
+        return weighted_block(self.kind, pair.case.name, pair.label, errors, slopes, weights.of(which[kept]))
 
-    def _test_shape(self, pair: PairedMode) -> Reals:
-        if self.rows is None:
-            return pair.test_shape
-        out = np.full(len(pair.test_shape), np.nan)
-        out[list(self.rows)] = pair.test_shape[list(self.rows)]
-        return out
+    def _places(self, known: DofSet) -> tuple[Places, Places]:
+        """Positions among the sensors of the residual, and among those of the test."""
+        if self.sensors is None:
+            return np.arange(len(known)), np.arange(len(known))
+        found = {(d.node, d.direction): i for i, d in enumerate(known)}
+        pairs = [(k, found.get((d.node, d.direction), -1)) for k, d in enumerate(self.sensors)]
+        both = np.array([(k, i) for k, i in pairs if i >= 0], dtype=np.int64).reshape(-1, 2)
+        return both[:, 0], both[:, 1]
 
 
 def check_mass_scaled(pair: PairedMode) -> None:

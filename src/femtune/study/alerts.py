@@ -7,6 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from femtune.model import grid_matrix
+from femtune.residuals import OfPairs
+from femtune.residuals.dynamic import DynamicResidual
 from femtune.status import Status
 from femtune.study.load import Study
 from femtune.study.record_model import alert_of
@@ -28,6 +30,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_model(results),
         *_of_correlation(results),
         *_of_held_masses(study),
+        *_of_silent_modes(study),
         *(alert for r in results.responses for alert in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
@@ -110,6 +113,16 @@ def _of_held_masses(study: Study) -> Iterable[Alert]:
             shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
             sentence = f"{case.name}: nothing stiffens {shown}, so AUTOSPC holds the mass there and it moves in no mode"
             yield _alert("warning", "model.held-mass", sentence)
+
+
+def _of_silent_modes(study: Study) -> Iterable[Alert]:
+    """Measured modes that the update could use and that no residual compares."""
+    for case in study.cases:
+        if case.modal is None or case.entry.use != "update" or study.rules.compare_modes:
+            continue
+        if not any(isinstance(r, OfPairs | DynamicResidual) for r in case.modal.residuals):
+            sentence = f"{case.name}: the test has modes, and no residual of the study compares them"
+            yield _alert("info", "residual.modes-unused", sentence)
 
 
 def _of_correlation(results: Results) -> Iterable[Alert]:

@@ -22,6 +22,7 @@ from femtune.study.imported_model import build_imported, compare_listed, mesh_of
 from femtune.study.mode_ratios import with_parameters_of_modes
 from femtune.study.named_fields import with_named_fields
 from femtune.study.progress import Progress, silent
+from femtune.study.residual_builders import with_residuals
 from femtune.study.solvers import check_solvers
 
 _DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
@@ -49,10 +50,14 @@ class Study:
 
     @property
     def rules(self) -> ResidualRules:
-        """What is compared, as the study says."""
+        """How paired modes are compared, as [residuals] says.
+
+        Where the study has [[residual]] tables, frequencies are compared by [residuals] only if it says how well.
+        """
         table = self.file.residuals
+        by_rule = not self.file.residual or "frequency_sd" in table.model_fields_set
         return ResidualRules(
-            table.frequency_sd,  # type: ignore[arg-type]
+            table.frequency_sd if by_rule else 0.0,  # type: ignore[arg-type]
             table.shape_sd,
             table.frequency_form,
             table.shape_form,
@@ -69,7 +74,7 @@ class Study:
         """
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
-            raise self.no_test("the update may use")
+            raise self.no_test("the update may use, or a [[residual]]")
         return UpdateProblem(cases, self.parameters, self.rules)
 
     def no_test(self, purpose: str) -> FemtuneError:
@@ -206,7 +211,7 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
             case, remarks = study_case(file, base, entry)
-            cases.append(case)
+            cases.append(with_residuals(file, case))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None

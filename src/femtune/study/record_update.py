@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ def selection_results(
         jacobian_key="selection/jacobian",
         row_labels=rows,
         column_labels=result.names,
-        sensitivities=tuple(_sensitivities(evaluation, study.rules.frequency_form == "eigenvalue")),
+        sensitivities=tuple(_sensitivities(evaluation)),
         singular_values=tuple(float(s) for s in result.singular_values),
         rank=result.rank,
         rank_threshold=NO_EFFECT,
@@ -127,15 +128,15 @@ def selection_results(
     )
 
 
-def _sensitivities(evaluation: Evaluation, eigenvalues: bool) -> Iterable[Sensitivity]:
-    """Logarithmic derivatives of the frequencies; those of eigenvalues are twice as large."""
-    for block in evaluation.blocks:
-        if block.kind == "frequency":
-            ratio = 1.0 + float(block.values[0]) * block.sd
-            slopes = block.jacobian[0] * block.sd / ratio / (2.0 if eigenvalues else 1.0)
+def _sensitivities(evaluation: Evaluation) -> Iterable[Sensitivity]:
+    """Logarithmic derivatives of the model's frequencies, where frequencies are compared."""
+    compared = {b.configuration for b in evaluation.blocks if b.kind == "frequency"}
+    for state in evaluation.states:
+        for pair in state.pairs(True) if state.case.name in compared else ():
+            slopes = pair.eigenvalue_gradient / (2.0 * pair.eigenvalue)
             yield Sensitivity(
-                configuration=block.configuration,
-                test_label=block.mode,
+                configuration=state.case.name,
+                test_label=pair.label,
                 percent_per_percent=tuple(float(v) for v in slopes),
             )
 
@@ -255,6 +256,22 @@ def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
             misfit=found.misfit[kind],
             freedom=found.freedom[kind],
             widened=kind in found.widened,
+            rms_before=_rms(result.before, kind),
+            rms_after=_rms(result.after, kind),
+            error_before_percent=_error_percent(result.before, kind),
+            error_after_percent=_error_percent(result.after, kind),
         )
         for kind, count in counts.items()
     )
+
+
+def _rms(at: Evaluation, kind: str) -> float | None:
+    """In units of the stated standard deviations."""
+    values = [v for b in at.blocks if b.kind == kind for v in b.values]
+    return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+
+def _error_percent(at: Evaluation, kind: str) -> float | None:
+    """Weighted mean error of the comparisons of one kind."""
+    mine = replace(at, blocks=tuple(b for b in at.blocks if b.kind == kind))
+    return 100.0 * mine.mean_error if mine.blocks else None

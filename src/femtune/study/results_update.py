@@ -195,7 +195,7 @@ class ResidualCount(Record):
     """How many residuals of one kind went in."""
 
     kind: str
-    """"frequency", "mode shape", …"""
+    """"frequency", "shape", "mass", …"""
     count: int
     """How many."""
     misfit: float
@@ -206,6 +206,14 @@ class ResidualCount(Record):
     widened: bool = False
     """True where they are larger than chance explains (1 % point of χ² with that freedom) if the scatter is as stated:
     the residuals are not noise alone, and the standard deviations of the parameters are widened by the misfit."""
+    rms_before: float | None = None
+    """Their root mean square at the start, in units of the stated standard deviations (no unit); None: not known."""
+    rms_after: float | None = None
+    """The same at the end (no unit)."""
+    error_before_percent: float | None = None
+    """Weighted mean error √(Σr²/Σw²) of this kind at the start, in % of what is compared; None: not known."""
+    error_after_percent: float | None = None
+    """The same at the end, in %."""
 
 
 class UpdateResults(Record):

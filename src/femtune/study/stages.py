@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlate import Correlation
+from femtune.errors import FemtuneError
 from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, solve_case, state_at
 from femtune.study.cases import StudyCase
@@ -61,12 +62,14 @@ def start(study: Study, progress: Progress) -> Evaluation:
     for i, case in enumerate(cases):
         progress.step(f"solving and pairing the modes: {case.name}", i, len(cases))
         states.append(_state(study, case, x))
-    with located(study.file.where("residuals", "frequency_sd")):
-        if any(state.groups for state in states) or all(c.modal is None for c in cases):
-            return problem.assess(x, states)
-    with located(place_of(study.file, next(c.entry for c in cases if c.modal is not None), "test")):
+    of_modes = next((c.entry for c in cases if c.modal is not None), cases[0].entry)
+    with located(place_of(study.file, of_modes, "test")):
         problem.check_paired(states)
-        return problem.assess(x, states)
+    at_fault = ("residual",) if study.file.residual else ("residuals", "frequency_sd")
+    with located(study.file.where(*at_fault)):
+        found = problem.assess(x, states)
+        problem.check_compared(found)
+        return found
 
 
 def _state(study: Study, case: StudyCase, x: NDArray) -> CaseState:
@@ -86,6 +89,16 @@ def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
             return solve_case(case.compared, x)
         table = study.file.modes
         return study.solver.modes(case.configured.at(x), table.wanted, table.max_hz)
+
+
+def _solved_if_any(study: Study, case: StudyCase, x: NDArray) -> EigenSolution | None:
+    """Modes of a configuration; None where none were measured and the model has no mass that could move."""
+    try:
+        return solve(study, case, x)
+    except FemtuneError as error:
+        if case.modal is None and case.compared is not None and error.code == "eigen.no-mass":
+            return None
+        raise
 
 
 def solutions_of(evaluation: Evaluation) -> Solutions:
@@ -114,7 +127,9 @@ def stage_records(
     found, records, shapes, raw = [], [], [], {}
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {stage}: {case.name}", i, len(study.cases))
-        solution = known[case.name] if case.name in known else solve(study, case, x)
+        solution = known[case.name] if case.name in known else _solved_if_any(study, case, x)
+        if solution is None:
+            continue
         solved(case, solution)
         found.append(model_modes(case.name, stage, solution))
         prefix = array_prefix(stage, case.name, i + 1)

@@ -5,15 +5,21 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from femtune.files import study_file
+from femtune.files.study_file.residual import ResidualEntry
 from femtune.files.study_file.table import Table
 
 _PAGE = (Path(__file__).resolve().parents[3] / "docs" / "study-file.md").read_text()
 _ROW = re.compile(r"^\| `(\w+)` \| (.+?) \| (.+) \| `(.+)` \|$", re.MULTILINE)
+
+_SHARED = ("kind", "configuration", "modes")
+"""Keys that the section of [[residual]] explains for all kinds."""
+
+_KINDS = {get_args(m.model_fields["kind"].annotation)[0]: m for m in get_args(get_args(ResidualEntry)[0])}
 
 _TABLES: dict[str, type[Table]] = {
     "## `[study]`": study_file.StudyTable,
@@ -59,8 +65,27 @@ def _toml(text: str) -> Any:
 
 
 def test_every_table_of_a_study_has_its_section() -> None:
-    headings = {heading.strip("#` []") for heading in _TABLES if heading.startswith("## ")}
+    headings = {heading.strip("#` []") for heading in (*_TABLES, "## `[[residual]]`") if heading.startswith("## ")}
     assert headings == {field.alias or name for name, field in study_file.StudyFile.model_fields.items()}
+
+
+@pytest.mark.parametrize("kind", _KINDS)
+def test_a_kind_of_residual_has_its_keys_with_defaults_and_examples(kind: str) -> None:
+    fields, rows = _KINDS[kind].model_fields, _rows(f"### `{kind}`")
+    assert {*rows, *_SHARED} - set(fields) <= {"modes"}
+    assert set(fields) <= {*rows, *_SHARED}
+    for key, (default, _, _) in rows.items():
+        assert fields[key].is_required() == (default == "*required*"), key
+        if default != "*required*":
+            assert fields[key].default == (None if default == "*none*" else _toml(default)), key
+    examples = {key: _toml(example) for key, (_, _, example) in rows.items()}
+    assert _KINDS[kind].model_validate({"kind": kind, **examples}).model_fields_set >= set(examples)
+
+
+def test_the_section_of_residuals_lists_every_kind() -> None:
+    rows = _rows("## `[[residual]]`")
+    assert set(rows) == set(_SHARED)
+    assert set(re.findall(r'`"([\w-]+)"`', rows["kind"][1])) == set(_KINDS)
 
 
 @pytest.mark.parametrize("heading", _TABLES)

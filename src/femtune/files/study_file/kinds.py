@@ -185,6 +185,16 @@ def _inertia(value: object) -> None:
         raise FemtuneError("study.value", "the inertia has a negative principal moment", hint=hint)
 
 
+def _covariance(value: object) -> None:
+    rows = value if isinstance(value, tuple) else ()
+    square = bool(rows) and all(isinstance(row, tuple) and len(row) == len(rows) for row in rows)
+    if square and all(is_number(x) and abs(x) < float("inf") for row in rows for x in row):
+        return
+    if value != "test":
+        hint = 'write as many rows as there are values, each of as many numbers: [[4.0, 1.0], [1.0, 9.0]], or "test"'
+        raise FemtuneError("study.type", "a square matrix of numbers, or the word test, is wanted here", hint=hint)
+
+
 Text = Annotated[str, StringConstraints(min_length=1)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
@@ -201,5 +211,6 @@ GroupName = Annotated[str, StringConstraints(pattern=rf"^{_GROUP}$")]
 Components = Annotated[str, StringConstraints(pattern=r"^[1-6]{1,6}$")]
 Expression = Annotated[str, checked(parse_expression)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
+Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
 Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
 Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]

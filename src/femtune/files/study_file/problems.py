@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.lines import Place
+from femtune.files.study_file.residual import ResidualEntry
 from femtune.files.study_file.source import Source
 from femtune.files.study_file.study import StudyFile
 
@@ -37,9 +38,11 @@ def _follows(finding: ErrorDetails) -> bool:
 
 
 def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
-    place: Place = tuple(part for part in finding["loc"] if part != "[key]")
+    place = _place(finding)
+    if finding["type"].startswith("union_tag"):
+        return _kind(finding, place, source)
     if finding["type"] == "extra_forbidden":
-        return _unknown_key(place, source)
+        return _unknown_key(finding, place, source)
     if finding["type"] == "missing":
         return _missing_key(place, source)
     if finding["type"] == "femtune":
@@ -48,14 +51,36 @@ def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
     return source.error(place, code, f"{_name(place)} {what}", {_key(place): finding["input"]}, hint)
 
 
+def _place(finding: ErrorDetails) -> Place:
+    """Where it is, without the marks of keys and the tag of a table whose kind is chosen by a key."""
+    place: Place = tuple(part for part in finding["loc"] if part != "[key]")
+    tagged = len(place) > 2 and place[0] == "residual" and isinstance(place[1], int) and place[2] in _kinds()
+    return place[:2] + place[3:] if tagged else place
+
+
+def _kinds() -> dict[str, type[BaseModel]]:
+    """Tables of [[residual]] by their kind."""
+    models = get_args(get_args(ResidualEntry)[0])
+    return {get_args(m.model_fields["kind"].annotation)[0]: m for m in models}
+
+
+def _kind(finding: ErrorDetails, place: Place, source: Source) -> FemtuneError:
+    """A table whose kind is missing or unknown."""
+    if finding["type"] == "union_tag_not_found":
+        return _missing_key((*place, "kind"), source)
+    given = str(finding["ctx"].get("tag"))
+    hint = did_you_mean(given, _kinds())
+    return source.error((*place, "kind"), "study.value", f"'{given}' is no kind of residual", {}, hint)
+
+
 def _name(place: Place) -> str:
     """What a message calls the value: a key, or an entry of a list."""
     last = place[-1] if place else "the file"
     return f"entry {last + 1} of {_name(place[:-1])}" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
 
 
-def _unknown_key(place: Place, source: Source) -> FemtuneError:
-    known = _keys(place[:-1])
+def _unknown_key(finding: ErrorDetails, place: Place, source: Source) -> FemtuneError:
+    known = _keys(place[:-1], finding)
     what = f"'{place[-1]}' is not a key of {_table(place[:-1])}"
     return source.error(place, "study.unknown-key", what, {}, did_you_mean(str(place[-1]), known))
 
@@ -116,8 +141,11 @@ def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[st
     return "study.value", message[:1].lower() + message[1:], "give a value in the range of docs/study-file.md"
 
 
-def _keys(place: Place) -> tuple[str, ...]:
+def _keys(place: Place, finding: ErrorDetails) -> tuple[str, ...]:
     """Keys of the table at `place`, from the models themselves."""
+    tag = finding["loc"][2] if len(finding["loc"]) > 2 else None
+    if place[:1] == ("residual",) and len(place) == 2:
+        return tuple(_kinds()[str(tag)].model_fields)
     model: type[BaseModel] | None = StudyFile
     for part in place:
         if model is not None and isinstance(part, str):

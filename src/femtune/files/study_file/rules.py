@@ -17,7 +17,8 @@ from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.lines import Place
 from femtune.files.study_file.matrices import matrix_rules
 from femtune.files.study_file.parameter_rules import parameter_rules
-from femtune.files.study_file.plain import named_twice, number, table, tables, texts
+from femtune.files.study_file.plain import named_twice, table, tables, texts
+from femtune.files.study_file.residual_rules import residual_rules
 from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
 from femtune.files.study_file.validation_rules import validation_rules
@@ -37,7 +38,7 @@ def rules(data: Data, source: Source) -> Problems:
     yield from parameter_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
-    yield from _residuals(data, source)
+    yield from residual_rules(data, source)
     yield from _regularisation(data, source)
     yield from response_rules(data, source)
     yield from validation_rules(data, source)
@@ -93,14 +94,6 @@ def _known_label(place: Place, label: object, labels: list[str], source: Source)
 
 def _sensors(data: Data, source: Source) -> Problems:
     yield from named_twice(list(tables(data, "sensor")), "study.duplicate-name", source)
-
-
-def _residuals(data: Data, source: Source) -> Problems:
-    residuals = table(data, "residuals")
-    if number(residuals, "frequency_sd") == 0 and not residuals.get("shape_sd"):
-        what = "neither frequencies nor shapes are compared"
-        hint = "give frequency_sd or shape_sd a value above zero"
-        yield source.error(("residuals", "frequency_sd"), "study.nothing-compared", what, residuals, hint)
 
 
 def _regularisation(data: Data, source: Source) -> Problems:

@@ -12,6 +12,7 @@ from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.generic import GenericEntry
 from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.residual import ResidualEntry
 from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import Source
 from femtune.files.study_file.steps import (
@@ -52,6 +53,7 @@ class StudyFile(Table):
     parameter: tuple[ParameterEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
+    residual: tuple[ResidualEntry, ...] = ()
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")

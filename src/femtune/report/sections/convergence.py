@@ -9,6 +9,7 @@ from femtune.report.figures.convergence import convergence_svg
 from femtune.report.numbers import NONE, counted, percent, short
 from femtune.report.sections.goodness import goodness
 from femtune.report.sections.reduction import reduced_models
+from femtune.report.sections.residual_kinds import residual_kinds
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, UpdateResults
 
@@ -24,6 +25,7 @@ def convergence(source: Source) -> list[Block]:
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
         _events(update),
         *goodness(source),
+        *residual_kinds(update),
         *reduced_models(update.reduction),
         *history,
     ]

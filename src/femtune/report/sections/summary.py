@@ -18,6 +18,8 @@ def summary(source: Source) -> list[Block]:
     blocks: list[Block] = []
     if before:
         blocks = [KeyNumbers((*_objective(source), *_scores(before, after))), _meaning(source, before, after)]
+    elif update is not None:
+        blocks = [KeyNumbers(_objective(source))]
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
         # where it fails an alert says so
