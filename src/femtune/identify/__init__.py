@@ -15,6 +15,7 @@ from femtune.identify.frf_checks import (
     power_in,
     reciprocity,
 )
+from femtune.identify.input_known import FRF_METHODS, IdentifiedModes, InputKnown, identify_frfs
 from femtune.identify.join import FitQuality, fit_quality, join_frfs
 from femtune.identify.lines import complete_lines, in_band
 from femtune.identify.modal_fit import ModalFit, fit_modes
@@ -30,11 +31,14 @@ from femtune.identify.stabilisation import Limits, cluster, possible, stable
 from femtune.identify.state_space_fit import fit_system, residual_poles, stable_poles
 
 __all__ = [
+    "FRF_METHODS",
     "Averaging",
     "Candidate",
     "DrivingPoint",
     "FitQuality",
     "FrfEstimate",
+    "IdentifiedModes",
+    "InputKnown",
     "InputOutputSpectra",
     "Levels",
     "Limits",
@@ -63,6 +67,7 @@ __all__ = [
     "fit_notices",
     "fit_quality",
     "fit_system",
+    "identify_frfs",
     "in_band",
     "input_output_spectra",
     "join_frfs",

@@ -100,7 +100,9 @@ def residue_shapes(frfs: FrfSet, poles: Complex) -> Complex:
     near = 1.0 / (i_omega[:, None] - poles / (2.0 * np.pi * frfs.freq_hz[-1]))
     basis = np.hstack([near, np.vander(i_omega, 3), i_omega[:, None] ** -2])
     size = np.linalg.norm(basis, axis=0)
-    found = np.linalg.lstsq(basis / size, frfs.values.reshape(n * u, k).T, rcond=None)[0][: len(poles)]
+    Q, R = qr(basis / size, mode="economic", check_finite=False)
+    found = np.linalg.lstsq(R, Q.conj().T @ frfs.values.reshape(n * u, k).T, rcond=1e-13)[0][: len(poles)]
+    found = found / size[: len(poles), None]
     left, s, _ = np.linalg.svd(found.reshape(len(poles), n, u), full_matrices=False)
     return (left[:, :, 0] * s[:, :1]).T
 

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from femtune.errors import FemtuneError
+from femtune.identify.line_sums import LineSums, line_sums
 from femtune.identify.modal_basis import real_rows
 from femtune.identify.scaling import DrivingPoint, driving_points
 from femtune.modal import FrfSet, StateSpace
@@ -120,17 +122,14 @@ def _columns(near: Complex, factors: Complex) -> Complex:
 
 def _start(frfs: FrfSet, near: Complex, direct: bool) -> _Parts:
     """Free residues of every function, and their leading singular vectors."""
-    n, u, _ = frfs.values.shape
+    n, u, k = frfs.values.shape
     m = near.shape[1] // 2
-    residues, D = np.zeros((n, u, m), complex), np.zeros((n, u))
     basis = _with_direct(_columns(near, np.ones(m)), direct)
-    for i in range(n):
-        for j in range(u):
-            x = _least_squares(basis, frfs.values[i, j])
-            residues[i, j] = x[:m] + 1j * x[m : 2 * m]
-            D[i, j] = x[2 * m] if direct else 0.0
-    left, s, right = np.linalg.svd(residues.transpose(2, 0, 1), full_matrices=False)
+    x = _least_squares(basis, frfs.values.reshape(n * u, k))
+    residues = (x[:, :m] + 1j * x[:, m : 2 * m]).reshape(n, u, m).transpose(2, 0, 1)
+    left, s, right = np.linalg.svd(residues, full_matrices=False)
     root = np.sqrt(s[:, 0])
+    D = x[:, 2 * m].reshape(n, u) if direct else np.zeros((n, u))
     return _Parts((left[:, :, 0] * root[:, None]).T, right[:, 0] * root[:, None], D)
 
 
@@ -139,28 +138,45 @@ def _with_direct(columns: Complex, direct: bool) -> Complex:
 
 
 def _least_squares(basis: Complex, values: Complex) -> Reals:
+    """(F, q) coefficients of each row of values, at its own lines; rows of the same lines go together."""
+    found = np.empty((len(values), basis.shape[1]))
+    for known, rows in _patterns(values):
+        if 2 * known.sum() < basis.shape[1]:
+            what = f"a function has {int(known.sum())} lines, too few for {basis.shape[1]} unknowns"
+            raise FemtuneError("identify.few-lines", what, hint="leave that response out, or fit fewer poles")
+        left = real_rows(basis[known])
+        size = np.linalg.norm(left, axis=0)
+        right = real_rows(values[rows][:, known].T)
+        Q, R = qr(left / size, mode="economic", check_finite=False)
+        # by singular values, since residual modes and the direct term may be nearly dependent
+        found[rows] = (np.linalg.lstsq(R, Q.T @ right, rcond=1e-13)[0] / size[:, None]).T
+    return found
+
+
+def _patterns(values: Complex) -> Iterator[tuple[NDArray[np.bool_], list[int]]]:
+    """Lines that functions have, and the functions that have just these."""
+    groups: dict[bytes, list[int]] = {}
     known = np.isfinite(values)
-    if 2 * known.sum() < basis.shape[1]:
-        what = f"a function has {int(known.sum())} lines, too few for {basis.shape[1]} unknowns"
-        raise FemtuneError("identify.few-lines", what, hint="leave that response out, or fit fewer poles")
-    rows = real_rows(basis[known])
-    size = np.linalg.norm(rows, axis=0)
-    return np.asarray(np.linalg.lstsq(rows / size, real_rows(values[known]), rcond=None)[0] / size)
+    for i, row in enumerate(known):
+        groups.setdefault(row.tobytes(), []).append(i)
+    for rows in groups.values():
+        yield known[rows[0]], rows
 
 
 def _turns(frfs: FrfSet, near: Complex, parts: _Parts, direct: bool, points: Sequence[DrivingPoint]) -> _Parts:
     if len(frfs.references) == 1 and not points:
         return parts
-    before = np.inf
+    sums, before = line_sums(frfs, near), np.inf
     for _ in range(MOST_TURNS):
-        parts = _refit_participations(frfs, near, parts, points)
-        parts = _refit_shapes(frfs, near, parts, direct)
-        now = _squares(frfs, near, parts)
+        parts = _refit_participations(sums, parts, points)
+        parts = _quick_shapes(sums, parts, direct)
+        now = sums.squares(parts.shapes, parts.participations, parts.direct)
         if before - now <= ENOUGH * now:
             break
         before = now
+    parts = _refit_shapes(frfs, near, parts, direct)
     # the last word is the participations', which makes a model that has to be reciprocal exactly so
-    return _refit_participations(frfs, near, parts, points) if points else parts
+    return _refit_participations(sums, parts, points) if points else parts
 
 
 def _refit_shapes(frfs: FrfSet, near: Complex, parts: _Parts, direct: bool) -> _Parts:
@@ -170,56 +186,26 @@ def _refit_shapes(frfs: FrfSet, near: Complex, parts: _Parts, direct: bool) -> _
     rows = [_columns(near, parts.participations[:, j]) for j in range(u)]
     own = np.kron(np.eye(u), np.ones((k, 1)))
     basis = np.hstack([np.vstack(rows), own]) if direct else np.vstack(rows)
-    shapes, D = np.zeros((n, m), complex), np.zeros((n, u))
-    for i in range(n):
-        x = _least_squares(basis, frfs.values[i].ravel())
-        shapes[i] = x[:m] + 1j * x[m : 2 * m]
-        D[i] = x[2 * m :] if direct else 0.0
-    return _Parts(shapes, parts.participations, D)
+    x = _least_squares(basis, frfs.values.reshape(n, u * k))
+    D = x[:, 2 * m :] if direct else np.zeros((n, u))
+    return _Parts(x[:, :m] + 1j * x[:, m : 2 * m], parts.participations, D)
 
 
-def _refit_participations(frfs: FrfSet, near: Complex, parts: _Parts, points: Sequence[DrivingPoint]) -> _Parts:
+def _quick_shapes(sums: LineSums, parts: _Parts, direct: bool) -> _Parts:
+    """The same by normal equations, within the turns."""
+    found = [sums.shape_of(i, parts.participations, direct) for i in range(sums.responses)]
+    return _Parts(np.array([x for x, _ in found]), parts.participations, np.array([d for _, d in found]))
+
+
+def _refit_participations(sums: LineSums, parts: _Parts, points: Sequence[DrivingPoint]) -> _Parts:
     """l of each reference from all responses, each weighted by its size; with reciprocity one factor a mode."""
-    m = near.shape[1] // 2
     if points:
         ends = np.array([parts.shapes[p.response] * p.sign for p in sorted(points, key=lambda p: p.reference)])
-        factor = _solve_products(_products(frfs, near, parts, range(len(points)), ends), m)
+        factor = sums.factor_of(range(len(points)), parts.shapes, ends, parts.direct)
         return _Parts(parts.shapes, (ends * factor).T, parts.direct)
-    ones = np.ones((len(frfs.references), m), complex)
-    found = [_solve_products(_products(frfs, near, parts, [j], ones), m) for j in range(len(frfs.references))]
+    ones = np.ones((sums.references, parts.shapes.shape[1]), complex)
+    found = [sums.factor_of([j], parts.shapes, ones, parts.direct) for j in range(sums.references)]
     return _Parts(parts.shapes, np.array(found).T, parts.direct)
-
-
-def _products(
-    frfs: FrfSet, near: Complex, parts: _Parts, references: Sequence[int] | range, ends: Complex
-) -> Iterator[tuple[Reals, Reals]]:
-    """Normal equations of x in Σ ψ_i x e_j/(iω − λ), function by function."""
-    for i in range(len(frfs.responses)):
-        weight = 1.0 / np.nanmean(np.abs(frfs.values[i]) ** 2)
-        for j in references:
-            known = np.isfinite(frfs.values[i, j])
-            rows = real_rows(_columns(near[known], parts.shapes[i] * ends[j]))
-            wanted = real_rows(frfs.values[i, j, known] - parts.direct[i, j])
-            yield weight * rows.T @ rows, weight * rows.T @ wanted
-
-
-def _solve_products(products: Iterator[tuple[Reals, Reals]], m: int) -> Complex:
-    normal, right = np.zeros((2 * m, 2 * m)), np.zeros(2 * m)
-    for matrix, vector in products:
-        normal += matrix
-        right += vector
-    size = np.sqrt(np.diag(normal))
-    size[size == 0.0] = 1.0
-    x = np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=None)[0] / size
-    return np.asarray(x[:m] + 1j * x[m:])
-
-
-def _squares(frfs: FrfSet, near: Complex, parts: _Parts) -> float:
-    m = near.shape[1] // 2
-    residues = parts.shapes[:, None, :] * parts.participations.T[None]
-    model = residues @ near[:, :m].T + residues.conj() @ near[:, m:].T + parts.direct[:, :, None]
-    weight = 1.0 / np.nanmean(np.abs(frfs.values) ** 2, axis=(1, 2))
-    return float(np.nansum(weight[:, None, None] * np.abs(frfs.values - model) ** 2))
 
 
 def _real_form(poles: Complex, parts: _Parts) -> tuple[Reals, Reals, Reals]:
