@@ -1,5 +1,6 @@
 """What is compared: residuals over configurations, and the update problem."""
 
+from femtune.residuals.antiresonance import AntiresonanceResidual, antiresonance_residual
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.case import (
     ModalCase,
@@ -17,14 +18,18 @@ from femtune.residuals.frf_forms import FrfForm
 from femtune.residuals.frf_lines import Band, Region, Resonance, Resonances
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.frf_scatter import FrfScatter
+from femtune.residuals.measured_zeros import Antiresonance, ZeroSearch, measured_antiresonances
 from femtune.residuals.pair import OfModes, OfPairs, PairedMode, PairResidual
 from femtune.residuals.problem import Evaluation, UpdateProblem
 from femtune.residuals.residual import Residual
 from femtune.residuals.rules import ResidualRules
 from femtune.residuals.solver import ModelSolver, direct
 from femtune.residuals.state import CaseState, paired_count, state_at
+from femtune.residuals.zero_pairs import ZeroGates
 
 __all__ = [
+    "Antiresonance",
+    "AntiresonanceResidual",
     "Band",
     "CaseState",
     "Evaluation",
@@ -47,11 +52,15 @@ __all__ = [
     "Resonance",
     "Resonances",
     "UpdateProblem",
+    "ZeroGates",
+    "ZeroSearch",
+    "antiresonance_residual",
     "case_without_modes",
     "describe_change",
     "direct",
     "frf_residual",
     "groups_of",
+    "measured_antiresonances",
     "modes_at_sensors",
     "pair_case",
     "paired_count",

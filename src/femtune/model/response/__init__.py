@@ -10,6 +10,7 @@ from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
 from femtune.model.response.request import METHODS, Kind, Method
 from femtune.model.response.static import StaticResponse, static_response
+from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
 
 __all__ = [
     "METHODS",
@@ -24,6 +25,8 @@ __all__ = [
     "Ports",
     "Signal",
     "StaticResponse",
+    "Zero",
+    "ZeroFinder",
     "complex_mode_derivative",
     "complex_modes",
     "effective_mass",
@@ -33,4 +36,5 @@ __all__ = [
     "mass_response",
     "matrix_ports",
     "static_response",
+    "zero_finder",
 ]

@@ -1,0 +1,178 @@
+"""Antiresonance residual: zeros of the model's undamped FRFs against those of measured ones.
+
+Zeros of a point function are natural frequencies of the structure held at that point: data that modes of the free or
+mounted structure do not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError, Notice
+from femtune.modal import FrfSet
+from femtune.model import EigenSolution
+from femtune.model.response import Ports, ZeroFinder, matrix_ports, zero_finder
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.frequency import frequency_residual
+from femtune.residuals.frf_places import Places, places_of
+from femtune.residuals.measured_zeros import Antiresonance
+from femtune.residuals.solver import direct
+from femtune.residuals.state import CaseState
+from femtune.residuals.zero_pairs import ZeroGates, candidates
+
+ZeroSd = float | Literal["test"]
+
+_LEAST = 1e-7
+_REACH = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class AntiresonanceResidual:
+    """(f − f_test)/(σ f_test) of antiresonances.
+
+    Parameters
+    ----------
+    configuration : name
+    zeros : antiresonances of the test that have partners
+    responses, references : DOFs of the test's functions
+    places : where these are in the model
+    sd : relative standard deviation, or "test" for that of each fit
+    modes : number of modes or upper frequency that are solved for; None takes those of the configuration
+    """
+
+    configuration: str
+    zeros: tuple[Antiresonance, ...]
+    responses: DofSet
+    references: DofSet
+    places: Places
+    sd: ZeroSd = 0.01
+    modes: tuple[int | None, float | None] | None = None
+
+    @property
+    def on_modes(self) -> bool:
+        """False: zeros need the static response to the forces, and the whole model."""
+        return False
+
+    def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a case at a point, of the full model."""
+        case = state.case
+        if case.full is None and self.modes is None:
+            return self.compare(state.solution, derivatives)
+        solver = case.solver if case.full is None else direct
+        return self.compare(solver.modes(state.full, *(self.modes or (case.count, case.max_hz))), derivatives)
+
+    def compare(self, modes: EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a solved model.
+
+        Raises
+        ------
+        FemtuneError : ``residual.antiresonance-lost``, ``response.zero-lost``
+        """
+        finder = self.finder(modes)
+        return [b for tests in self.by_function() for b in self._of_function(finder, tests, derivatives)]
+
+    def finder(self, modes: EigenSolution) -> ZeroFinder:
+        """Of the test's functions in a model."""
+        return zero_finder(modes, self._ports(modes))
+
+    def _ports(self, modes: EigenSolution) -> Ports:
+        rows = self.places.inputs, self.places.outputs
+        return matrix_ports(modes.point.configured, *rows, self.references, self.responses)
+
+    def by_function(self) -> Iterator[list[Antiresonance]]:
+        """Zeros of each function that has some."""
+        for function in dict.fromkeys((z.response, z.reference) for z in self.zeros):
+            yield [z for z in self.zeros if (z.response, z.reference) == function]
+
+    def at(self, zero: Antiresonance) -> tuple[int, int]:
+        """Positions of output and input."""
+        return self.responses.labels().index(str(zero.response)), self.references.labels().index(str(zero.reference))
+
+    def _of_function(
+        self, finder: ZeroFinder, tests: list[Antiresonance], derivatives: bool
+    ) -> Iterator[ResidualBlock]:
+        place = self.at(tests[0])
+        found = candidates(finder, *place, tests, _REACH)
+        for test, partner in zip(tests, found.assigned()):
+            if partner is None:
+                raise self._lost(test)
+            zero = finder.refined(*place, float(found.eigenvalues[partner]), derivatives)
+            sd = self._sd(test)
+            pair = frequency_residual(zero.eigenvalue, zero.gradient, test.freq_hz, sd)
+            yield ResidualBlock("antiresonance", self.configuration, test.label, *pair, sd)
+
+    def _sd(self, test: Antiresonance) -> float:
+        return max(test.sd_hz / test.freq_hz, _LEAST) if self.sd == "test" else float(self.sd)
+
+    def _lost(self, test: Antiresonance) -> FemtuneError:
+        return FemtuneError(
+            "residual.antiresonance-lost",
+            f"configuration {self.configuration}: the model has no antiresonance left for {test.label} there",
+            hint="leave this antiresonance out, or narrow the bounds of the parameters",
+        )
+
+
+def antiresonance_residual(
+    modes: EigenSolution,
+    frfs: FrfSet,
+    zeros: tuple[Antiresonance, ...],
+    sd: ZeroSd = 0.01,
+    places: Places | None = None,
+    gates: ZeroGates | None = None,
+) -> tuple[AntiresonanceResidual, tuple[Notice, ...]]:
+    """The residual of those antiresonances of the test that have a partner in the model at the start, and the others.
+
+    Parameters
+    ----------
+    modes : of the model at the start
+    frfs : the test's functions
+    zeros : what `measured_antiresonances` finds in them, or some of it
+    sd : relative standard deviation, or "test" for that of each fit
+    places : where the functions are in the model; the model's DOFs of their labels where nothing is said
+
+    Raises
+    ------
+    FemtuneError : ``residual.no-antiresonances`` where none has a partner, ``residual.antiresonance-sd``
+    """
+    _check_sd(sd)
+    configured = modes.point.configured
+    places = places or places_of(configured.model.structure.nodes, frfs)
+    name = configured.configuration.name
+    every = AntiresonanceResidual(name, tuple(zeros), frfs.responses, frfs.references, places, sd)
+    finder, kept, notices = every.finder(modes), [], []
+    for tests in every.by_function():
+        found = candidates(finder, *every.at(tests[0]), tests, _REACH)
+        for i, (test, partner) in enumerate(zip(tests, found.assigned())):
+            why = found.why_not(i, partner, gates or ZeroGates())
+            if why:
+                what = f"{name}: antiresonance {test.label} is left out: {why}"
+                notices.append(Notice("residual.antiresonance-unpaired", what))
+            else:
+                kept.append(test)
+    if not kept:
+        raise _no_pairs(name, notices)
+    return AntiresonanceResidual(name, tuple(kept), frfs.responses, frfs.references, places, sd), tuple(notices)
+
+
+def _check_sd(sd: ZeroSd) -> None:
+    if sd != "test" and not (np.isfinite(sd) and sd > 0.0):
+        raise FemtuneError(
+            "residual.antiresonance-sd",
+            "the standard deviation of antiresonances is not a positive number",
+            values={"sd": sd},
+            hint='give a relative one such as 0.005, or "test"',
+        )
+
+
+def _no_pairs(name: str, notices: list[Notice]) -> FemtuneError:
+    return FemtuneError(
+        "residual.no-antiresonances",
+        f"configuration {name}: no antiresonance of the test has a partner in the model",
+        values={str(i + 1): notice.what for i, notice in enumerate(notices[:6])},
+        hint="check directions of sensors and exciters, and whether the modes reach above the antiresonances",
+    )
