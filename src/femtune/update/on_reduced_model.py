@@ -110,7 +110,7 @@ class ReducedUpdate:
 
 
 @dataclass(eq=False)
-class _Search:
+class ReducedSearch:
     """Reduced models of the cases that modes serve, and the history of the search on them; `reduced` are these cases'
     positions in the problem.
     """
@@ -143,17 +143,28 @@ class _Search:
         pairs = zip(self.trained, self.solutions(states))
         return [float(certified_error(t.model, x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
 
-    def enrich(self, x: Reals, states: list[CaseState]) -> None:
-        """Put the full modes at a point into the bases."""
-        triples = zip(self.trainers, self.trained, self.solutions(states))
+    def enrich(self, x: Reals, states: list[CaseState]) -> bool:
+        """Put the full modes at a point into the bases; False where they have all of them already."""
+        before = [t.model.order for t in self.trained]
+        finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
+        triples = zip(finer, self.trained, self.solutions(states))
         self.trained = [t.enriched(m, x, s) for t, m, s in triples]
+        return before != [t.model.order for t in self.trained]
+
+    def facts(self, errors: list[float]) -> tuple[ReducedCaseFacts, ...]:
+        """Facts of each reduced model, with its certified errors at the end."""
+        four = zip(self.cases, self.trained, self.estimates, errors)
+        return tuple(
+            ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
+            for c, t, first, error in four
+        )
 
     @property
     def used_up(self) -> bool:
         return any(len(t.certified) + 1 >= self.rules.full_solutions for t in self.trained)
 
 
-_NOBODY: Told = _Nobody()
+NOBODY: Told = _Nobody()
 
 
 def update_reduced(
@@ -162,7 +173,7 @@ def update_reduced(
     rules: ReductionRules,
     report: Callable[[Iteration], None] = lambda i: None,
     start: Evaluation | None = None,
-    told: Told = _NOBODY,
+    told: Told = NOBODY,
     active: Sequence[str] | None = None,
 ) -> ReducedUpdate:
     """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
@@ -183,7 +194,7 @@ def update_reduced(
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    search = _trained(problem, rules, before, told)
+    search = train(problem, rules, before, told)
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report, active)
@@ -191,19 +202,17 @@ def update_reduced(
         x, states = found.x, problem.solved(found.x)
         errors = search.errors(x, states)
         agree = max(errors, default=0.0) <= rules.tolerance
-        rounds.append(_sentence(len(rounds) + 1, search, max(errors, default=0.0), agree))
-        if agree or search.used_up:
+        rounds.append(round_sentence(len(rounds) + 1, search, max(errors, default=0.0), agree))
+        if agree or search.used_up or not search.enrich(x, states):
             break
-        search.enrich(x, states)
-    facts = tuple(
-        ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
-        for c, t, first, error in zip(search.cases, search.trained, search.estimates, errors)
-    )
     full = problem.assess(x, states)
-    return ReducedUpdate(_on_full_model(problem, method, before, full, found, search), facts, tuple(rounds), agree)
+    return ReducedUpdate(
+        on_full_model(problem, method, before, full, found, search.history), search.facts(errors), tuple(rounds), agree
+    )
 
 
-def _trained(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Told) -> _Search:
+def train(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Told) -> ReducedSearch:
+    """Reduced models of all cases, trained on the box of the parameters."""
     trainers, trained = [], []
     which = [i for i, case in enumerate(problem.cases) if case.on_modes]
     for case, state in ((problem.cases[i], before.states[i]) for i in which):
@@ -212,7 +221,13 @@ def _trained(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, 
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
         trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), *hears))
         trained.append(trainers[-1].train(trainers[-1].start()))
-    return _Search(problem, rules, which, trainers, trained, trained, [])
+    return ReducedSearch(problem, rules, which, trainers, trained, trained, [])
+
+
+def _finer(trainer: Trainer, tolerance: float) -> Trainer:
+    """A trainer that keeps smaller parts of new modes: at an end shapes count, whose error is that of a root."""
+    negligible = min(trainer.rules.negligible, 1e-2 * float(np.sqrt(tolerance)))
+    return replace(trainer, rules=replace(trainer.rules, negligible=negligible))
 
 
 def _solve(case: ModalCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:
@@ -221,7 +236,7 @@ def _solve(case: ModalCase, point: ModelPoint, count: int, start: EigenSolution 
 
 
 def _search(
-    search: _Search,
+    search: ReducedSearch,
     method: SensitivityMethod,
     x: Reals,
     report: Callable[[Iteration], None],
@@ -240,7 +255,7 @@ def _search(
     return update(reduced, method, number_on, reduced.start(x), active)
 
 
-def _sentence(number: int, search: _Search, error: float, agree: bool) -> str:
+def round_sentence(number: int, search: ReducedSearch, error: float, agree: bool) -> str:
     order = " and ".join(str(t.model.order) for t in search.trained)
     verdict = "within the tolerance" if agree else "more than the tolerance"
     return (
@@ -249,14 +264,14 @@ def _sentence(number: int, search: _Search, error: float, agree: bool) -> str:
     )
 
 
-def _on_full_model(
+def on_full_model(
     problem: UpdateProblem,
     method: SensitivityMethod,
     before: Evaluation,
     full: Evaluation,
     found: UpdateResult,
-    search: _Search,
+    history: Sequence[Iteration],
 ) -> UpdateResult:
     """The result at the end point with residuals, Jacobian and covariance of the full model."""
     there = update(problem, replace(method, max_iterations=0), start=full, active=found.active)
-    return replace(there, status=found.status, before=before, history=tuple(search.history))
+    return replace(there, status=found.status, before=before, history=tuple(history))

@@ -132,7 +132,7 @@ class _Update:
 
     def _end(self, point: Point, failed: bool) -> Status:
         """Why no step was accepted: rounding at an optimum, unsolvable trial points, or a wall."""
-        if self._best_gain(point) <= _NEARLY_SAME * point.objective:
+        if self._best_gain(point) <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
             return self.walk.optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 

@@ -19,6 +19,8 @@ from femtune.update.search import LocalModel
 Reals = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+_ROUNDING = 1e-7
+
 
 @dataclass(frozen=True)
 class Point:
@@ -86,7 +88,12 @@ class Walk:
             return Status.UNDETERMINED
         if bound.any():
             return Status.CONVERGED_AT_BOUNDS
-        return Status.EXACT if point.objective < 1e-16 else Status.CONVERGED
+        return Status.EXACT if point.objective < max(1e-16, self.rounding(point)) else Status.CONVERGED
+
+    def rounding(self, point: Point) -> float:
+        """Objectives that are rounding: 1e-7 of what a prior standard deviation of the parameters does to residuals."""
+        spread = self.problem.parameters.prior[1] * self.moving
+        return 0.5 * float(np.sum((_ROUNDING * point.jacobian * spread) ** 2))
 
 
 def moving_parameters(problem: UpdateProblem, active: Sequence[str] | None) -> Flags:
