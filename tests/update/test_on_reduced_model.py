@@ -83,7 +83,7 @@ def test_iterations_are_numbered_on_over_all_searches(found: ReducedUpdate, told
 
 
 def test_a_budget_that_does_not_suffice_is_said(case: ModalCase) -> None:
-    short = update_reduced(_problem(case), SensitivityMethod(), ReductionRules(1e-9, 4, 200))
+    short = update_reduced(_problem(case), SensitivityMethod(), ReductionRules(1e-15, 4, 200))
     assert not short.certified
     assert short.cases[0].full_solutions == 4
     assert "more than the tolerance" in short.rounds[-1]
