@@ -79,7 +79,8 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
     light = run.results.model.configurations[0]
     assert (light.weighed_mass, light.mass_difference_percent) == (7.5, pytest.approx(100 * 0.35 / 7.5))
     assert [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"] == [
-        "light: the model's mass is +4.7 % off the weighed one"
+        "light: the model's mass is +4.7 % off the weighed one, more than 2 %: an update would put that into its "
+        "parameters"
     ]
     written = run.folder / "updated.bdf"
     last = [m for m in run.results.modes if m.stage == "after as written"]

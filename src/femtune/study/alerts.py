@@ -11,12 +11,13 @@ from femtune.residuals import OfPairs
 from femtune.residuals.dynamic import DynamicResidual
 from femtune.status import Status
 from femtune.study.load import Study
+from femtune.study.record_checks import LUMPING, MASS, MESH
 from femtune.study.record_model import alert_of
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Level
 from femtune.study.results_correlation import CorrelationResults
 
-_WEIGHED_PERCENT = 2.0
+_CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
 _WRITTEN_PERCENT = 0.05
 _MISFIT = "the model lacks something, another minimum fits better, or the scatter is stated too small"
 _MOST_UNPAIRED = 8
@@ -92,13 +93,10 @@ def _of_writing(results: Results) -> Iterable[Alert]:
 def _of_model(results: Results) -> Iterable[Alert]:
     if results.model is None:
         return
+    for check in results.model_checks:
+        if check.verdict == "fail":
+            yield _alert("warning", _CHECKS[check.check], f"{check.configuration}: {check.sentence}")
     for c in results.model.configurations:
-        if c.mass_difference_percent is not None and abs(c.mass_difference_percent) > _WEIGHED_PERCENT:
-            yield _alert(
-                "warning",
-                "model.mass-differs",
-                f"{c.configuration}: the model's mass is {c.mass_difference_percent:+.1f} % off the weighed one",
-            )
         if c.rigid_body_check.verdict == "fail":
             yield _alert("warning", "model.grounded", f"{c.configuration}: {c.rigid_body_check.sentence}")
 

@@ -26,6 +26,7 @@ from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.study.cases import StudyCase, sensor_tolerance
 from femtune.study.load import Study
+from femtune.study.record_checks import mass_checks
 from femtune.study.record_damping import damping_facts
 from femtune.study.results_base import Alert, Level, Stage, Vector3
 from femtune.study.results_model import (
@@ -70,6 +71,7 @@ def model_facts(study: Study) -> ModelFacts:
         notices=tuple(alert_of(n) for n in built.notices),
         configurations=tuple(_configuration(study, case) for case in study.cases),
         damping=damping_facts(built),
+        checks=mass_checks(study),
     )
 
 

@@ -20,7 +20,7 @@ from femtune.validate.criteria import DIAGONAL, FREQUENCY, MAC, OFF_DIAGONAL, SE
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
 _LINEARITY = "linearity: the test's modes were taken as those of one linear structure"
-_MESH = "mesh convergence: the deck's mesh was taken as it is"
+_MESH = "mesh convergence: the deck's mesh was taken as it is; refinement = true in [checks] refines it once"
 _NOTHING = "the updated model on data that were not used: the study holds out neither a configuration, nor modes"
 _UNUSED = "this configuration was not used in the update"
 _QUANTITIES = {
@@ -221,7 +221,7 @@ def _not_tested(study: Study, scopes: Sequence[Scope], after: StageRecords) -> I
         yield from _kinds_not_tested(kinds)
     if not any(r.frfs is not None and r.frfs.test_values_key for r in after.responses):
         yield _FORCED
-    yield from (_LINEARITY, _MESH)
+    yield from (_LINEARITY, *([] if study.file.checks.refinement else [_MESH]))
 
 
 def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:

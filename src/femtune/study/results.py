@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from femtune.study import (
     results_base,
+    results_checks,
     results_correlation,
     results_journal,
     results_model,
@@ -20,6 +21,7 @@ from femtune.study import (
     results_validation,
 )
 from femtune.study.results_base import Alert, Citation, Provenance, Record, StudyFacts
+from femtune.study.results_checks import ModelCheck
 from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_journal import JournalResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
@@ -69,6 +71,13 @@ class Results(Record):
     alerts: tuple[Alert, ...] = ()
     """What the reader should know first, typed."""
 
+    @property
+    def model_checks(self) -> tuple[ModelCheck, ...]:
+        """What an update cannot mend: all that was checked with the modes, else what is known without them."""
+        if self.selection is not None and self.selection.model_checks:
+            return self.selection.model_checks
+        return self.model.checks if self.model is not None else ()
+
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
         single = [r for r in (self.selection, *(response.frfs for response in self.responses)) if r is not None]
@@ -84,7 +93,7 @@ def json_schema() -> dict[str, Any]:
 
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
-    model = (results_model, results_correlation, results_shapes, results_response)
+    model = (results_checks, results_model, results_correlation, results_shapes, results_response)
     modules = (results_base, *model, results_update, results_validation, results_reduction, results_journal)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from femtune.study.results_base import Alert, Record, Stage, Vector3, VerdictWord
+from femtune.study.results_checks import ModelCheck
 
 
 class CardCount(Record):
@@ -177,6 +178,8 @@ class ModelFacts(Record):
     """PARAMs, understood and ignored."""
     dof_sets: tuple[NamedSet, ...] = ()
     """Sets of degrees of freedom that the deck names."""
+    checks: tuple[ModelCheck, ...] = ()
+    """Weighed mass beside the model's; what needs modes stands in SelectionResults."""
     notices: tuple[Alert, ...]
     """Findings while reading."""
     configurations: tuple[ModelConfiguration, ...]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from femtune.study.results_base import Citation, Record
+from femtune.study.results_checks import ModelCheck
 from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_validation import GoodnessResults
 
@@ -107,6 +108,8 @@ class SelectionResults(Record):
     """Key of the correlation matrix of the parameters, posterior, shape (parameters, parameters); None: not tested."""
     parameters: tuple[Identifiability, ...]
     """One record a free parameter."""
+    model_checks: tuple[ModelCheck, ...] = ()
+    """What an update cannot mend: mass, lumping, mesh; empty where it was not looked at."""
     sentences: tuple[str, ...] = ()
     """What the data determine, in words for the reader of the report."""
 

@@ -20,6 +20,7 @@ from femtune.study.load import Study, on_deck
 from femtune.study.predict import Sensitivities, predictions
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
+from femtune.study.record_checks import model_checks
 from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
 from femtune.study.record_validation import validation
@@ -226,4 +227,5 @@ def select_at(study: Study, at: Evaluation, arrays: Arrays, progress: Progress) 
     progress.step("sensitivities", 0, None)
     names = tuple(p.name for p in study.parameters.free)
     known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
-    return selection_results(study, known, at, arrays)
+    found = selection_results(study, known, at, arrays)
+    return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress)})

@@ -45,6 +45,7 @@ _TABLES: dict[str, type[Table]] = {
     "## `[reduction]`": study_file.ReductionTable,
     "## `[response]`": study_file.ResponseTable,
     "## `[[load]]`": study_file.LoadEntry,
+    "## `[checks]`": study_file.ChecksTable,
     "## `[validate]`": study_file.ValidateTable,
     "## `[[hold_out]]`": study_file.HoldOutEntry,
     "## `[write]`": study_file.WriteTable,

@@ -35,9 +35,10 @@ from femtune.files.study_file.steps import (
     WriteTable,
 )
 from femtune.files.study_file.study import StudyFile
-from femtune.files.study_file.validation import HoldOutEntry, ValidateTable
+from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
 
 __all__ = [
+    "ChecksTable",
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",

@@ -29,7 +29,7 @@ from femtune.files.study_file.steps import (
     WriteTable,
 )
 from femtune.files.study_file.table import Table
-from femtune.files.study_file.validation import HoldOutEntry, ValidateTable
+from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
 
 
 class StudyFile(Table):
@@ -57,6 +57,7 @@ class StudyFile(Table):
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")
+    checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
     response: ResponseTable | None = None
     load: tuple[LoadEntry, ...] = ()

@@ -1,4 +1,4 @@
-"""[validate] and [[hold_out]]: what is kept from the update, and by which numbers it is judged."""
+"""[validate], [[hold_out]] and [checks]: what is kept from the update, and by which numbers it is judged."""
 
 from __future__ import annotations
 
@@ -39,6 +39,14 @@ class ValidateTable(Table):
         """Own numbers by key."""
         found = {name: getattr(self, name) for name in OWN_LIMITS}
         return {name: value for name, value in found.items() if value is not None}
+
+
+class ChecksTable(Table):
+    """[checks]: what is asked of the model before it is updated."""
+
+    refinement: bool = False
+    mesh_error: Fraction = 0.02
+    mass_error: Fraction = 0.02
 
 
 OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error")

@@ -19,6 +19,7 @@ from femtune.report.document import (
 )
 from femtune.report.held import held_lines
 from femtune.report.numbers import NONE, short, signed_percent, value
+from femtune.report.sections.model_checks import model_check_table
 from femtune.report.sections.sturm import sturm
 from femtune.report.source import Source
 from femtune.study.results_model import ModelConfiguration, ModelFacts
@@ -34,6 +35,7 @@ def checks(source: Source) -> list[Block]:
         return [Paragraph("Not run: the model was not built.")]
     return [
         _mass(model),
+        *model_check_table(source.results.model_checks),
         *_inertia(model),
         rigid_body_table(model.configurations),
         *grounding_elements(model.configurations),

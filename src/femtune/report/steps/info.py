@@ -33,6 +33,7 @@ from femtune.report.sections.checks import (
     rigid_body_table,
     support_words,
 )
+from femtune.report.sections.model_checks import model_check_table
 from femtune.report.steps.damping import damping_blocks
 from femtune.report.steps.subject import Subject
 from femtune.study.results_base import Alert
@@ -74,6 +75,7 @@ def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
         *named_sets(facts),
         *_parameters(facts.deck_parameters),
         *damping_blocks(facts),
+        *model_check_table(facts.checks),
         *_notices(facts.notices),
     ]
 

@@ -1,0 +1,138 @@
+"""Errors of mesh and mass against closed forms: cantilevers and a simply supported plate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
+from femtune.model.mesh_error import MeshChange, mass_change, mesh_change
+from femtune.parameters import ParameterSet
+
+E, RHO, AREA, MOMENTS = 2.1e11, 7850.0, 1e-3, (2e-7, 5e-7)
+
+
+def _modes(text: str, folder: Path, count: int, configuration: Configuration | None = None) -> EigenSolution:
+    (folder / "deck.bdf").write_text(text)
+    structure = build_structure(read_deck(folder / "deck.bdf")).structure
+    model = parametric_model(structure, ParameterSet(()), ())
+    return solve_modes(configure(model, configuration or Configuration()).at(np.zeros(0)), count)
+
+
+def _deck(bulk: list[str], coupled: bool) -> str:
+    head = ["SOL 103", "CEND", "SPC = 1", "METHOD = 1", "BEGIN BULK", "EIGRL,1,,,6"]
+    return "\n".join([*head, f"PARAM,COUPMASS,{1 if coupled else -1}", *bulk, "ENDDATA", ""])
+
+
+def cantilever(bars: int, coupled: bool) -> str:
+    """One metre along x, clamped at the origin, bending in two planes."""
+    out = ["MAT1,1,2.1+11,,0.3,7850.", "PBAR,1,1,1.-3,2.-7,5.-7,4.-7", "SPC1,1,123456,1"]
+    out += [f"GRID,{i + 1},,{i / bars:.8f},0.,0." for i in range(bars + 1)]
+    return _deck(out + [f"CBAR,{i + 1},1,{i + 1},{i + 2},0.,1.,0." for i in range(bars)], coupled)
+
+
+def _cantilever_hz(count: int) -> NDArray[np.float64]:
+    roots = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613])
+    values = [k**2 / (2 * np.pi) * np.sqrt(E * inertia / (RHO * AREA)) for inertia in MOMENTS for k in roots]
+    return np.sort(values)[:count]
+
+
+def plate(sides: int, triangles: bool = False) -> str:
+    """1 × .8 m, 10 mm, simply supported, in bending only; the middles of its edges must be supported too."""
+
+    def node(i: int, j: int) -> int:
+        return 1 + i + j * (sides + 1)
+
+    out = ["MAT1,1,7.2+10,,0.3,2700.", "PSHELL,1,1,.01,1,,1"]
+    out += [f"GRID,{node(i, j)},,{i / sides:.8f},{0.8 * j / sides:.8f},0."
+            for i in range(sides + 1) for j in range(sides + 1)]  # fmt: skip
+    for k, (i, j) in enumerate((i, j) for i in range(sides) for j in range(sides)):
+        a, b, c, d = node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)
+        quad = [f"CQUAD4,{k + 1},1,{a},{b},{c},{d}"]
+        pair = [f"CTRIA3,{2 * k + 1},1,{a},{b},{c}", f"CTRIA3,{2 * k + 2},1,{a},{c},{d}"]
+        out += pair if triangles else quad
+    edge = {node(i, j) for i in range(sides + 1) for j in range(sides + 1) if {i, j} & {0, sides}}
+    return _deck([*out, *(f"SPC1,1,3,{n}" for n in sorted(edge)), f"SPC1,1,126,1,THRU,{(sides + 1) ** 2}"], True)
+
+
+def _plate_hz(count: int) -> NDArray[np.float64]:
+    stiffness = 7.2e10 * 0.01**3 / (12 * (1 - 0.3**2))
+    waves = [(m / 1.0) ** 2 + (n / 0.8) ** 2 for m in range(1, 5) for n in range(1, 5)]
+    return np.sort(waves)[:count] * np.pi / 2 * np.sqrt(stiffness / (2700 * 0.01))
+
+
+def _change(solution: EigenSolution) -> MeshChange:
+    found = mesh_change(solution)
+    assert isinstance(found, MeshChange)
+    return found
+
+
+@pytest.mark.parametrize("bars", [4, 8])
+def test_bars_with_lumped_mass_err_as_the_refinement_says(bars: int, tmp_path: Path) -> None:
+    """Second order: the estimate is the error."""
+    solution = _modes(cantilever(bars, False), tmp_path, 4)
+    true = solution.freq_hz / _cantilever_hz(4) - 1.0
+    assert true.min() < -0.02 if bars == 4 else -0.005
+    assert _change(solution).error == pytest.approx(true, rel=0.01)
+
+
+def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: Path) -> None:
+    """Fourth order: the change is 15/16 of the error, and 4/3 of it a quarter too much."""
+    solution = _modes(cantilever(4, True), tmp_path, 4)
+    true = solution.freq_hz / _cantilever_hz(4) - 1.0
+    assert _change(solution).error == pytest.approx(1.25 * true, rel=0.01)
+
+
+@pytest.mark.parametrize(("triangles", "rel"), [(False, 0.15), (True, 0.3)], ids=["CQUAD4", "CTRIA3"])
+def test_plates_err_as_the_refinement_says(triangles: bool, rel: float, tmp_path: Path) -> None:
+    solution = _modes(plate(8, triangles), tmp_path, 4)
+    true = solution.freq_hz / _plate_hz(4) - 1.0
+    found = _change(solution)
+    assert np.abs(true).max() > 0.02
+    assert found.error == pytest.approx(true, rel=rel)
+    # 17 × 17 points with three free DOFs, less the supports of the edge
+    assert found.free_dofs == 3 * 17**2 - 4 * 16
+
+
+def test_rigid_body_modes_have_no_error(tmp_path: Path) -> None:
+    lines = plate(6).splitlines()
+    free = "\n".join(line for line in lines if not line.startswith("SPC1,1,3,"))
+    error = _change(_modes(free, tmp_path, 6)).error
+    assert np.isnan(error[:3]).all()
+    assert np.isfinite(error[3:]).all()
+
+
+@pytest.mark.parametrize("coupled", [False, True], ids=["lumped", "consistent"])
+def test_the_other_mass_changes_frequencies_as_a_solution_with_it(coupled: bool, tmp_path: Path) -> None:
+    own, other = (_modes(cantilever(8, flag), tmp_path, 4) for flag in (coupled, not coupled))
+    found = mass_change(own)
+    assert not isinstance(found, str)
+    # first order in the matrix: second-order parts are a few per cent of the change
+    assert found == pytest.approx(other.freq_hz / own.freq_hz - 1.0, rel=0.05)
+
+
+def test_elements_that_are_off_stay_off(tmp_path: Path) -> None:
+    text = cantilever(4, True).replace("ENDDATA", "CELAS2,99,1.+6,5,2\nENDDATA")
+    off = _modes(text, tmp_path, 4, Configuration("off", elements_off=frozenset({99})))
+    assert _change(off).refined_hz == pytest.approx(_change(_modes(cantilever(4, True), tmp_path, 4)).refined_hz)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ("SPOINT,900\nCELAS2,99,1.+6,900,0\nCMASS2,98,1.,900,0\nENDDATA", "scalar points"),
+        ("CTETRA,99,7,1,3,2,8\nPSOLID,7,1\nGRID,8,,0.5,0.5,0.\nENDDATA", "CTETRA cannot be refined"),
+    ],
+)
+def test_what_cannot_be_refined_says_why(change: str, says: str, tmp_path: Path) -> None:
+    text = cantilever(4, True).replace("ENDDATA", change)
+    if "CTETRA" in change:
+        text = text.replace("GRID,3,,0.50000000,0.,0.", "GRID,3,,0.50000000,0.,0.2")
+    found = mesh_change(_modes(text, tmp_path, 3))
+    assert isinstance(found, str)
+    assert says in found
