@@ -88,7 +88,7 @@ def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: P
     assert _change(solution).error == pytest.approx(1.25 * true, rel=0.01)
 
 
-@pytest.mark.parametrize(("triangles", "rel"), [(False, 0.15), (True, 0.3)], ids=["CQUAD4", "CTRIA3"])
+@pytest.mark.parametrize(("triangles", "rel"), [(False, 0.15), (True, 0.35)], ids=["CQUAD4", "CTRIA3"])
 def test_plates_err_as_the_refinement_says(triangles: bool, rel: float, tmp_path: Path) -> None:
     solution = _modes(plate(8, triangles), tmp_path, 4)
     true = solution.freq_hz / _plate_hz(4) - 1.0

@@ -117,7 +117,7 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     heads = [text.split(":")[0] for text, _, _ in told.lines]
     assert list(dict.fromkeys(heads)) == [
         "reading the deck", "configuration as the deck", "mass and rigid-body check", "solving and pairing the modes",
-        "modes and correlation, before", "sensitivities", "update", "modes and correlation, after",
+        "modes and correlation, before", "sensitivities", "mass and mesh", "update", "modes and correlation, after",
         "writing the updated deck", "modes and correlation, after as written", "writing the report",
         "drawing the pictures of the page",
     ]  # fmt: skip

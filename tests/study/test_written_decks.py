@@ -45,7 +45,8 @@ def values(run: RunFolder) -> dict[str, float]:
 
 
 def codes(run: RunFolder) -> list[str]:
-    return [a.code for a in run.results.alerts]
+    """Without those about the mass and the few bars of the mesh."""
+    return [a.code for a in run.results.alerts if a.code != "model.lumped-mass"]
 
 
 def role(deck: Path, element: int, name: str) -> float:
@@ -99,7 +100,9 @@ def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
     assert results.update is not None
     worse = results.update.model_copy(update={"objective_as_written_percent": 1.0})
     found = alerts_of(load_study(study), results.model_copy(update={"update": worse}))
-    assert [(a.level, a.code) for a in found if a.code != "uff.not-measured"] == [("warning", "write.rounding")]
+    assert [(a.level, a.code) for a in found if a.code in ("write.rounding", "write.incomplete")] == [
+        ("warning", "write.rounding")
+    ]
     assert "1 %" in found[0].sentence
 
 
