@@ -13,6 +13,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from femtune.files.study_file import read_study_file
+from femtune.study.identification import IdentifiedFolder
+from femtune.study.identification import identify as find_modes
 from femtune.study.modes_results import modes_results
 from femtune.study.progress import Progress, silent
 from femtune.study.respond import respond_results
@@ -22,9 +24,11 @@ from femtune.study.run_folder import read_results
 from femtune.study.steps import RunFolder, SimulatedTest, correlate, info, mode_sets, modes, select, update, validate
 
 __all__ = [
+    "IdentifiedFolder",
     "RunFolder",
     "SimulatedTest",
     "correlate",
+    "identify",
     "info",
     "mode_sets",
     "modes",
@@ -167,6 +171,35 @@ def respond_report(
     progress.step("drawing the responses", 0, None)
     write_html(build_responses_page(results, arrays), page, progress)
     return results
+
+
+def identify(
+    path: Path | str,
+    output: Path | str | None = None,
+    progress: Progress = silent,
+    *,
+    options: Mapping[str, Any] | None = None,
+) -> IdentifiedFolder:
+    """Modes of a record in time or of measured functions: a folder with modes, poles, their tables and report.html.
+
+    Parameters
+    ----------
+    path : an identification file (TOML), or the measured file itself
+    output : folder instead of that of the file
+    options : keys of [identify] that take the place of the file's: ``{"band_hz": (2.0, 40.0)}``
+
+    Raises
+    ------
+    FemtuneError : ``record.*``, ``uff.*``, ``identify.*``, ``run.unwritable``
+    """
+    # as in `report`
+    from femtune.report import build_identification_page, write_html  # noqa: PLC0415
+
+    made = find_modes(path, output, progress, options=options)
+    made = replace(made, files=(REPORT_FILE, *made.files))
+    progress.step("drawing the page", 0, None)
+    write_html(build_identification_page(made), made.folder / REPORT_FILE, progress)
+    return made
 
 
 def report(path: Path | str, progress: Progress = silent) -> Path:

@@ -136,6 +136,42 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
 
 @main.command()
+@click.argument("path", type=_FILE)
+@_output
+@click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Where modes are looked for, Hz.")
+@click.option("--order", "largest_order", type=int, help="Largest model order.")
+@click.option("--rate", "sampling_hz", type=float, metavar="HZ", help="Sampling rate, where the file says none.")
+@click.option("--variable", metavar="NAME", help="The array, in a file that holds several.")
+@click.option("--method", "methods", multiple=True, metavar="NAME", help="N4SID, pLSCF, SSI-cov, ERA …; repeatable.")
+@click.option("--fragments", type=int, help="Cut the record into so many, and average over them.")
+@click.option("--take", "take_hz", type=float, multiple=True, metavar="HZ", help="Take this cluster; repeatable.")
+@click.option("--drop", "drop_hz", type=float, multiple=True, metavar="HZ", help="Drop this cluster; repeatable.")
+@click.option("--units", metavar="m-kg-s", help="Units, where the file says none.")
+@_json
+@_quiet
+def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Modes with standard deviations from records in time or measured functions.
+
+    PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or functions (UFF). Options
+    take the place of keys of [identify] in the file.
+    """
+    options = {key: (value or None) if isinstance(value, tuple) else value for key, value in asked.items()}
+    _end_of_identification(_do("identify", path, quiet, output=output, options=options), as_json, quiet)
+
+
+def _end_of_identification(made: Any, as_json: bool, quiet: bool) -> None:
+    """The modes as JSON or as tables, and at last the page."""
+    from femtune.cli import output  # noqa: PLC0415
+    from femtune.report import build_identification_page  # noqa: PLC0415
+
+    if as_json:
+        click.echo(output.as_text(made.record))
+    elif not quiet:
+        output.show_document(build_identification_page(made))
+    click.echo(f"report: {printable(str((made.folder / 'report.html').resolve()))}", err=as_json)
+
+
+@main.command()
 @_study
 @_eigensolver
 @_fresh

@@ -19,7 +19,7 @@ from femtune.identify.natural_excitation import correlations
 from femtune.identify.pole_table import PoleTable, table_of
 from femtune.identify.realisation import Observability
 from femtune.identify.spectra import cross_spectra
-from femtune.identify.ssi import covariance_driven, data_driven
+from femtune.identify.ssi import CovarianceModel, covariance_driven, data_driven
 from femtune.identify.ssi_scatter import PoleScatter, scatter_of_order
 from femtune.identify.stabilisation import Limits
 from femtune.identify.tfie import mode_at, phase_scatter, steady_lines
@@ -28,6 +28,7 @@ from femtune.modal import ModeSet, TimeSeries
 Reals = NDArray[np.float64]
 
 _LEAST_SEGMENTS = 8
+_NOTHING = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,14 @@ class OperationalModes:
     method : its name
     modes : real shapes of unit norm
     table, candidates : every pole with its order, and their clusters; empty for methods without a model order
+    model : what standard deviations are from, SSI-cov only
     """
 
     method: str
     modes: ModeSet
     table: PoleTable | None = None
     candidates: tuple[Candidate, ...] = ()
+    model: CovarianceModel | None = field(default=None, repr=False)
 
 
 def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
@@ -75,8 +78,8 @@ def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
 
     Raises
     ------
-    FemtuneError : ``record.uneven``, ``identify.lost-samples`` where samples are NaN, ``identify.record-band`` where the
-        record does not reach the band
+    FemtuneError : ``record.uneven``, ``identify.lost-samples`` where samples are NaN, ``identify.record-band`` where
+        the record does not reach the band
     """
     record = record.select_channels([*record.positions("reference"), *record.positions("response")])
     rate, high = record.even_hz, asked.band_hz[1]
@@ -105,11 +108,19 @@ def by_covariances(record: TimeSeries, asked: Operational) -> OperationalModes:
         asked.pieces,
     )  # fmt: skip
     table, candidates = _chosen(model.observability, record, asked, "SSI-cov")
-    moved: dict[int, PoleScatter] = {}
+    found = OperationalModes("SSI-cov", _NOTHING, table, candidates, model)
+    return chosen_modes(found, candidates)
+
+
+def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> OperationalModes:
+    """The same poles with another choice among their clusters; SSI-cov with its standard deviations."""
+    assert found.table is not None
+    table, moved = found.table, dict[int, PoleScatter]()
     for c in candidates:
-        if c.chosen:
-            moved.setdefault(int(table.order[c.at]), scatter_of_order(model, int(table.order[c.at])))
-    return OperationalModes("SSI-cov", _modes(table, candidates, moved), table, candidates)
+        order = int(table.order[c.at])
+        if c.chosen and found.model is not None and order not in moved:
+            moved[order] = scatter_of_order(found.model, order)
+    return replace(found, modes=_modes(table, candidates, moved), candidates=candidates)
 
 
 def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:

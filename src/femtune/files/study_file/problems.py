@@ -27,9 +27,9 @@ _WANTED = {
 }
 
 
-def problems(findings: ValidationError, source: Source) -> list[FemtuneError]:
-    """One error for each finding, in the order of the file."""
-    return [_error(finding, source) for finding in findings.errors(include_url=False) if not _follows(finding)]
+def problems(findings: ValidationError, source: Source, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
+    """One error for each finding, in the order of the file; `model` is what the file was checked against."""
+    return [_error(finding, source, model) for finding in findings.errors(include_url=False) if not _follows(finding)]
 
 
 def _follows(finding: ErrorDetails) -> bool:
@@ -37,17 +37,17 @@ def _follows(finding: ErrorDetails) -> bool:
     return finding["type"] == "too_short" and bool(finding["input"])
 
 
-def _error(finding: ErrorDetails, source: Source) -> FemtuneError:
+def _error(finding: ErrorDetails, source: Source, model: type[BaseModel]) -> FemtuneError:
     place = _place(finding)
     if finding["type"].startswith("union_tag"):
         return _kind(finding, place, source)
     if finding["type"] == "extra_forbidden":
-        return _unknown_key(finding, place, source)
+        return _unknown_key(finding, place, source, model)
     if finding["type"] == "missing":
         return _missing_key(place, source)
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
-    code, what, hint = _judgement(finding)
+    code, what, hint = _judgement(finding, source.page)
     return source.error(place, code, f"{_name(place)} {what}", {_key(place): finding["input"]}, hint)
 
 
@@ -79,19 +79,19 @@ def _name(place: Place) -> str:
     return f"entry {last + 1} of {_name(place[:-1])}" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
 
 
-def _unknown_key(finding: ErrorDetails, place: Place, source: Source) -> FemtuneError:
-    known = _keys(place[:-1], finding)
+def _unknown_key(finding: ErrorDetails, place: Place, source: Source, model: type[BaseModel]) -> FemtuneError:
+    known = _keys(place[:-1], finding, model)
     what = f"'{place[-1]}' is not a key of {_table(place[:-1])}"
     return source.error(place, "study.unknown-key", what, {}, did_you_mean(str(place[-1]), known))
 
 
 def _missing_key(place: Place, source: Source) -> FemtuneError:
     if isinstance(place[-1], int):
-        hint = "docs/study-file.md has an example"
+        hint = f"{source.page} has an example"
         return source.error(place, "study.value", f"{_name(place[:-1])} has too few entries", {}, hint)
     key, table = str(place[-1]), _table(place[:-1])
     top = len(place) == 1
-    hint = f"add the table [{key}]" if top else f"add the line  {key} = …  (docs/study-file.md has an example)"
+    hint = f"add the table [{key}]" if top else f"add the line  {key} = …  ({source.page} has an example)"
     return source.error(place, "study.missing-key", f"{table} lacks '{key}'", {}, hint)
 
 
@@ -113,7 +113,7 @@ def _key(place: Place) -> str:
     return next((part for part in reversed(place) if isinstance(part, str)), "")
 
 
-def _judgement(finding: ErrorDetails) -> tuple[str, str, str]:
+def _judgement(finding: ErrorDetails, page: str) -> tuple[str, str, str]:
     """Code, what is wrong and the fix, by the type of the finding."""
     kind, context = finding["type"], finding.get("ctx", {})
     if kind in _WANTED:
@@ -125,7 +125,7 @@ def _judgement(finding: ErrorDetails) -> tuple[str, str, str]:
         return _not_among(finding)
     if kind in ("too_short", "string_too_short"):
         return "study.value", "is empty", "fill it, or leave the key out"
-    return _out_of_range(finding, context)
+    return _out_of_range(finding, context, page)
 
 
 def _not_among(finding: ErrorDetails) -> tuple[str, str, str]:
@@ -136,17 +136,17 @@ def _not_among(finding: ErrorDetails) -> tuple[str, str, str]:
     return "study.value", f"should be one of {expected}", hint
 
 
-def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, str, str]:
+def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any], page: str) -> tuple[str, str, str]:
     message = finding["msg"].removeprefix("Input ")
-    return "study.value", message[:1].lower() + message[1:], "give a value in the range of docs/study-file.md"
+    return "study.value", message[:1].lower() + message[1:], f"give a value in the range of {page}"
 
 
-def _keys(place: Place, finding: ErrorDetails) -> tuple[str, ...]:
+def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[str, ...]:
     """Keys of the table at `place`, from the models themselves."""
     tag = finding["loc"][2] if len(finding["loc"]) > 2 else None
     if place[:1] == ("residual",) and len(place) == 2:
         return tuple(_kinds()[str(tag)].model_fields)
-    model: type[BaseModel] | None = StudyFile
+    model: type[BaseModel] | None = top
     for part in place:
         if model is not None and isinstance(part, str):
             field = model.model_fields.get(part)

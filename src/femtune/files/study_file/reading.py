@@ -33,13 +33,13 @@ def read_study_file(path: str | Path) -> StudyFile:
         ``study.type``, ``study.number``, ``study.value``, ``parameter.bounds`` and others of docs/errors
     """
     file = Path(path)
-    return study_from_text(_text(file), file)
+    return study_from_text(toml_text(file), file)
 
 
 def study_from_text(text: str, path: str | Path) -> StudyFile:
     """As `read_study_file`, from the text of a file at `path` that need not exist."""
     file = Path(path)
-    data = _frozen(_parsed(text, file))
+    data = toml_data(text, file)
     source = Source(str(file), line_numbers(text))
     errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent)]
     try:
@@ -51,7 +51,8 @@ def study_from_text(text: str, path: str | Path) -> StudyFile:
     return study
 
 
-def _text(file: Path) -> str:
+def toml_text(file: Path) -> str:
+    """The text of a TOML file (errors ``study.missing-file``, ``study.syntax``)."""
     where = Where(str(file))
     if not file.is_file():
         raise FemtuneError("study.missing-file", "there is no study file here", where=where, hint="check the path")
@@ -70,6 +71,11 @@ def _text(file: Path) -> str:
         where = Where(str(file), line)
         hint = "save the file as UTF-8"
         raise FemtuneError("study.syntax", "this line is not UTF-8 text", where=where, hint=hint) from error
+
+
+def toml_data(text: str, file: Path) -> dict[str, Any]:
+    """What a TOML text holds, lists as tuples (error ``study.syntax``)."""
+    return {key: _frozen(value) for key, value in _parsed(text, file).items()}
 
 
 def _parsed(text: str, file: Path) -> dict[str, Any]:

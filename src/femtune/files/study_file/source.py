@@ -11,10 +11,11 @@ from femtune.files.study_file.lines import Place
 
 @dataclass(frozen=True)
 class Source:
-    """Name of the study file and the line of every place in it."""
+    """Name of the study file and the line of every place in it; `page` of the documentation explains its keys."""
 
     file: str
     lines: dict[Place, int] = field(default_factory=dict)
+    page: str = "docs/study-file.md"
 
     def where(self, place: Place) -> Where:
         """The place itself, or the innermost table around it that the file has."""

@@ -1,0 +1,136 @@
+"""Identification where nobody measured the forces: records of responses, and perhaps of the ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import parse_dof
+from femtune.errors import FemtuneError
+from femtune.files.identify_file import OUTPUT_ONLY, ChannelEntry, IdentifyFile
+from femtune.files.records import Column, read_record
+from femtune.identify.choice import change_choice
+from femtune.identify.combine import Estimate, combine
+from femtune.identify.fdd import decompose
+from femtune.identify.input_lines import judge_peaks
+from femtune.identify.operational import METHODS, Operational, OperationalModes, chosen_modes, prepared, segment_of
+from femtune.identify.spectra import cross_spectra
+from femtune.modal import ModeSet, TimeSeries
+from femtune.modal.mac import mac
+from femtune.study.identification.found import Curve, Found
+from femtune.study.progress import Progress
+
+DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
+NEAR, ALIKE = 0.02, 0.8
+"""A method has a mode where one of its own is as near in frequency and as like in shape."""
+
+
+def read_asked(file: IdentifyFile) -> TimeSeries:
+    """The record with its channels.
+
+    Raises
+    ------
+    FemtuneError : ``record.*``, ``dof.duplicate``
+    """
+    table = file.identify
+    columns = [_column(entry) for entry in file.channel]
+    return read_record(file.measured_path, columns, table.sampling_hz, table.variable, table.format)
+
+
+def _column(entry: ChannelEntry) -> Column:
+    return Column(entry.column, parse_dof(entry.dof), entry.quantity, entry.role, entry.unit, entry.factor)
+
+
+def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress) -> Found:
+    """Modes of a record by every method that is asked for; those of the first one, or means over fragments.
+
+    Raises
+    ------
+    FemtuneError : ``identify.*``, ``record.uneven``
+    """
+    table, asked = file.identify, _asked(record, file)
+    names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
+    length = record.samples // table.fragments
+    several: dict[tuple[str, int], OperationalModes] = {}
+    for i in range(table.fragments):
+        piece = record.select_samples(i * length, (i + 1) * length)
+        for j, name in enumerate(names):
+            progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
+            several[name, i] = _by_hand(METHODS[name](piece, asked), file)
+    found = _means(several, record) if table.fragments > 1 else _first(names, several)
+    ready = prepared(record, asked)
+    spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
+    level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
+    inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
+    curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
+    return replace(_judged(found, record), curve=curve)
+
+
+def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
+    table = file.identify
+    if table.band_hz is None:
+        half = 0.5 * record.even_hz
+        raise FemtuneError(
+            "identify.no-band",
+            "a record in time needs a band in which modes are looked for",
+            where=file.where("identify"),
+            values={"half the sampling rate": f"{half:g} Hz", "length": f"{record.duration_s:g} s"},
+            hint="say it: band_hz = [2.0, 40.0], or --band 2 40",
+        )
+    low = max(table.band_hz[0], 2.0 / record.duration_s)
+    return Operational((low, table.band_hz[1]), table.largest_order or DEFAULT_ORDER)
+
+
+def _by_hand(found: OperationalModes, file: IdentifyFile) -> OperationalModes:
+    take, drop = file.identify.take_hz, file.identify.drop_hz
+    if found.table is None or not (take or drop):
+        return found
+    return chosen_modes(found, change_choice(found.candidates, take, drop))
+
+
+def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
+    first = several[names[0], 0]
+    if not len(first.modes):
+        raise FemtuneError(
+            "identify.no-modes",
+            f"{names[0]} found no mode in the band",
+            hint="look at the stabilisation: another band, a larger order, or a longer record",
+        )
+    by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
+    return Found(first.modes, first.table, first.candidates, by_method, _NO_CURVE)
+
+
+def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
+    """(m,) the frequency of the other method's mode that is the same one, NaN where there is none."""
+    if not len(others):
+        return np.full(len(modes), np.nan)
+    same = mac(modes.shapes, others.shapes) >= ALIKE
+    away = np.where(same, np.abs(others.freq_hz / modes.freq_hz[:, None] - 1.0), np.inf)
+    at = away.argmin(axis=1)
+    near = away[np.arange(len(modes)), at] <= NEAR
+    return np.where(near, others.freq_hz[at], np.nan)
+
+
+def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries) -> Found:
+    combined = combine([Estimate(name, i, found.modes) for (name, i), found in several.items()])
+    with_orders = next((f for f in several.values() if f.table is not None), None)
+    table, candidates = (None, ()) if with_orders is None else (with_orders.table, with_orders.candidates)
+    modes = replace(combined.modes, source=record.source)
+    return Found(
+        modes, table, candidates, combined.by_method, _NO_CURVE, combined.found, len(several), combined.dropped
+    )  # fmt: skip
+
+
+def _judged(found: Found, record: TimeSeries) -> Found:
+    """Peaks that a recorded ground has too."""
+    ground = record.positions("input")
+    if not ground:
+        return found
+    segment = min(2 ** int(np.log2(record.even_hz / found.modes.freq_hz.min() * 200.0)), record.samples // 8)
+    spectra = cross_spectra(record.values - record.values.mean(axis=1, keepdims=True), record.even_hz, segment)
+    return replace(found, of_input=judge_peaks(found.modes.freq_hz.tolist(), spectra, ground))
+
+
+_NO_CURVE = Curve(np.zeros(0), np.zeros(0), "")

@@ -1,0 +1,123 @@
+"""Records of an identification, as ``identified.json`` holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femtune import __version__
+from femtune.study.identification.found import Found
+from femtune.study.record_model import alert_of
+from femtune.study.results_base import Alert, InputFile, Record
+from femtune.testdata.checks import phase_collinearity
+
+
+class IdentifiedMode(Record):
+    """One mode."""
+
+    label: str
+    """Its name."""
+    freq_hz: float
+    """Natural frequency."""
+    freq_sd_hz: float | None
+    """Standard deviation of it, None where the method gives none."""
+    damping_ratio: float | None
+    """Fraction of critical damping, None where the method gives none."""
+    damping_sd: float | None
+    """Standard deviation of it."""
+    by_method: dict[str, float | None]
+    """Frequency by each method, None where it lacks the mode."""
+    phase_collinearity: float
+    """Of the shape: 1 for a real one."""
+    estimates: int | None
+    """In how many estimates (methods and fragments) it was found, None where there was only one of each."""
+    of_input: bool | None
+    """True where the excitation has the same peak, None where it was not recorded."""
+    remark: str
+    """What was found about its origin."""
+
+
+class PoleCluster(Record):
+    """Poles that come back from order to order."""
+
+    freq_hz: float
+    """Median."""
+    damping_ratio: float
+    """Median."""
+    chosen: bool
+    """Whether it was taken as a mode."""
+    reason: str
+    """Why, or why not."""
+
+
+class Identification(Record):
+    """All of an identification but its arrays."""
+
+    femtune_version: str
+    """Version that wrote it."""
+    title: str
+    """What the user calls it."""
+    source: InputFile
+    """The record or the functions."""
+    units: str
+    """length-mass-s."""
+    dofs: tuple[str, ...]
+    """Rows of the shapes."""
+    normalisation: str
+    """Of the shapes: mass, unit-norm or unit-max."""
+    modes: tuple[IdentifiedMode, ...]
+    """The result."""
+    clusters: tuple[PoleCluster, ...]
+    """Among which was chosen."""
+    largest_misfit_percent: float | None
+    """What the synthesised functions miss of the worst measured one, None where the input is not known."""
+    alerts: tuple[Alert, ...]
+    """What the reader should know."""
+
+
+def identification(found: Found, title: str, source: InputFile, units: str) -> Identification:
+    """The record of what was found."""
+    clusters = tuple(
+        PoleCluster(freq_hz=c.freq_hz, damping_ratio=c.damping_ratio, chosen=c.chosen, reason=c.reason)
+        for c in found.candidates
+    )
+    return Identification(
+        femtune_version=__version__,
+        title=title,
+        source=source,
+        units=units,
+        dofs=tuple(str(dof) for dof in found.modes.dofs),
+        normalisation=found.modes.normalisation,
+        modes=tuple(_mode(found, i) for i in range(len(found.modes))),
+        clusters=clusters,
+        largest_misfit_percent=None if found.misfit_percent is None else float(found.misfit_percent.max()),
+        alerts=tuple(alert_of(notice) for notice in found.notices),
+    )
+
+
+def _mode(found: Found, i: int) -> IdentifiedMode:
+    modes = found.modes
+    verdict = found.of_input[i] if found.of_input else None
+    return IdentifiedMode(
+        label=modes.labels[i],
+        freq_hz=float(modes.freq_hz[i]),
+        freq_sd_hz=_at(modes.freq_sd_hz, i),
+        damping_ratio=_at(modes.damping_ratio, i),
+        damping_sd=_at(modes.damping_sd, i),
+        by_method={name: _at(freq, i) for name, freq in found.by_method.items()},
+        phase_collinearity=_collinearity(found, i),
+        estimates=None if found.found_in is None else int(found.found_in[i]),
+        of_input=None if verdict is None else verdict.of_input,
+        remark="" if verdict is None else verdict.sentence,
+    )
+
+
+def _collinearity(found: Found, i: int) -> float:
+    """Of the complex shape that a real one was made of, where its poles are known."""
+    chosen = [c for c in found.candidates if c.chosen]
+    if not chosen:
+        return float(phase_collinearity(found.modes.shapes[:, i]))
+    return float(min(chosen, key=lambda c: abs(c.freq_hz - found.modes.freq_hz[i])).collinearity)
+
+
+def _at(values: np.ndarray | None, i: int) -> float | None:
+    return None if values is None or not np.isfinite(values[i]) else float(values[i])

@@ -1,0 +1,144 @@
+"""The step identify: from files to a folder, as a user calls it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from femtune.cli import main
+from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError
+from femtune.files.uff import read_uff, write_uff_frfs
+from femtune.modal import StateSpace
+from femtune.steps import identify
+from femtune.testdata import ModalTest
+from femtune.testing.laboratory import (
+    Clock,
+    MeasuringChain,
+    accelerance,
+    plant_of_matrices,
+    simulated_test,
+    white_noise,
+)
+from femtune.units import SI
+
+DOFS = DofSet(Dof(i, "X") for i in (1, 2, 3))
+STIFFNESS = 900.0 * (2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
+PLANT = plant_of_matrices(np.eye(3), STIFFNESS, 0.01, np.eye(3), DOFS, np.eye(3), DOFS)
+CHANNELS = "".join(f'[[channel]]\ncolumn = {i}\ndof = "{i}X+"\n' for i in (1, 2, 3))
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    clock = Clock(600.0, 50.0, 5.0)
+    noise = white_noise(np.random.default_rng(0), 3, clock.fine_samples)
+    made = simulated_test(PLANT, noise, clock, MeasuringChain(40.0), 0)
+    path = tmp_path_factory.mktemp("record") / "ambient.csv"
+    np.savetxt(path, made.values.T, delimiter=",", fmt="%.6e")
+    return path
+
+
+def described(record, folder, text):
+    path = folder / "identify.toml"
+    path.write_text(f'[identify]\nrecord = "{record}"\n{text}\n{CHANNELS}', encoding="utf-8")
+    return path
+
+
+def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
+    made = identify(described(record, tmp_path, "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 20"))
+    assert made.folder == tmp_path / "identified"
+    modes = read_uff(made.folder / "modes.uff", units=SI).test.modes
+    assert modes.freq_hz == pytest.approx(PLANT.truth.freq_hz, rel=5e-3)
+    assert list(modes.dofs) == list(DOFS)
+    data = json.loads((made.folder / "identified.json").read_text(encoding="utf-8"))
+    assert [m["freq_sd_hz"] > 0 for m in data["modes"]] == [True] * 3
+    assert set(data["modes"][0]["by_method"]) == {"SSI-cov", "ERA", "FDD"}
+    page = (made.folder / "report.html").read_text(encoding="utf-8")
+    assert "Stabilisation diagram" in page
+    assert "<script" not in page
+
+
+def test_fragments_give_means_and_their_scatter(record, tmp_path):
+    text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\nfragments = 3\nmethods = ["ERA", "FDD"]'
+    made = identify(described(record, tmp_path, text))
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=1e-2)
+    assert all(m.estimates >= 3 and m.freq_sd_hz > 0 for m in made.record.modes)
+
+
+def test_choices_by_hand_are_kept(record, tmp_path):
+    lowest = float(PLANT.truth.freq_hz[0])
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "methods": ("SSI-cov",)}
+    made = identify(record, tmp_path / "out", options=asked)
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=5e-3)
+    # no channel was named, so no study could read the shapes
+    assert "modes.uff" not in made.files
+
+
+def test_functions_become_modes_and_a_model(tmp_path):
+    frfs = accelerance(PLANT, np.linspace(0.5, 12.0, 800))
+    write_uff_frfs(tmp_path / "frf.unv", ModalTest("t", SI, frfs=frfs))
+    made = identify(tmp_path / "frf.unv", options={"largest_order": 12})
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=1e-4)
+    assert [m.damping_ratio for m in made.record.modes] == pytest.approx([0.01] * 3, rel=1e-2)
+    with np.load(made.folder / "system.npz") as stored:
+        system = StateSpace(*(stored[n] for n in "ABCD"), DOFS, DOFS, "accelerance")
+    assert system.frf(frfs.freq_hz).values == pytest.approx(frfs.values, abs=1e-3 * np.abs(frfs.values).max())
+    assert made.record.largest_misfit_percent < 0.1
+
+
+def test_the_command_says_the_same(record, tmp_path):
+    said = [
+        "identify",
+        str(record),
+        "--rate",
+        "50",
+        "--band",
+        "1",
+        "12",
+        "--order",
+        "16",
+        "--output",
+        str(tmp_path / "o"),
+    ]
+    shown = CliRunner().invoke(main, said)
+    assert shown.exit_code == 0, shown.output
+    assert "report: " in shown.output
+    as_json = CliRunner().invoke(main, [*said, "--json", "--quiet"])
+    assert len(json.loads(as_json.stdout)["modes"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('frfs = "a.unv"', "names one of record"),
+        ("band = [1.0, 2.0]", "band_hz"),
+        ("band_hz = [9.0, 2.0]", "the band is empty"),
+        ('methods = ["SSI"]', "should be one of"),
+        ("largest_order = 3", "greater than or equal to 4"),
+    ],
+)
+def test_a_file_that_cannot_be_meant_is_refused(record, tmp_path, text, says):
+    with pytest.raises(FemtuneError) as caught:
+        identify(described(record, tmp_path, text))
+    assert says in str(caught.value)
+    assert caught.value.where.line or caught.value.errors[0].where.line
+
+
+def test_what_is_lacking_is_asked_for(record, tmp_path):
+    with pytest.raises(FemtuneError, match="neither a sampling rate nor times"):
+        identify(described(record, tmp_path, "band_hz = [1.0, 12.0]"))
+    with pytest.raises(FemtuneError, match="needs a band"):
+        identify(described(record, tmp_path, "sampling_hz = 50.0"))
+    with pytest.raises(FemtuneError, match="there is no such file"):
+        identify(tmp_path / "none.csv")
+    with pytest.raises(FemtuneError, match="folder of the results is that of the measurement"):
+        identify(record, record.parent, options={"sampling_hz": 50.0, "band_hz": (1.0, 12.0)})
+
+
+def test_output_only_methods_are_refused_for_functions(tmp_path):
+    (tmp_path / "a.toml").write_text('[identify]\nfrfs = "a.unv"\nmethods = ["FDD"]\n', encoding="utf-8")
+    with pytest.raises(FemtuneError, match="FDD works on records in time"):
+        identify(tmp_path / "a.toml")
