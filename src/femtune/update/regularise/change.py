@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.update.regularise.side import LinearModel, SideConstraint
+from femtune.update.regularise.weight import Weight, weighed
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,9 @@ class MinimumChange:
     W_θ = I, of the whole change, not of one iteration's, so that the end does not depend on how many there were.
     """
 
-    weight: float
+    weight: Weight
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """Rows of the parameters that move."""
         matrix = np.eye(len(at.x))[at.moving]
-        return SideConstraint("minimum-change", matrix, np.zeros(len(matrix)), self.weight)
+        return weighed(SideConstraint("minimum-change", matrix, np.zeros(len(matrix))), self.weight, at)

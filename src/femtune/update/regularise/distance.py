@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.update.regularise.side import LinearModel, SideConstraint
+from femtune.update.regularise.weight import Weight, weighed
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,9 @@ class Distance:
     Friswell (2011), after Eq. (21).
     """
 
-    weight: float
+    weight: Weight
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """Rows of the parameters that move."""
         matrix = np.diag(1.0 / at.parameters.prior[1])[at.moving]
-        return SideConstraint("distance", matrix, matrix @ at.x, self.weight)
+        return weighed(SideConstraint("distance", matrix, matrix @ at.x), self.weight, at)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from femtune.parameters import ParameterSet
 from femtune.update.regularise.names import position
 from femtune.update.regularise.side import LinearModel, SideConstraint
+from femtune.update.regularise.weight import Weight, weighed
 
 Reals = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class Identical:
     """
 
     groups: tuple[tuple[str, ...], ...]
-    weight: float
+    weight: Weight
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """Rows of all groups.
@@ -40,7 +41,7 @@ class Identical:
         parts = [_differences(at.parameters, group) for group in self.groups]
         matrix = np.vstack([np.zeros((0, len(at.x))), *(rows for rows, _ in parts)])
         target = np.concatenate([np.zeros(0), *(values for _, values in parts)])
-        return SideConstraint("identical", matrix, target, self.weight)
+        return weighed(SideConstraint("identical", matrix, target), self.weight, at)
 
 
 def _differences(parameters: ParameterSet, group: tuple[str, ...]) -> tuple[Reals, Reals]:

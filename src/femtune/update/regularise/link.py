@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.update.regularise.side import LinearModel, SideConstraint
+from femtune.update.regularise.weight import Weight, weighed
 
 Reals = NDArray[np.float64]
 
@@ -34,10 +35,10 @@ class Link:
     Source: Mottershead, Link and Friswell (2011), Eqs. (19) to (21).
     """
 
-    weight: float
+    weight: Weight
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """Rows of the parameters that move."""
         matrix = np.zeros((int(at.moving.sum()), len(at.x)))
         matrix[:, at.moving] = np.diag(np.sqrt(link_weights(at.jacobian[:, at.moving])))
-        return SideConstraint("link", matrix, np.zeros(len(matrix)), self.weight)
+        return weighed(SideConstraint("link", matrix, np.zeros(len(matrix))), self.weight, at)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.parameters import ParameterSet
+
+if TYPE_CHECKING:
+    from femtune.update.regularise.weight import WeightChoice
 
 Reals = NDArray[np.float64]
 
@@ -42,6 +45,7 @@ class SideConstraint:
     weight : μ; the objective gains μ²|R x − c|²/2
     informative : True for rows in units of a known standard deviation (a prior), which narrow the standard deviations
         of the result; those of other constraints are an opinion and do not; (m,) where rows differ
+    choice : how the weight was found, where a rule found it
     held : (h, k) combinations v of which vᵀx may not change
     """
 
@@ -50,6 +54,7 @@ class SideConstraint:
     target: Reals = field(default_factory=lambda: np.zeros(0))
     weight: float = 1.0
     informative: bool | NDArray[np.bool_] = False
+    choice: WeightChoice | None = None
     held: Reals = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
