@@ -19,6 +19,7 @@ from femtune.testing.laboratory import (
     Clock,
     MeasuringChain,
     accelerance,
+    multisine,
     plant_of_matrices,
     simulated_test,
     white_noise,
@@ -87,6 +88,56 @@ def test_functions_become_modes_and_a_model(tmp_path):
         system = StateSpace(*(stored[n] for n in "ABCD"), DOFS, DOFS, "accelerance")
     assert system.frf(frfs.freq_hz).values == pytest.approx(frfs.values, abs=1e-3 * np.abs(frfs.values).max())
     assert made.record.largest_misfit_percent < 0.1
+
+
+def forced(tmp_path, force, clock, text):
+    inputs = np.vstack([force, np.zeros((2, len(force)))])
+    made = simulated_test(PLANT, inputs, clock, MeasuringChain(50.0), 0, measured_inputs=(0,))
+    np.save(tmp_path / "shaker.npy", made.values)
+    path = tmp_path / "shaker.toml"
+    column = '[[channel]]\ncolumn = 4\ndof = "1X+"\nquantity = "force"\nrole = "input"\n'
+    asked = (
+        f'[identify]\nrecord = "shaker.npy"\nsampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\n{text}\n'
+    )
+    path.write_text(asked + CHANNELS + column, encoding="utf-8")
+    return path
+
+
+def test_a_record_with_a_force_becomes_functions_first(tmp_path):
+    clock = Clock(600.0, 50.0, 5.0)
+    force = white_noise(np.random.default_rng(1), 1, clock.fine_samples)[0]
+    made = identify(forced(tmp_path, force, clock, ""))
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=2e-3)
+    assert [m.damping_ratio for m in made.record.modes] == pytest.approx([0.01] * 3, rel=0.3)
+    assert made.record.normalisation == "mass"
+    shapes = made.found.modes.shapes
+    assert np.abs(shapes) == pytest.approx(np.abs(PLANT.truth.shapes), abs=0.05)
+
+
+def test_periods_are_taken_without_a_window(tmp_path):
+    clock = Clock(120.0, 50.0, 20.0)
+    lines = np.arange(10, 250)
+    force = multisine(np.random.default_rng(1), lines, round(20.0 / clock.fine_step_s), 7)
+    made = identify(forced(tmp_path, force, clock, "period_s = 20.0"))
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=1e-3)
+    assert [m.damping_ratio for m in made.record.modes] == pytest.approx([0.01] * 3, rel=0.05)
+
+
+def test_a_resolution_that_the_record_has_not_is_refused(tmp_path):
+    clock = Clock(60.0, 50.0, 0.0)
+    force = white_noise(np.random.default_rng(1), 1, clock.fine_samples)[0]
+    with pytest.raises(FemtuneError, match="longer than the record"):
+        identify(forced(tmp_path, force, clock, "resolution_hz = 0.001"))
+
+
+def test_a_dead_channel_is_named(record, tmp_path):
+    values = np.loadtxt(record, delimiter=",")
+    values[:, 1] = 0.0
+    np.savetxt(tmp_path / "dead.csv", values, delimiter=",", fmt="%.6e")
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "methods": ("SSI-cov",), "largest_order": 16}
+    made = identify(tmp_path / "dead.csv", options=asked)
+    assert [a.code for a in made.record.alerts] == ["record.dead"]
+    assert "2S+" in made.record.alerts[0].sentence
 
 
 def test_the_command_says_the_same(record, tmp_path):

@@ -32,6 +32,9 @@ class IdentifyTable(Table):
     band_hz: tuple[Hertz, Hertz] | None = None
     largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
     methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    resolution_hz: Positive | None = None
+    period_s: Positive | None = None
     fragments: Annotated[int, Field(ge=1, le=1000)] = 1
     real: bool = True
     take_hz: tuple[Positive, ...] = ()

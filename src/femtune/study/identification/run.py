@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from femtune.errors import FemtuneError, Where
 from femtune.files.identify_file import IdentifyFile
+from femtune.identify.record_checks import check_record
 from femtune.study.identification.asked import asked_of
 from femtune.study.identification.found import Found
+from femtune.study.identification.from_forces import found_from_forces, has_forces
 from femtune.study.identification.from_frfs import found_from_file
 from femtune.study.identification.from_record import found_from_record, read_asked
 from femtune.study.identification.records import Identification, identification
@@ -66,7 +68,10 @@ def _found(file: IdentifyFile, progress: Progress) -> Found:
     if file.identify.frfs is not None:
         progress.step("poles of every order", 0, None)
         return found_from_file(file)
-    return found_from_record(read_asked(file), file, progress)
+    record = read_asked(file)
+    notices = check_record(record)
+    found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
+    return replace(found, notices=(*notices, *found.notices))
 
 
 def _check_folder(folder: Path, file: IdentifyFile) -> None:
