@@ -228,6 +228,8 @@ class Structure:
     default_support_set, default_multipoint_set : what the case control selects, or None
     mass_factor : factor on all mass (PARAM WTMASS)
     consistent_mass : True for consistent ("coupled") mass of bars, beams and rods, False for lumped
+    lumped_along : share of lumped mass in the consistent mass along bars, beams and rods: Nastran's 1/2, 0 for the mass
+        of linear shape functions
     hold_singular : True where DOFs without stiffness are held (PARAM AUTOSPC)
     element_kinds : card name of every element number, rigid elements included
     drilling : factor of a shell's stiffness against turning about its normal (PARAM K6ROT); 1e-6·drilling·G·t
@@ -248,6 +250,7 @@ class Structure:
     default_multipoint_set: int | None = None
     mass_factor: float = 1.0
     consistent_mass: bool = False
+    lumped_along: float = 0.5
     hold_singular: bool = True
     element_kinds: Mapping[int, str] = field(default_factory=dict)
     drilling: float = 100.0

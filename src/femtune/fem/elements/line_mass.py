@@ -19,9 +19,8 @@ from femtune.parameters.jet import Jet
 
 Reals = NDArray[np.float64]
 
-ALONG = np.array([[5.0, 1.0], [1.0, 5.0]]) / 12.0
 LUMPED = np.eye(2) / 2.0
-# polar inertia about the axis, linear twist
+# a quantity that is linear along the axis: the twist, or the displacement of a linear shape function
 TWIST = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
 
 
@@ -38,7 +37,7 @@ def line_mass(
     `ends` (e, 12, 12) leads from the nodes' displacements to those of the element's ends along its axes.
     """
     consistent = structure.consistent_mass
-    translating = consistent_matrix(length, bending) if consistent else lumped_matrix(length)
+    translating = consistent_matrix(length, bending, structure.lumped_along) if consistent else lumped_matrix(length)
     at = np.arange(len(batch))
     matrices = carry(ends, translating) * structure.mass_factor
     out = [
@@ -57,9 +56,12 @@ def lumped_matrix(length: Reals) -> Reals:
     return np.asarray(sum(_between_ends(length, row, LUMPED) for row in range(3)))
 
 
-def consistent_matrix(length: Reals, bending: bool) -> Reals:
-    """(e, 12, 12) consistent mass for a unit mass a length; without bending only along the axis."""
-    out = _between_ends(length, 0, ALONG)
+def consistent_matrix(length: Reals, bending: bool, lumped: float) -> Reals:
+    """(e, 12, 12) consistent mass for a unit mass a length; without bending only along the axis.
+
+    Along the axis `lumped` is the share of the lumped mass in it.
+    """
+    out = _between_ends(length, 0, lumped * LUMPED + (1.0 - lumped) * TWIST)
     if not bending:
         return np.asarray(out + sum(_between_ends(length, row, LUMPED) for row in (1, 2)))
     for rows, signs in PLANES.values():

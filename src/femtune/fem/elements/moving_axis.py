@@ -106,7 +106,8 @@ def _mass_roles(batch: ElementBatch) -> tuple[str, ...]:
 def _mass(batch: ElementBatch, structure: Structure) -> Iterator[_Form]:
     """The eigenvectors of the mass of unit length and density, as far as they carry mass."""
     one, factor = np.ones(1), structure.mass_factor
-    unit = consistent_matrix(one, True)[0] if structure.consistent_mass else lumped_matrix(one)[0]
+    consistent = consistent_matrix(one, True, structure.lumped_along)[0]
+    unit = consistent if structure.consistent_mass else lumped_matrix(one)[0]
     yield from _spectrum(unit, lambda v, length: (v["rho"] * v["A"] + v["NSM"]) * length * factor)
     if batch.card == "CBEAM":
         twist = np.zeros((12, 12))

@@ -32,7 +32,7 @@ def tapered_mass(
     consistent, out = structure.consistent_mass, []
     for stations in _alike(batch, at, rule.count):
         share, k = rule.share[stations].sum(axis=0), stations[0]
-        line = _line(share, rule, length[at], consistent) * structure.mass_factor
+        line = _line(share, rule, length[at], structure) * structure.mass_factor
         out += _offset_terms(batch, structure, at, ends, line, ("rho", f"A@{k}"), "N", rule.count)
         out += _offset_terms(batch, structure, at, ends, line, (f"NSM@{k}",), "M", rule.count)
         twist = _between(_linear(share, rule, consistent), length[at], (3,)) * structure.mass_factor
@@ -52,12 +52,13 @@ def _alike(batch: ElementBatch, at: Rows, count: int) -> list[list[int]]:
     return list(groups.values())
 
 
-def _line(share: Reals, rule: LengthRule, length: Reals, consistent: bool) -> Reals:
+def _line(share: Reals, rule: LengthRule, length: Reals, structure: Structure) -> Reals:
     """(m, 12, 12) translational mass of a line with density `share` (g,) a length."""
     lumped = _linear(share, rule, False)
-    if not consistent:
+    if not structure.consistent_mass:
         return _between(lumped, length, (0, 1, 2))
-    out = _between((lumped + _linear(share, rule, True)) / 2.0, length, (0,))
+    part = structure.lumped_along
+    out = _between(part * lumped + (1.0 - part) * _linear(share, rule, True), length, (0,))
     for rows, signs in PLANES.values():
         out[np.ix_(np.arange(len(length)), rows, rows)] += _hermite(share, rule, length) * np.outer(signs, signs)
     return out
