@@ -1,0 +1,180 @@
+"""A joint that nobody can describe, by its own eigenvalues: python run.py [--quick] [--evidence DIR].
+
+The three beams again, with an offset that is .8 of the true one. The elements about both joints are one generic element
+K = Φ κ Φᵀ; κ₁ and κ₂ bring modes 2 and 3 right. Mode 1, which hardly strains the joints, stays 2.7 % low: a stiffness
+that fits is not the cause. The offset itself as parameter brings all modes right.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.dofs import Dof, DofSet
+from femtune.fem import Structure
+from femtune.fem.generic import GenericGroup, GenericModes, generic_modes, generic_ref, with_generic
+from femtune.fem.offsets import with_offsets
+from femtune.modal import ModeSet
+from femtune.model import Assignment, ConfiguredModel, EigenSolution, configure, parametric_model, solve_modes
+from femtune.parameters import Parameter, ParameterSet, tied
+from femtune.report.figures.canvas import draw_svg
+from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE
+from femtune.residuals import ModalCase, ResidualRules, UpdateProblem
+from femtune.testing.three_beams import CLAMPED, MIDDLE, OFFSET_M, OFFSETS, three_beams
+from femtune.update import update
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Reals = NDArray[np.float64]
+NAME = "cases_generic_elements"
+JOINTS = GenericGroup("JOINT", frozenset([3, 4, 7, 8]), components="126")
+SHARE, MODES, USED = 0.8, 5, (1, 2)
+RATIOS, FIRST_PERCENT = (0.9962, 1.0215), -2.7
+"""Eigenvalue ratios of an independent solution, and where mode 1 stays."""
+DOFS = DofSet(Dof(n, d) for n in range(2, 11) for d in ("X", "Y"))
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Parameters by name, and errors of the first five frequencies before and after, in %."""
+
+    values: dict[str, float]
+    before: Reals
+    after: Reals
+
+
+def rows_of(configured: ConfiguredModel) -> sp.csr_array:
+    """The free DOFs at the sensors."""
+    nodes = configured.model.structure.nodes
+    return sp.csr_array(configured.transformation[[nodes.dof(d.node, d.component) for d in DOFS]])
+
+
+def truth() -> tuple[EigenSolution, ModeSet]:
+    """Modes of the true beams, and what is measured of them."""
+    configured = configure(parametric_model(three_beams(), ParameterSet(()), ()), CLAMPED)
+    found = solve_modes(configured.at(np.zeros(0)), MODES)
+    shapes = rows_of(configured) @ found.shapes[:, :MODES]
+    return found, ModeSet(found.freq_hz[:MODES], shapes, DOFS)
+
+
+def updated(structure: Structure, values: ParameterSet, chosen: Iterable[Assignment], used: tuple[int, ...]) -> Found:
+    """The parameters from the frequencies of some modes; the others are predictions."""
+    true, test = truth()
+    configured = configure(parametric_model(structure, values, chosen), CLAMPED)
+    left = {i: "kept for comparison" for i in range(MODES) if i not in used}
+    case = ModalCase(configured, test, rows_of(configured), left, count=8)
+    result = update(UpdateProblem((case,), values, ResidualRules(1e-3)))
+    assert result.status.ok, result.status
+    before, after = (solve_modes(configured.at(x), 8).freq_hz[:MODES] for x in (np.zeros(len(values.free)), result.x))
+    return Found(result.values, *(100.0 * (f / true.freq_hz[:MODES] - 1.0) for f in (before, after)))
+
+
+def by_kappa(mass_offset_m: float | None) -> Found:
+    """Two eigenvalues of the joints, with the mass on the wrong offset too (None) or on the right one."""
+    structure = with_generic(three_beams(SHARE * OFFSET_M, mass_offset_m), JOINTS, ["K1", "K2"])
+    values = ParameterSet(tuple(Parameter(f"kappa_{i}", 1.0, 0.5, 2.0) for i in USED))
+    chosen = [Assignment(f"kappa_{i}", generic_ref("JOINT", f"K{i}")) for i in USED]
+    return updated(structure, values, chosen, USED)
+
+
+def by_offset() -> Found:
+    """The offset itself, from the same two modes."""
+    structure = with_offsets(three_beams(SHARE * OFFSET_M), MIDDLE)
+    values = ParameterSet((Parameter("a", SHARE * OFFSET_M, 0.005, 0.05, "m"), tied("field", "-a")))
+    return updated(structure, values, [Assignment("field", ref, False) for ref in OFFSETS], USED)
+
+
+def check(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) -> None:
+    """Everything that the example claims."""
+    assert (modes.multiplicity == 2).all()
+    assert modes.rigid == 6
+    for found in (joint, right_mass):
+        assert np.abs(found.after[list(USED)]).max() < 1e-6
+        assert abs(found.after[0] - FIRST_PERCENT) < 0.05
+    ratios = np.array([joint.values[f"kappa_{i}"] for i in USED])
+    np.testing.assert_allclose(ratios, RATIOS, atol=0.004)
+    assert abs(offset.values["a"] / OFFSET_M - 1.0) < 1e-7
+    assert np.abs(offset.after).max() < 1e-6
+
+
+def text(joint: Found, right_mass: Found, offset: Found, modes: GenericModes) -> str:
+    """The page."""
+    listed = ", ".join(f"{k:.4g}" for k in modes.kappa)
+    names = [f"κ₁ = {f.values['kappa_1']:.4f}, κ₂ = {f.values['kappa_2']:.4f}" for f in (joint, right_mass)]
+    rows = [
+        _row("offset .8 of the true one", joint.before),
+        _row(names[0], joint.after),
+        _row(f"{names[1]}, mass on the true offset", right_mass.after),
+        _row(f"a = {1e3 * offset.values['a']:.3f} mm", offset.after),
+    ]
+    heads = " | ".join(f"mode {i}" + (", used" if i - 1 in USED else "") for i in range(1, MODES + 1))
+    return "\n".join([
+        "# A joint by its own eigenvalues", "",
+        "Three beams, the middle one off the axis by 25 mm; the model has 20 mm. Elements 3, 4 and 7, 8 at "
+        "both joints are a "
+        f"generic element: its eigenvalues come in pairs, {listed}, besides six rigid-body modes. Errors of the "
+        "frequencies in %, after modes 2 and 3 were used:", "",
+        f"| parameters | {heads} |", "|---" * (MODES + 1) + "|", *rows, "",
+        f"![Errors of the frequencies]({NAME}.svg)", "",
+        f"An independent solution has the ratios {RATIOS[0]} and {RATIOS[1]}, and mode 1 {-FIRST_PERCENT} % "
+        "low as here. The "
+        "ratios depend on how modes are weighted and on whether the mass has the wrong offset too; what mode "
+        "1 does, does "
+        "not. Two eigenvalues fit what they are asked to fit, and the mode that the joints hardly strain "
+        "tells that they "
+        "are not the cause: hold such modes back from an update and look at them.", "",
+    ])  # fmt: skip
+
+
+def _row(name: str, errors: Reals) -> str:
+    return f"| {name} | " + " | ".join(f"{e:+.3f}" if abs(e) > 5e-4 else "0" for e in errors) + " |"
+
+
+def figure(joint: Found, offset: Found) -> str:
+    """Errors of the frequencies before and after, a group of bars a mode."""
+    kinds = (("offset .8 of the true one", joint.before, PALE), ("κ₁ and κ₂ of the joints", joint.after, ORANGE),
+             ("the offset", offset.after, BLUE))  # fmt: skip
+
+    def draw(sheet: Figure) -> None:
+        axes = sheet.subplots()
+        for k, (label, errors, colour) in enumerate(kinds):
+            axes.bar(np.arange(MODES) + 0.25 * (k - 1), errors, 0.22, color=colour, label=label)
+            small = np.flatnonzero(np.abs(errors) < 1e-3)
+            axes.plot(small + 0.25 * (k - 1), 0.0 * small, "o", color=colour, markersize=3.5)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        names = [f"mode {i}" + (" (used)" if i - 1 in USED else "") for i in range(1, MODES + 1)]
+        axes.set_xticks(range(MODES), names)
+        axes.set_ylabel("error of the frequency, %")
+        axes.grid(True, axis="y", color=LINE)
+        axes.set_axisbelow(True)
+        axes.legend(frameon=False, loc="lower right")
+
+    return draw_svg(7.2, 2.9, draw)
+
+
+def main() -> None:
+    """Update, compare, and write the evidence where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    arguments = parser.parse_args()
+    modes = generic_modes(three_beams(SHARE * OFFSET_M), JOINTS)
+    joint, right_mass, offset = by_kappa(None), by_kappa(OFFSET_M), by_offset()
+    check(joint, right_mass, offset, modes)
+    page = text(joint, right_mass, offset, modes)
+    print(page)
+    if arguments.evidence:
+        (arguments.evidence / f"{NAME}.md").write_text(page, encoding="utf-8")
+        (arguments.evidence / f"{NAME}.svg").write_text(figure(joint, offset), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
