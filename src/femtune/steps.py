@@ -1,6 +1,6 @@
-"""The words of the command line as functions: info, modes, respond, correlate, select, update, validate, report, run.
+"""The words of the command line as functions: info, modes, respond, correlate, select, update, quantify, validate, run.
 
-`modes_report` is ``modes --report``, `respond_report` is ``respond --report``.
+`report` writes that of a run again; `modes_report` is ``modes --report``, `respond_report` is ``respond --report``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,18 @@ from femtune.study.respond import respond_results
 from femtune.study.results import Results
 from femtune.study.results_response import ResponseResults
 from femtune.study.run_folder import read_results
-from femtune.study.steps import RunFolder, SimulatedTest, correlate, info, mode_sets, modes, select, update, validate
+from femtune.study.steps import (
+    RunFolder,
+    SimulatedTest,
+    correlate,
+    info,
+    mode_sets,
+    modes,
+    quantify,
+    select,
+    update,
+    validate,
+)
 
 __all__ = [
     "IdentifiedFolder",
@@ -33,6 +44,7 @@ __all__ = [
     "mode_sets",
     "modes",
     "modes_report",
+    "quantify",
     "report",
     "respond",
     "respond_report",

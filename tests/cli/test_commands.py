@@ -19,7 +19,19 @@ from femtune.study.results_journal import JournalResults
 
 Invoke = Callable[..., Result]
 
-_COMMANDS = ["info", "modes", "respond", "identify", "correlate", "select", "update", "validate", "run", "report"]
+_COMMANDS = [
+    "info",
+    "modes",
+    "respond",
+    "identify",
+    "correlate",
+    "select",
+    "quantify",
+    "update",
+    "validate",
+    "run",
+    "report",
+]
 
 
 def test_help_lists_the_commands_in_the_order_of_the_steps(invoke: Invoke, command_names: list[str]) -> None:

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.stats import multivariate_normal, norm, spearmanr
 
 from femtune.quantify import ellipse, latin_hypercube, statistics_of_repeats
+from femtune.quantify.repeats import outlying
 
 SPREAD = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
 MEAN = np.array([10.0, 20.0, 30.0])
@@ -62,6 +63,18 @@ def test_few_repeats_are_singular_and_said_to_be():
     found = statistics_of_repeats(_table(3, 0.0))
     assert found.singular
     assert [n.code for n in found.notices] == ["quantify.singular"]
+
+
+def test_a_repeat_that_lies_apart_is_named_and_chance_is_not():
+    tables = [_table(30, 0.0, seed) for seed in range(300)]
+    assert sum(bool(outlying(table)) for table in tables) <= 3
+    apart = tables[0].copy()
+    apart[7, 1] += 12.0
+    found = statistics_of_repeats(apart)
+    assert outlying(apart) == [7]
+    assert [n.what for n in found.notices] == [
+        "these repeats lie far from all others: 8; they widen every covariance, and nothing was left out"
+    ]
 
 
 @pytest.mark.parametrize("imposed", ["moments", "ranks"])

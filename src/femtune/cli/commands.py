@@ -195,6 +195,17 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 
 @main.command()
 @_study
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
+    """Mean and covariance of the parameters from repeated tests."""
+    _show("quantify", study, as_json, quiet, fresh)
+
+
+@main.command()
+@_study
 @_output
 @_wide
 @_eigensolver

@@ -48,6 +48,8 @@ def document_of_step(step: str, path: Path, result: Any, arrays: Mapping[str, ND
         return steps.modes_document(subject, result)
     if step == "correlate":
         return steps.correlation_document(subject, result, arrays)
+    if step == "quantify":
+        return steps.quantify_document(subject, result)
     if step == "respond":
         return steps.responses_document(subject, result)
     if step == "validate":

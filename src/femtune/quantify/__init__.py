@@ -2,7 +2,7 @@
 
 from femtune.quantify.cloud import CloudResult, CloudRules, CloudStep, propagate, update_cloud
 from femtune.quantify.covariance_matrix import correlation_of, covariance_distance
-from femtune.quantify.eigenvalue_outputs import EigenvalueOutputs, definite_signs
+from femtune.quantify.eigenvalue_outputs import EigenvalueOutputs, FrequenciesByOrder, definite_signs
 from femtune.quantify.estimator import Estimator, estimator
 from femtune.quantify.forward import ForwardCheck, ellipse, forward_check
 from femtune.quantify.hypercube import latin_hypercube
@@ -24,6 +24,7 @@ __all__ = [
     "EigenvalueOutputs",
     "Estimator",
     "ForwardCheck",
+    "FrequenciesByOrder",
     "FrequencyOutputs",
     "FunctionOutputs",
     "IntervalResult",

@@ -80,6 +80,28 @@ class EigenvalueOutputs:
         return out
 
 
+@dataclass(frozen=True)
+class FrequenciesByOrder:
+    """The `count` lowest frequencies in Hz at θ, whatever motions they are of; not smooth where two cross."""
+
+    configured: ConfiguredModel
+    count: int
+
+    def values(self, theta: Reals) -> Reals:
+        """(count,) Hz."""
+        return np.asarray(self._solved(theta).freq_hz[: self.count])
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(count,) Hz and (count, k) Hz by the unit of each parameter."""
+        solution = self._solved(theta)
+        hz = solution.freq_hz[: self.count]
+        slopes = eigenvalue_derivatives(solution)[: self.count] / self.configured.model.parameters.scale
+        return hz, slopes / (8.0 * np.pi**2 * hz[:, None])
+
+    def _solved(self, theta: Reals) -> EigenSolution:
+        return solve_modes(self.configured.at(self.configured.model.parameters.normalise(theta)), self.count)
+
+
 def definite_signs(configured: ConfiguredModel) -> Reals:
     """(k,) +1 where every eigenvalue grows with a free parameter, −1 where every one falls, 0 where nothing is known.
 

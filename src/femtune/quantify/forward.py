@@ -79,9 +79,9 @@ class ForwardCheck:
 
     @property
     def agrees(self) -> bool:
-        """True where the cloud's covariance differs from the measured one by no more than a tenth, or than chance."""
+        """True where the cloud's covariance differs from the measured one by no more than a tenth, and so the means."""
         near = bool((np.abs(self.mean_error) <= self._mean_limit).all())
-        return near and self.covariance_error <= max(_CURVED, self.chance_error)
+        return near and self.covariance_error <= _CURVED
 
     @property
     def _mean_limit(self) -> float:

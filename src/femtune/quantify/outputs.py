@@ -106,6 +106,11 @@ class FrequencyOutputs:
         return tuple(f"{'' if alone else b.configuration + ' '}mode {b.mode}" for b in _frequencies(self.paired))
 
     @property
+    def modes(self) -> tuple[str, ...]:
+        """(m,) labels of the test modes."""
+        return tuple(b.mode for b in _frequencies(self.paired))
+
+    @property
     def test_hz(self) -> Reals:
         """(m,) the test's own frequencies."""
         return np.array([_test_hz(self.paired, b.configuration, b.mode) for b in _frequencies(self.paired)])
@@ -134,7 +139,8 @@ def frequency_outputs(problem: UpdateProblem, theta: Reals | None = None) -> Fre
     ------
     FemtuneError : ``correlate.no-pairs``, and what an eigen-solution raises
     """
-    plain = replace(problem, rules=ResidualRules(frequency_sd=1.0))
+    cases = tuple(replace(case, residuals=()) for case in problem.cases if len(case.test))
+    plain = replace(problem, cases=cases, rules=ResidualRules(frequency_sd=1.0))
     x = np.zeros(len(problem.parameters.free)) if theta is None else problem.parameters.normalise(theta)
     return FrequencyOutputs(plain, plain.start(x))
 

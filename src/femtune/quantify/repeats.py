@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
 
 from femtune.errors import FemtuneError, Notice
 from femtune.quantify.covariance_matrix import check_positive
@@ -21,6 +22,7 @@ Reals = NDArray[np.float64]
 Missing = Literal["em", "pairwise", "complete"]
 
 _FEWEST = 2
+_SPARE, _RARE = 4, 1e-3
 _EM_STEPS, _EM_TOLERANCE = 2000, 1e-10
 
 
@@ -107,7 +109,7 @@ def statistics_of_repeats(repeats: Reals, labels: Sequence[str] = (), missing: M
     mean, covariance, estimate = _moments(kept, missing)
     _check_variance(np.diag(covariance), mean, names)
     check_positive(covariance, "the covariance of the repeats", _PAIRWISE if missing == "pairwise" else "")
-    notices += _about_gaps(gaps, missing, estimate) + _about_count(kept)
+    notices += _about_gaps(gaps, missing, estimate) + _about_count(kept) + _about_outliers(table)
     return OutputStatistics(names, mean, covariance, kept, estimate, notices)
 
 
@@ -181,6 +183,36 @@ def _expected(table: Reals, mean: Reals, covariance: Reals) -> tuple[Reals, Real
         row[gap] = mean[gap] + slope @ (row[known] - mean[known])
         extra[np.ix_(gap, gap)] += covariance[np.ix_(gap, gap)] - slope @ cross.T
     return filled, extra
+
+
+def outlying(table: Reals) -> list[int]:
+    """Positions of repeats (n, m) without gaps that lie farther from the others than one in a thousand tests has.
+
+    Each is held against mean and covariance of the rest: a repeat that is itself among them hides. Of n normal repeats
+    (n − 1 − m)(n − 1)/(n·m·(n − 2))·d² follows Fisher's distribution with m and n − 1 − m degrees of freedom; the limit
+    is Bonferroni's over the repeats.
+    """
+    whole = np.flatnonzero(np.isfinite(table).all(axis=1))
+    rows, (n, m) = table[whole], table[whole].shape
+    if n < m + _SPARE:
+        return []
+    limit, found = f_distribution.isf(_RARE / n, m, n - 1 - m), []
+    for i, row in enumerate(rows):
+        rest = np.delete(rows, i, axis=0)
+        gap = row - rest.mean(axis=0)
+        d2 = float(gap @ np.linalg.pinv(np.atleast_2d(np.cov(rest.T)), hermitian=True) @ gap)
+        if d2 * (n - 1 - m) * (n - 1) / (n * m * (n - 2)) > limit:
+            found.append(int(whole[i]))
+    return found
+
+
+def _about_outliers(table: Reals) -> tuple[Notice, ...]:
+    found = outlying(table)
+    if not found:
+        return ()
+    which = ", ".join(str(i + 1) for i in found)
+    text = f"these repeats lie far from all others: {which}; they widen every covariance, and nothing was left out"
+    return (Notice("quantify.outlier", text),)
 
 
 def _numbered(m: int) -> tuple[str, ...]:

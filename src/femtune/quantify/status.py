@@ -8,7 +8,7 @@ from enum import Enum
 class StochasticStatus(Enum):
     """Outcome; `ok` says whether mean and covariance may be used."""
 
-    CONVERGED = "converged: neither means nor covariances change any more"
+    CONVERGED = "converged: the answer does not change any more"
     UNDETERMINED = "converged, but the outputs do not determine every parameter: the nearest to the start was taken"
     MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last ones are kept"
     CLOUD_LIMIT = "stopped at the iteration limit before the cloud converged; the last one is kept"

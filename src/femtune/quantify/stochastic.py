@@ -56,7 +56,7 @@ class StochasticResult:
     T : (k, m) of the last step
     steps : the iteration of the means, or of the clouds
     solutions : model solutions, the update of the means included
-    unexplained : (m,) share of each output's variance that no choice of these parameters reaches, to first order
+    unexplained : share of the outputs' variance that no choice of these parameters reaches, to first order
     """
 
     names: tuple[str, ...]
@@ -71,7 +71,7 @@ class StochasticResult:
     solutions: int
     status: StochasticStatus
     rules: StochasticRules
-    unexplained: Reals
+    unexplained: float
 
     @property
     def sd(self) -> Reals:
@@ -167,18 +167,17 @@ def _by_cloud(
     return _Found(last.mean, last.covariance, found.T, None, found.steps, found.status, counted.solutions)
 
 
-def unexplained(G: Reals, measured: OutputStatistics) -> Reals:
-    """(m,) share of each output's variance outside the range of G, to first order; all zero for a square G.
+def unexplained(G: Reals, measured: OutputStatistics) -> float:
+    """Share of the outputs' variance outside the range of G, to first order; zero for a square G of full rank.
 
     A set of parameters that is not the one that scatters can still meet the mean; here it shows. Outputs are scaled by
-    their means, as their weights are.
+    their means, as their weights are, and variances are summed over all of them.
     """
     scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)
     u, s, _ = np.linalg.svd(G / scale[:, None], full_matrices=False)
     u = u[:, s > 1e-8 * s.max(initial=0.0)]
-    outside = np.eye(len(scale)) - u @ u.T
     C = measured.covariance / np.outer(scale, scale)
-    return np.asarray(np.diag(outside @ C @ outside) / np.diag(C))
+    return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
 
 
 def _check_start(names: tuple[str, ...], start: Reals, sd: Reals) -> None:

@@ -4,8 +4,8 @@ With independent parameters Cov z̃ = Σ σ_j² s̃_j s̃_jᵀ: the covariance o
 of rank-one matrices of the parameters that scatter, so that their columns lie in its range and others do not.
 
 Source: Silva, Maia, Link and Mottershead (2016). The rank is estimated here, and the threshold follows the scatter:
-for each rank the columns are sorted by distance, and the rank is taken whose own number of columns stands nearest
-beside the next one.
+for each rank the columns are sorted by distance, and the rank is taken at which as many independent columns stand apart
+from the next one and leave little of the scatter unexplained (the product of both is least).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from femtune.errors import FemtuneError
 
 Reals = NDArray[np.float64]
 
-_EXACT, _CLEAR, _FAR = 1e-10, 0.5, 0.1
-_INSENSITIVE = 1e-12
+_EXACT, _CLEAR, _FAR = 1e-10, 0.25, 0.1
+_INSENSITIVE, _ROUNDING, _ALIKE = 1e-12, 1e-14, 1e-7
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class CosineDistances:
     rank : dimension of the leading space
     threshold : geometric mean of the distances on both sides of the gap
     margin : distance of the farthest column inside by that of the nearest outside; near 1 nothing separates them
+    unexplained : share of the scaled outputs' variance outside the span of the columns inside
     eigenvalues : (m,) of the scaled covariance, descending
     """
 
@@ -43,6 +44,7 @@ class CosineDistances:
     rank: int
     threshold: float
     margin: float
+    unexplained: float
     eigenvalues: Reals
 
     @property
@@ -94,18 +96,56 @@ def cosine_distances(
             values={"covariance": covariance.shape, "outputs": len(mean), "sensitivities": jacobian.shape},
             hint="give mean and covariance of the same outputs, in the order of the sensitivities",
         )
-    S = jacobian * values / mean[:, None]
-    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(mean, mean))
-    eigenvalues, vectors = np.maximum(eigenvalues[::-1], 0.0), vectors[:, ::-1]
+    S, C = jacobian * values / mean[:, None], covariance / np.outer(mean, mean)
     size = np.linalg.norm(S, axis=0)
     blind = size <= _INSENSITIVE * size.max(initial=0.0)
-    unit = S / np.where(blind, 1.0, size)
-    rank = _estimated(vectors, unit[:, ~blind], eigenvalues) if rank is None else rank
-    distance = _distances(vectors[:, :rank], unit)
-    threshold, margin = _gap(np.sort(distance[~blind]), rank)
+    unit, own = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
+    tried = [_at_rank(C, unit[:, own], r) for r in (_possible(C, own) if rank is None else [rank])]
+    best = min(tried, key=lambda t: t.margin * max(t.unexplained, _ROUNDING))
+    distance = np.zeros(len(names))
+    distance[own] = best.distance
+    eigenvalues = np.maximum(np.linalg.eigvalsh(C)[::-1], 0.0)
     return CosineDistances(
-        names, np.where(blind, 0.0, distance), blind, rank, threshold, margin, eigenvalues
+        names, distance, blind, best.rank, best.threshold, best.margin, best.unexplained, eigenvalues
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Tried:
+    rank: int
+    distance: Reals
+    threshold: float
+    margin: float
+    unexplained: float
+
+
+def _possible(C: Reals, own: NDArray[np.int64]) -> range:
+    """Ranks to try, at most half of the outputs: a larger space holds columns by chance."""
+    eigenvalues = np.linalg.eigvalsh(C)
+    largest = int((eigenvalues > _ROUNDING * eigenvalues[-1]).sum())
+    return range(1, 1 + max(1, min(len(C) // 2, largest, len(own))))
+
+
+def _at_rank(C: Reals, unit: Reals, rank: int) -> _Tried:
+    """Threshold and margin between the nearest columns, as many as have this rank, and the others.
+
+    Parameters of a symmetric structure share columns, so that there may be more of them than the rank.
+    """
+    distance = _distances(np.linalg.eigh(C)[1][:, ::-1][:, :rank], unit)
+    order = np.argsort(distance)
+    ranks = [np.linalg.matrix_rank(unit[:, order[: n + 1]], _ALIKE) for n in range(len(order))]
+    count = int(np.searchsorted(ranks, rank, side="right"))
+    inside = max(float(distance[order[count - 1]]), _EXACT)
+    outside = max(float(distance[order[count]]) if count < len(order) else 1.0, _EXACT)
+    left = _left(C, unit[:, order[:count]])
+    return _Tried(rank, distance, float(np.sqrt(inside * outside)), inside / outside, left)
+
+
+def _left(C: Reals, columns: Reals) -> float:
+    """Share of the scatter outside the span of columns."""
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    u = u[:, s > _ALIKE * s[0]]
+    return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
 
 
 def _distances(space: Reals, unit: Reals) -> Reals:
@@ -113,17 +153,3 @@ def _distances(space: Reals, unit: Reals) -> Reals:
     inside = space.T @ unit
     sine = np.linalg.norm(unit - space @ inside, axis=0)
     return np.asarray(sine**2 / (1.0 + np.linalg.norm(inside, axis=0)))
-
-
-def _estimated(vectors: Reals, unit: Reals, eigenvalues: Reals) -> int:
-    possible = int((eigenvalues > _EXACT**1.5 * eigenvalues[0]).sum())
-    most = max(1, min(len(vectors) - 1, possible, unit.shape[1]))
-    margins = [_gap(np.sort(_distances(vectors[:, :r], unit)), r)[1] for r in range(1, most + 1)]
-    return 1 + int(np.argmin(margins))
-
-
-def _gap(distances: Reals, rank: int) -> tuple[float, float]:
-    """Threshold and margin between the `rank` nearest columns and the others."""
-    inside = max(float(distances[min(rank, len(distances)) - 1]), _EXACT)
-    outside = max(float(distances[rank]) if rank < len(distances) else 1.0, _EXACT)
-    return float(np.sqrt(inside * outside)), inside / outside

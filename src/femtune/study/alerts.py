@@ -27,6 +27,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
     """Alerts of a finished run with `others` among them, the gravest first."""
     found = [
         *_of_update(results),
+        *_of_quantify(results),
         *_of_writing(results),
         *_of_model(results),
         *_of_correlation(results),
@@ -67,6 +68,16 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield _alert("info", "update.pairing-changed", f"the pairing changed in {count}")
     if update.goodness is not None and update.goodness.verdict == "fail":
         yield _alert("warning", "update.misfit", f"{update.goodness.sentence}; {_MISFIT}")
+
+
+def _of_quantify(results: Results) -> Iterable[Alert]:
+    found = results.quantify
+    if found is None:
+        return
+    if not found.ok:
+        yield _alert("problem", "quantify.no-distribution", f"the scatter of the parameters: {found.message}")
+    elif not found.agrees:
+        yield _alert("warning", "quantify.disagrees", found.sentences[0])
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:

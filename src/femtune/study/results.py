@@ -14,6 +14,7 @@ from femtune.study import (
     results_correlation,
     results_journal,
     results_model,
+    results_quantify,
     results_reduction,
     results_response,
     results_shapes,
@@ -25,6 +26,7 @@ from femtune.study.results_checks import ModelCheck
 from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_journal import JournalResults
 from femtune.study.results_model import ModelFacts, ModelModes, SensorResults
+from femtune.study.results_quantify import QuantifyResults
 from femtune.study.results_response import ResponseResults
 from femtune.study.results_shapes import ModeShapes
 from femtune.study.results_update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
@@ -60,6 +62,8 @@ class Results(Record):
     """Identifiability; None where not run."""
     update: UpdateResults | None = None
     """The update; None where not run."""
+    quantify: QuantifyResults | None = None
+    """Scatter of the parameters from repeated tests; None where the study has no [quantify]."""
     write_back: WriteBackResults | None = None
     """The updated deck; None where nothing was written."""
     validation: ValidationResults | None = None
@@ -80,7 +84,8 @@ class Results(Record):
 
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
-        single = [r for r in (self.selection, *(response.frfs for response in self.responses)) if r is not None]
+        frfs = (response.frfs for response in self.responses)
+        single = [r for r in (self.selection, self.quantify, *frfs) if r is not None]
         owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)
@@ -94,7 +99,15 @@ def json_schema() -> dict[str, Any]:
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_checks, results_model, results_correlation, results_shapes, results_response)
-    modules = (results_base, *model, results_update, results_validation, results_reduction, results_journal)
+    modules = (
+        results_base,
+        *model,
+        results_update,
+        results_quantify,
+        results_validation,
+        results_reduction,
+        results_journal,
+    )
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

@@ -20,11 +20,13 @@ from femtune.study.load import Study, on_deck
 from femtune.study.predict import Sensitivities, predictions
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
+from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.record_checks import model_checks
 from femtune.study.record_model import alert_of, model_facts, sensor_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
 from femtune.study.record_validation import validation
 from femtune.study.reduction import find_on_reduced
+from femtune.study.repeats import Repeats
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
@@ -79,6 +81,7 @@ class Run:
     arrays: Arrays = field(default_factory=dict)
     reductions: list[ReductionResults] = field(default_factory=list)
     sensitivities: Sensitivities = field(default_factory=Sensitivities)
+    troubles: list[Alert] = field(default_factory=list)
 
     def go(self) -> RunFolder:
         """All steps. The results are on disk once the update is done, and again when all is done.
@@ -88,6 +91,7 @@ class Run:
         FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``write.*``, ``run.unwritable``
         """
         facts = self._timed("model", self._facts)
+        repeats = repeats_of(self.study)
         at = self._timed("correlate", lambda: start(self.study, self.progress))
         before = self._timed("correlate", lambda: self._stage(self.study, "before", at))
         before = self._timed("respond", lambda: self._responding(self.study, "before", at.x, before))
@@ -96,6 +100,7 @@ class Run:
         after = self._timed(
             "correlate after", lambda: self._stage(self.study, "after", result.after, self.sensitivities.add)
         )
+        facts = self._timed("quantify", lambda: self._quantified(facts, repeats, result))
         if self.study.file.imported:
             return self._without_deck(facts, [before, after], selection, result)
         self._keep(self._results(facts, [before, after], selection, result), _UNFINISHED)
@@ -116,6 +121,19 @@ class Run:
             write_frf_files(self.study, after.responses, self.arrays, uff_paths(self.folder / FRFS_FILE, self.study))
         results = self._results(facts, [*stages[:-1], after], selection, result)
         return RunFolder(self.folder, self._keep(results, NO_DECK), self.arrays)
+
+    def _quantified(self, facts: Results, repeats: Repeats | None, result: UpdateResult) -> Results:
+        """With the scatter of the parameters, where the study has repeats; a failure is told and stops nothing."""
+        if repeats is None:
+            return facts
+        try:
+            found = quantify_at(self.study, repeats, result.x, self.arrays, self.progress)
+        except FemtuneError as problem:
+            self.troubles.append(
+                Alert(level="problem", code=problem.code, sentence=f"scatter of the parameters: {problem.what}")
+            )
+            return facts
+        return facts.model_copy(update={"quantify": found})
 
     def _written(self, result: UpdateResult) -> tuple[WriteBack, StageRecords, float]:
         """The updated deck, read again, with its correlation and mean error."""
@@ -205,7 +223,7 @@ class Run:
     def _keep(self, results: Results, *alerts: Alert) -> Results:
         """Write the results with their alerts."""
         of_journal = self.journal.notices if self.journal is not None else ()
-        found = (*alerts, *alerts_of(self.study, results, map(alert_of, of_journal)))
+        found = (*alerts, *self.troubles, *alerts_of(self.study, results, map(alert_of, of_journal)))
         results = results.model_copy(update={"alerts": found})
         write_results(self.folder, results, self.arrays)
         return results

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import NDArray
 
 from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study, load_study, read_study, with_modes_asked
 from femtune.study.progress import Progress, silent
 from femtune.study.provenance import Stopwatch, inputs_of
+from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.record_model import model_facts, model_modes
 from femtune.study.results_correlation import CorrelationResults
 from femtune.study.results_model import ModelFacts, ModelModes
+from femtune.study.results_quantify import QuantifyResults
 from femtune.study.results_update import SelectionResults
 from femtune.study.run import Run, RunFolder, check_parameters, select_at
 from femtune.study.run_folder import check_writable
@@ -24,7 +28,18 @@ from femtune.study.stages import nominal, solve, solved_cases, stage_records, st
 from femtune.study.with_journal import keeping, looking_up
 from femtune.study.write_back import check_inputs_safe
 
-__all__ = ["RunFolder", "SimulatedTest", "correlate", "info", "mode_sets", "modes", "select", "update", "validate"]
+__all__ = [
+    "RunFolder",
+    "SimulatedTest",
+    "correlate",
+    "info",
+    "mode_sets",
+    "modes",
+    "quantify",
+    "select",
+    "update",
+    "validate",
+]
 
 
 def info(path: Path | str, progress: Progress = silent) -> ModelFacts:
@@ -105,6 +120,39 @@ def select(
     check_parameters(study)
     with looking_up(study, fresh, remarks) as study:
         return select_at(study, start(study, progress), {}, progress)
+
+
+def quantify(
+    path: Path | str,
+    progress: Progress = silent,
+    arrays: dict[str, NDArray] | None = None,
+    *,
+    fresh: bool = False,
+    remarks: list[str] | None = None,
+) -> QuantifyResults:
+    """How the free parameters scatter over repeated tests, from their start values; `run` does it after the update.
+
+    Matrices that the record refers to by key are put into `arrays`, where it is given; `fresh` and `remarks` as for
+    `modes`.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.no-repeats`` without [quantify], and others of ``quantify.*``
+    """
+    study = read_study(path, progress)
+    check_parameters(study)
+    found = repeats_of(study)
+    if found is None:
+        raise FemtuneError(
+            "quantify.no-repeats",
+            "the study names no repeated tests",
+            where=study.file.where("study"),
+            hint='add a table [quantify] with repeats = "repeats.csv", or one Universal File for each repeat',
+        )
+    with looking_up(study, fresh, remarks) as study:
+        repeats = replace(found, case=next(c for c in study.cases if c.name == found.case.name))
+        kept = {} if arrays is None else arrays
+        return quantify_at(study, repeats, nominal(study), kept, progress)
 
 
 def update(

@@ -17,6 +17,7 @@ from femtune.files.study_file.kinds import element_list
 from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.options import with_modes, with_response
 from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.reading import read_study_file, study_from_text
 from femtune.files.study_file.region import NearTable, RegionTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
@@ -54,11 +55,13 @@ __all__ = [
     "OutputTable",
     "PairEntry",
     "ParameterEntry",
+    "QuantifyTable",
     "ReductionTable",
     "RegionTable",
     "ResidualsTable",
     "ResponseTable",
     "RigidFloorEntry",
+    "SelectTable",
     "SensorEntry",
     "SensorTerm",
     "SensorsTable",

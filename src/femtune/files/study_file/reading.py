@@ -102,6 +102,9 @@ def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
     yield ("test", "file"), table(data, "test").get("file"), "test file"
     for key, what in (("grid", "file of grid points"), ("dofs", "list of DOFs"), ("listing", "list of modes")):
         yield ("model", key), table(data, "model").get(key), what
+    names = table(data, "quantify").get("repeats")
+    for name in names if isinstance(names, tuple) else (names,):
+        yield ("quantify", "repeats"), name, "file of repeats"
     for place, entry in tables(data, "matrix"):
         yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):

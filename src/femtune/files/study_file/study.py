@@ -12,6 +12,7 @@ from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.generic import GenericEntry
 from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import ResidualEntry
 from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import Source
@@ -60,6 +61,8 @@ class StudyFile(Table):
     checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
     response: ResponseTable | None = None
+    select: SelectTable = Field(default_factory=SelectTable)
+    quantify: QuantifyTable | None = None
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
     output: OutputTable = Field(default_factory=OutputTable)

@@ -19,6 +19,7 @@ from femtune.report.sections.natural_modes import natural_modes
 from femtune.report.sections.parameters import parameters
 from femtune.report.sections.pictures import pictures
 from femtune.report.sections.provenance import provenance
+from femtune.report.sections.quantify import quantify
 from femtune.report.sections.responses import frequency_responses, responses
 from femtune.report.sections.static_loads import static_loads
 from femtune.report.sections.summary import summary
@@ -37,6 +38,7 @@ BUILDERS: dict[str, Callable[[Source], list[Block]]] = {
     "parameters": parameters,
     "convergence": convergence,
     "identifiability": identifiability,
+    "quantify": quantify,
     "validation": validation,
     "checks": checks,
     "write_back": write_back,

@@ -3,6 +3,7 @@
 from femtune.report.steps.correlate import correlation_document
 from femtune.report.steps.info import info_document
 from femtune.report.steps.modes import modes_document
+from femtune.report.steps.quantify import quantify_document
 from femtune.report.steps.respond import responses_document
 from femtune.report.steps.select import selection_document
 from femtune.report.steps.subject import Subject, subject_of
@@ -13,6 +14,7 @@ __all__ = [
     "correlation_document",
     "info_document",
     "modes_document",
+    "quantify_document",
     "responses_document",
     "selection_document",
     "subject_of",

@@ -1,0 +1,242 @@
+"""Which bars of a truss scatter, from the covariance of its eigenvalues: python run.py [--quick] [--evidence DIR].
+
+The handbook chapter's truss of five bays (Figs 16 to 21): its five diagonals scatter. The distance of every bar's
+sensitivities to the leading space of the covariance tells them from the other sixteen, with the linear covariance
+exactly, and with the covariance of simulated tests as long as the scatter allows it. The number of independent causes
+is estimated, not given.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.fem import FieldRef
+from femtune.fem.assembled import AssembledMatrix
+from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model
+from femtune.parameters import Parameter, ParameterSet
+from femtune.quantify import EigenvalueOutputs
+from femtune.report.figures.canvas import draw_svg
+from femtune.report.figures.svg import BLUE, INK, ORANGE, PALE
+from femtune.select import CosineDistances, cosine_distances
+from femtune.testing.structures import make_structure, rods
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Reals = NDArray[np.float64]
+
+BAYS, TRUE, SPREAD = 5, (3, 7, 11, 15, 19), 0.2
+OUTPUTS = (10, 15, 20)
+
+
+def bars() -> dict[int, tuple[int, int]]:
+    """Ends of every bar, from 0: nodes 0 to 5 below, 6 to 11 above."""
+    found = {4 * BAYS + 1: (5, 11)}
+    for i in range(BAYS):
+        found |= {4 * i + 1: (i, 6 + i), 4 * i + 2: (i, i + 1), 4 * i + 3: (i, 7 + i), 4 * i + 4: (6 + i, 7 + i)}
+    return dict(sorted(found.items()))
+
+
+def mass(xyz: Reals) -> AssembledMatrix:
+    """Unit mass a length, consistent along and across each bar (a rod of a deck is so along itself only)."""
+    found = np.zeros((6 * len(xyz), 6 * len(xyz)))
+    for p, q in bars().values():
+        length = float(np.linalg.norm(xyz[q] - xyz[p]))
+        at = [6 * p, 6 * p + 1, 6 * q, 6 * q + 1]
+        found[np.ix_(at, at)] += length / 6.0 * np.kron([[2.0, 1.0], [1.0, 2.0]], np.eye(2))
+    return AssembledMatrix("mass", "bars", sp.csr_array(np.triu(found)))
+
+
+def truss(pinned: bool) -> ConfiguredModel:
+    """Bars of unit EA in a plane; the left end pinned, or all free."""
+    xyz = np.array([(i, y, 0.0) for y in (0.0, 1.0) for i in range(BAYS + 1)])
+    section = {"E": 1.0, "A": 1.0, "G": 0.0, "J": 0.0, "rho": 0.0}
+    held = [6 * node + d for node in range(12) for d in (2, 3, 4, 5)]
+    held += [6 * node + d for node in (0, 6) for d in (0, 1)] if pinned else []
+    structure = make_structure(
+        xyz, [rods(list(bars().values()), section)], permanent=np.array(sorted(held)), assembled=(mass(xyz),)
+    )
+    parameters = ParameterSet(tuple(Parameter(f"b{n}", 1.0, 0.1, 3.0) for n in bars()))
+    fields = [Assignment(f"b{n}", FieldRef("CROD", n, "E")) for n in bars()]
+    return configure(parametric_model(structure, parameters, fields), Configuration())
+
+
+@dataclass(frozen=True)
+class Case:
+    """A number of outputs, where the covariance comes from, and what was found."""
+
+    name: str
+    outputs: int
+    found: CosineDistances
+
+    @property
+    def inside(self) -> float:
+        """Largest distance of a true bar."""
+        return float(max(self.found.distance[b - 1] for b in TRUE))
+
+    @property
+    def outside(self) -> float:
+        """Smallest distance of another bar that has any effect."""
+        return float(min(d for b, d in self._others() if not self.found.insensitive[b - 1]))
+
+    def _others(self) -> list[tuple[int, float]]:
+        return [(b, float(self.found.distance[b - 1])) for b in bars() if b not in TRUE]
+
+    @property
+    def right(self) -> bool:
+        """True where exactly the true bars are named."""
+        return self.found.scatters == tuple(f"b{b}" for b in TRUE)
+
+
+class Tested:
+    """Sensitivities of a truss, and eigenvalues of simulated ones."""
+
+    def __init__(self, *, pinned: bool, samples: int) -> None:
+        model = truss(pinned)
+        self.rigid = 0 if pinned else 3
+        self.names = tuple(p.name for p in model.model.parameters.free)
+        count = OUTPUTS[-1] + self.rigid
+        self.outputs = EigenvalueOutputs(model, min(count, model.n_free), np.ones(21), relative_gap=0.0, more=8)
+        self.values, self.slopes = (a[self.rigid :] for a in self.outputs.linearised(np.ones(21)))
+        self.cloud = self._cloud(np.random.default_rng(1), samples)
+
+    def _cloud(self, rng: np.random.Generator, samples: int) -> dict[float, Reals]:
+        """Eigenvalues by scatter: motions followed, and in order of size (key negative)."""
+        normal, found = rng.standard_normal((samples, len(TRUE))), {}
+        for spread in (0.02, SPREAD):
+            theta = np.ones((samples, 21))
+            theta[:, np.array(TRUE) - 1] += spread * normal
+            followed = (
+                np.array([self.outputs.values(row)[self.rigid :] for row in theta]) if samples else np.zeros((0, 1))
+            )
+            found[spread], found[-spread] = followed, np.sort(followed, axis=1)
+        return found
+
+    def linear(self, count: int) -> Case:
+        """The first-order covariance of the true bars."""
+        S = self.slopes[:count, np.array(TRUE) - 1]
+        return self._case("linear", count, SPREAD**2 * S @ S.T, self.values)
+
+    def simulated(self, count: int, spread: float, name: str) -> Case:
+        """The covariance of simulated tests."""
+        z = self.cloud[spread][:, :count]
+        return self._case(name, count, np.cov(z.T), z.mean(axis=0))
+
+    def _case(self, name: str, count: int, C: Reals, mean: Reals) -> Case:
+        found = cosine_distances(C, mean[:count], self.slopes[:count], np.ones(21), self.names)
+        return Case(name, count, found)
+
+
+def study(samples: int) -> tuple[list[Case], list[Case], list[Case]]:
+    """Linear and simulated covariance of the pinned truss, and the linear one of the free truss."""
+    pinned, free = Tested(pinned=True, samples=samples), Tested(pinned=False, samples=0)
+    linear = [pinned.linear(n) for n in OUTPUTS]
+    kinds = ((0.02, "2 %, followed"), (SPREAD, "20 %, followed"), (-SPREAD, "20 %, by order"))
+    simulated = [pinned.simulated(n, spread, name) for spread, name in kinds for n in OUTPUTS]
+    return linear, simulated, [free.linear(n) for n in OUTPUTS]
+
+
+def check(linear: Sequence[Case], simulated: Sequence[Case], free: Sequence[Case]) -> None:
+    """The published margins with the linear covariance; no wrong verdict that is called clear."""
+    for case in (*linear, *free):
+        assert case.inside < 1e-12
+        assert case.right
+    assert [c.found.rank for c in linear] == [len(TRUE)] * 3
+    # set free the truss is symmetric about its middle, so that diagonals 3 and 19, 7 and 15 have the same columns
+    assert [c.found.rank for c in free] == [3] * 3
+    np.testing.assert_allclose([linear[0].outside, linear[2].outside], [0.028, 0.21], atol=2e-3)
+    # the pinned end lets bar 1 do nothing; set free it has an effect, and is seen not to scatter
+    assert all(c.found.insensitive[0] for c in linear)
+    assert not any(c.found.insensitive[0] for c in free)
+    assert all(c.found.distance[0] > c.found.threshold for c in free)
+    # a clear verdict is a right one, whatever the scatter
+    assert all(c.right for c in (*linear, *simulated, *free) if c.found.clear)
+    assert all(c.right and c.found.clear for c in simulated if c.name.startswith("2 %"))
+    twenty = {(c.name, c.outputs): c for c in simulated}
+    assert twenty["20 %, followed", 20].right
+    # at 20 % 15 eigenvalues do not separate the bars: and that is said
+    assert not twenty["20 %, by order", 15].found.clear
+
+
+def text(linear: Sequence[Case], simulated: Sequence[Case], free: Sequence[Case], samples: int) -> str:
+    """The page."""
+    rows = [_row(c, "pinned") for c in (*linear, *simulated)] + [_row(c, "free") for c in free]
+    return "\n".join([
+        "# Selecting parameters by the covariance of the outputs", "",
+        "A truss of five bays; its five diagonals scatter. Distance 1 − cos between the scaled sensitivities of each "
+        "bar and the leading space of the covariance of the eigenvalues; the rank is estimated and the threshold lies "
+        f"between the two groups that it leaves. Simulated: {samples} trusses.", "",
+        "| covariance | support | eigenvalues | rank | largest distance of a true bar | smallest of another "
+        "| threshold | exactly the true bars | called clear |", "| --- " * 9 + "|", *rows, "",
+        "With the linear covariance the true bars are met to rounding, and the others stand off by .028 (10 "
+        "eigenvalues) and .21 (20), as they should. At 20 % scatter first-order sensitivities are no longer enough: "
+        "the distances grow together, and eigenvalues in order of size change places. With 20 eigenvalues that are "
+        "followed by their motions the bars are still told apart. No verdict that was called clear is wrong.", "",
+        "![Distance of every bar](cases_truss_selection.svg)", "",
+    ])  # fmt: skip
+
+
+def _row(c: Case, support: str) -> str:
+    f = c.found
+    return (
+        f"| {c.name} | {support} | {c.outputs} | {f.rank} | {c.inside:.2g} | {c.outside:.3f} | {f.threshold:.2g} | "
+        f"{'yes' if c.right else 'no'} | {'yes' if f.clear else 'no'} |"
+    )
+
+
+def figure(linear: Sequence[Case], simulated: Sequence[Case], free: Sequence[Case]) -> str:
+    """Distances by bar with their thresholds, as the chapter's Figures 17 to 21: covariance; eigenvalues; support."""
+    shown = [linear[0], linear[2], simulated[5], simulated[7], free[0], free[2]]
+    notes = ["pinned"] * 4 + ["free"] * 2
+
+    def draw(sheet: Figure) -> None:
+        for axes, case, note in zip(sheet.subplots(3, 2).ravel(), shown, notes):
+            _bars(axes, case)
+            axes.set_title(f"{case.name}; {case.outputs}; {note}", color=INK)
+
+    return draw_svg(8.6, 6.4, draw)
+
+
+def _bars(axes: Axes, case: Case) -> None:
+    colours = [ORANGE if b in TRUE else BLUE for b in bars()]
+    axes.bar(list(bars()), np.maximum(case.found.distance, 3e-16), color=colours)
+    for b, blind in zip(bars(), case.found.insensitive):
+        if blind:
+            axes.text(b, 3e-16, "no effect", rotation=90, ha="center", va="bottom", fontsize=6, color=INK)
+    axes.axhline(case.found.threshold, color=PALE if not case.found.clear else INK, linewidth=0.9, linestyle="--")
+    axes.set_yscale("log")
+    axes.set_ylim(1e-16, 2.0)
+    axes.yaxis.set_major_formatter(lambda x, _: f"{x:.0e}".replace("e-0", "e-"))
+    axes.set_xticks(list(bars())[::2])
+    axes.set_xlabel("bar (orange: scatters)")
+    axes.set_ylabel("1 − cos")
+
+
+def main() -> None:
+    """Run the example."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer trusses, for continuous integration")
+    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    options = parser.parse_args()
+    samples = 200 if options.quick else 1000
+    found = study(samples)
+    page = text(*found, samples)
+    print(page)
+    check(*found)
+    if options.evidence:
+        options.evidence.mkdir(parents=True, exist_ok=True)
+        (options.evidence / "cases_truss_selection.md").write_text(page, encoding="utf-8")
+        (options.evidence / "cases_truss_selection.svg").write_text(figure(*found), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

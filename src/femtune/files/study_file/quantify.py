@@ -1,0 +1,37 @@
+"""[select] and [quantify]: how parameters are chosen, and how their scatter is found from repeated tests."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from femtune.files.study_file.kinds import Text
+from femtune.files.study_file.table import Table
+
+
+class SelectTable(Table):
+    """[select]: which measures are added to those that need no choice."""
+
+    energies: Literal["none", "parameters", "properties", "elements"] = "none"
+    localise: bool = False
+    noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
+
+
+def _listed(value: object) -> object:
+    """One file may stand without brackets."""
+    return (value,) if isinstance(value, str) else value
+
+
+class QuantifyTable(Table):
+    """[quantify]: repeated tests of one configuration, and how mean and covariance follow from them."""
+
+    repeats: Annotated[tuple[Text, ...], BeforeValidator(_listed), Field(min_length=1)]
+    columns: tuple[str, ...] = ()
+    configuration: Text | None = None
+    method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
+    missing: Literal["em", "pairwise", "complete"] = "em"
+    weighting: Literal["relative", "covariance"] = "relative"
+    regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+    samples: Annotated[int, Field(ge=20, le=1_000_000)] = 200
+    seed: Annotated[int, Field(ge=0, le=2**31)] = 1

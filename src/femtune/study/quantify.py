@@ -1,0 +1,163 @@
+"""The step that tells how parameters scatter, from repeated tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.files.study_file import QuantifyTable
+from femtune.quantify import (
+    CloudRules,
+    ForwardCheck,
+    FrequencyOutputs,
+    StochasticResult,
+    StochasticRules,
+    forward_check,
+    frequency_outputs,
+    stochastic_update,
+)
+from femtune.residuals import UpdateProblem
+from femtune.study.load import Study
+from femtune.study.progress import Progress
+from femtune.study.record_update import citations
+from femtune.study.repeats import Repeats, read_repeats
+from femtune.study.results_quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+
+Reals = NDArray[np.float64]
+Arrays = dict[str, NDArray]
+
+_CLOUDS = ("cross-covariance", "output-difference")
+_NO_REPEAT = "the repeats do not have it"
+
+
+def repeats_of(study: Study) -> Repeats | None:
+    """The repeats of the study; None without [quantify]. Errors as of `read_repeats`."""
+    return None if study.file.quantify is None else read_repeats(study, study.file.quantify)
+
+
+def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progress: Progress) -> QuantifyResults:
+    """Mean and covariance of the free parameters from a normalised start x, with a forward check.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.*``, ``correlate.no-pairs``, and what an eigen-solution raises
+    """
+    table = study.file.quantify
+    assert table is not None
+    progress.step("mean and covariance of the parameters", 0, None)
+    start = np.asarray(study.parameters.denormalise(x))
+    outputs = _outputs(study, repeats, start)
+    found = _updated(study, table, outputs, repeats, start)
+    progress.step(f"forward check with {table.samples} samples", 0, None)
+    check = forward_check(outputs, found, table.samples, table.seed)
+    return _record(study, table, repeats, found, check, arrays)
+
+
+def _outputs(study: Study, repeats: Repeats, start: Reals) -> FrequencyOutputs:
+    """Frequencies of the modes that are paired at the start and that the repeats have."""
+    case = repeats.case.compared
+    assert case is not None
+    gone = {i: _NO_REPEAT for i in range(len(case.test)) if i not in repeats.measured}
+    some = replace(case, left_out={**gone, **case.left_out}, fixed=tuple(p for p in case.fixed if p[0] not in gone))
+    return frequency_outputs(UpdateProblem((some,), study.parameters), start)
+
+
+def _updated(
+    study: Study, table: QuantifyTable, outputs: FrequencyOutputs, repeats: Repeats, start: Reals
+) -> StochasticResult:
+    measured = repeats.statistics(outputs.modes, table.missing)
+    names, sd = tuple(p.name for p in study.parameters.free), np.array([p.sd for p in study.parameters.free])
+    rules = StochasticRules(
+        table.method, table.weighting, table.regularisation, cloud=CloudRules(table.samples, table.seed)
+    )
+    if table.method not in _CLOUDS:
+        return stochastic_update(outputs, measured, names, start, sd, rules)
+    # a prior's width makes a cloud that says little: the cloud starts where (39) ends
+    first = stochastic_update(outputs, measured, names, start, sd, replace(rules, method="perturbation"))
+    if not first.sd.all():
+        raise FemtuneError(
+            "quantify.start-sd", "a parameter without effect on the repeated frequencies has no scatter to start from",
+            values={"parameters": ", ".join(n for n, s in zip(names, first.sd) if not s)},
+            hint='leave it out, or take method = "second-order"',
+        )  # fmt: skip
+    found = stochastic_update(outputs, measured, names, first.mean, first.sd, rules)
+    return replace(found, start=start, solutions=found.solutions + first.solutions)
+
+
+def _record(
+    study: Study, table: QuantifyTable, repeats: Repeats, found: StochasticResult, check: ForwardCheck, arrays: Arrays
+) -> QuantifyResults:
+    measured, status = found.measured, found.status
+    keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
+    values = (measured.repeats, measured.covariance, check.z, found.covariance)
+    arrays |= dict(zip(keys.values(), values))
+    parameters = _parameters(study, found)
+    return QuantifyResults(
+        configuration=repeats.case.name,
+        method=table.method,
+        status=status.name,
+        message=status.value,
+        ok=status.ok,
+        estimate=measured.estimate,
+        repeats=len(measured.repeats),
+        solutions=found.solutions,
+        samples=table.samples,
+        covariance_error_percent=100.0 * check.covariance_error,
+        chance_error_percent=100.0 * check.chance_error,
+        unexplained_percent=100.0 * found.unexplained,
+        agrees=check.agrees,
+        parameters=parameters,
+        outputs=_output_records(check),
+        sentences=(*check.sentences, *_remarks(found, parameters)),
+        repeats_key=keys["repeats"],
+        covariance_key=keys["covariance"],
+        cloud_key=keys["cloud"],
+        parameter_covariance_key=keys["parameter_covariance"],
+        citations=citations(found.citations),
+    )
+
+
+def _parameters(study: Study, found: StochasticResult) -> tuple[ScatteringParameter, ...]:
+    return tuple(
+        ScatteringParameter(
+            parameter=p.name,
+            start=float(found.start[i]),
+            mean=float(found.mean[i]),
+            sd=float(found.sd[i]),
+            correlation=tuple(float(c) for c in found.correlation[i]),
+            outside_bounds=not p.lower <= found.mean[i] <= p.upper,
+        )
+        for i, p in enumerate(study.parameters.free)
+    )
+
+
+def _output_records(check: ForwardCheck) -> tuple[ScatteringOutput, ...]:
+    measured = check.measured
+    counts = np.isfinite(measured.repeats).sum(axis=0)
+    return tuple(
+        ScatteringOutput(
+            label=label.removeprefix("mode "),
+            repeats=int(counts[i]),
+            measured_mean_hz=float(measured.mean[i]),
+            measured_sd_hz=float(measured.sd[i]),
+            model_mean_hz=float(check.mean[i]),
+            model_sd_hz=float(check.sd[i]),
+        )
+        for i, label in enumerate(measured.labels)
+    )
+
+
+def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...]) -> list[str]:
+    out = [f"It {found.status.value}."] if found.status.name != "CONVERGED" else []
+    if len(found.names) >= len(found.measured.mean):
+        out.append(
+            f"{len(found.names)} parameters from {len(found.measured.mean)} frequencies: they meet the measured "
+            "scatter whether they are those that scatter or not. More frequencies than parameters would tell."
+        )
+    outside = [p.parameter for p in parameters if p.outside_bounds]
+    if outside:
+        out.append(f"The mean of {', '.join(outside)} lies outside the bounds, which this step does not enforce.")
+    return [*out, *(f"{n.what[:1].upper()}{n.what[1:]}." for n in found.measured.notices)]

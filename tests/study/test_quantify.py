@@ -1,0 +1,193 @@
+"""Stochastic updating from a study: repeats as a table and as Universal Files, the record, the report, the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.report import build_report
+from femtune.study.results_quantify import QuantifyResults
+
+from .conftest import EI, Bench
+
+SPREAD, COUNT = 0.05, 12
+IN_PLANE = [0, 2, 4]
+OTHER_PLANE = ", ".join(f'{{ mode = "{m}", reason = "other plane" }}' for m in (2, 4, 6))
+LEFT_OUT = f"leave_out = [{OTHER_PLANE}]\n"
+
+
+def _truth(bench: Bench, factors: np.ndarray) -> Path:
+    card = "PBAR    {}       1       1.0-3   {}"
+    changes = tuple((card.format(i, "2.0-7   "), card.format(i, f"{2 * f:.4f}-7")) for i, f in zip((1, 2), factors))
+    return bench.truth(changes)
+
+
+def _factors() -> np.ndarray:
+    return np.array([1.1, 0.95]) + SPREAD * np.random.default_rng(4).standard_normal((COUNT, 2))
+
+
+def _written(factors: np.ndarray) -> np.ndarray:
+    """Factors as the eight columns of the deck hold them."""
+    return np.round(2.0 * factors, 4) / 2.0
+
+
+@pytest.fixture
+def repeated(bench: Bench) -> tuple[Bench, np.ndarray, np.ndarray]:
+    """A bench, the factors of twelve beams, and three frequencies of each in the plane that the factors bend."""
+    factors = _written(_factors())
+    hz = np.array([bench.modes(_truth(bench, f), 6)[IN_PLANE] for f in factors])
+    bench.uff(bench.measure(_truth(bench, np.array([1.1, 0.95])), count=6))
+    return bench, factors, hz
+
+
+def _table(bench: Bench, hz: np.ndarray, head: str = "1,3,5") -> None:
+    cells = [",".join("" if np.isnan(v) else repr(float(v)) for v in row) for row in hz]
+    bench.write("repeats.csv", "\n".join([head, *cells, ""]))
+
+
+def _study(bench: Bench, more: str = "", repeats: str = '"repeats.csv"', head: str = LEFT_OUT) -> Path:
+    return bench.study(f"{head}{EI}\n[quantify]\nrepeats = {repeats}\nsamples = 30\n{more}")
+
+
+def _near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> None:
+    np.testing.assert_allclose([p.mean for p in found.parameters], factors.mean(axis=0), rtol=rtol)
+    np.testing.assert_allclose([p.sd for p in found.parameters], factors.std(axis=0, ddof=1), rtol=20 * rtol)
+
+
+def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
+    bench, factors, hz = repeated
+    _table(bench, hz)
+    arrays: dict = {}
+    found = steps.quantify(_study(bench), arrays=arrays)
+    assert found.ok
+    assert found.agrees
+    _near(found, factors, 5e-4)
+    correlation = np.corrcoef(factors.T)[0, 1]
+    assert found.parameters[0].correlation[1] == pytest.approx(correlation, abs=0.01)
+    assert found.unexplained_percent < 0.5
+    np.testing.assert_allclose([o.measured_sd_hz for o in found.outputs], hz.std(axis=0, ddof=1))
+    assert {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key} == set(arrays)
+
+
+@pytest.mark.parametrize("method", ["perturbation", "cross-covariance", "output-difference"])
+def test_every_method_of_a_study(repeated, method: str):
+    bench, factors, hz = repeated
+    _table(bench, hz)
+    found = steps.quantify(_study(bench, f'method = "{method}"\n'))
+    assert found.ok
+    _near(found, factors, 3e-3)
+    assert found.solutions > (60 if method != "perturbation" else 0)
+
+
+def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
+    bench, factors, _ = repeated
+    names = []
+    for i, f in enumerate(factors):
+        test = bench.measure(_truth(bench, f), count=6)
+        if i == 3:
+            modes = test.modes
+            keep = [0, 1, 3, 4, 5]
+            test = type(test)(test.name, test.units, test.geometry, modes=type(modes)(
+                modes.freq_hz[keep], modes.shapes[:, keep], modes.dofs, normalisation="mass"))  # fmt: skip
+        names.append(bench.uff(test, f"repeat{i}.uff").name)
+    found = steps.quantify(_study(bench, repeats=str(names)))
+    assert [o.repeats for o in found.outputs] == [12, 11, 12]
+    assert any("1 of 36 values were not measured" in s for s in found.sentences)
+    _near(found, factors, 3e-3)
+
+
+def test_a_run_keeps_it_in_results_and_report(repeated):
+    bench, factors, hz = repeated
+    _table(bench, hz)
+    run = steps.run(_study(bench))
+    assert run.results.quantify is not None
+    _near(run.results.quantify, factors, 5e-4)
+    document = build_report(run.results, run.arrays)
+    section = next(s for s in document.sections if s.id == "quantify")
+    figures = [b for b in section.blocks if type(b).__name__ == "Figure"]
+    assert len(figures) == 2
+    assert all("</svg>" in f.draw() for f in figures)
+    page = run.report.read_text(encoding="utf-8")
+    assert "Scatter over repeated tests" in page
+    assert run.results.quantify.sentences[0] in page
+
+
+def test_a_study_without_repeats_says_so_in_its_report(finished):
+    _, run = finished
+    section = next(s for s in build_report(run.results, run.arrays).sections if s.id == "quantify")
+    assert "no repeated tests" in str(section.blocks)
+
+
+def test_columns_may_have_names_of_their_own(repeated):
+    bench, factors, hz = repeated
+    _table(bench, np.column_stack([np.arange(COUNT), hz]), "test,f1_Hz,f3_Hz,f5_Hz")
+    found = steps.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n'))
+    _near(found, factors, 5e-4)
+
+
+def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
+    """One factor on the root alone, where root and tip scatter."""
+    bench, _, hz = repeated
+    _table(bench, hz)
+    one = '[[parameter]]\nname = "root"\nfields = ["PBAR 1 I1"]\nlower = 0.5\nupper = 2.0\n'
+    study = bench.study(f'{LEFT_OUT}{one}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n')
+    found = steps.quantify(study)
+    assert not found.agrees
+    assert found.unexplained_percent > 2.0
+    assert "does not repeat what was measured" in found.sentences[0]
+
+
+def _two(bench: Bench) -> Path:
+    entries = "".join(f'[[configuration]]\nname = "{n}"\ntest = "beam.uff"\n' for n in "AB")
+    return bench.study(f'{entries}{EI}\n[quantify]\nrepeats = "repeats.csv"\n', test=None)
+
+
+def _without(bench: Bench) -> Path:
+    return bench.study()
+
+
+def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
+    def write(bench: Bench) -> Path:
+        bench.write("repeats.csv", text)
+        return _study(bench, more, head="")
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("write", "code", "words"),
+    [
+        (_two, "quantify.configuration", "does not say which configuration"),
+        (_without, "quantify.no-repeats", "names no repeated tests"),
+        (_broken("a,b\n1,2\n3,4\n"), "quantify.columns", "'a' is no mode of the test"),
+        (_broken("1,1\n1,2\n3,4\n"), "quantify.columns", "a mode twice"),
+        (_broken("1,2\n1,2,3\n"), "quantify.file", "3 values under 2 headings"),
+        (_broken("1,2\n1,x\n"), "quantify.file", "'x' under '2' is no finite number"),
+        (_broken("1,2\n1,inf\n"), "quantify.file", "'inf' under '2'"),
+        (_broken("1,2\n"), "quantify.file", "no line of values"),
+        (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 does not scatter"),
+        (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
+        (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names the configuration C"),
+    ],
+)  # fmt: skip
+def test_bad_repeats_are_a_sentence(beam: Bench, write: Callable[[Bench], Path], code: str, words: str):
+    beam.write("repeats.csv", "1,2\n10,60\n11,61\n")
+    with pytest.raises(FemtuneError, match=words) as error:
+        steps.quantify(write(beam))
+    assert error.value.code == code
+
+
+def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
+    beam.write("repeats.csv", "1,2\n11,70\n11,71\n")
+    run = steps.update(_study(beam, head=""))
+    assert run.results.update is not None
+    assert run.results.update.ok
+    assert run.results.quantify is None
+    assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
+        "scatter of the parameters: mode 1 does not scatter: its variance is zero"
+    ]
