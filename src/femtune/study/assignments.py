@@ -11,12 +11,14 @@ from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.fem import MODAL
 from femtune.fem.factors import FACTORS
 from femtune.fem.values import FieldRef
+from femtune.files.damping_catalogue import look_up
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, parse_field_ref, resolve
 from femtune.files.study_file import ParameterEntry, StudyFile
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
 from femtune.parameters import Parameter, ParameterSet, parse_expression
+from femtune.study.located import located
 from femtune.study.regions import region_of
 
 
@@ -36,16 +38,26 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
     Raises
     ------
     FemtuneError : ``parameter.region``, ``parameter.touches-nothing``, ``parameter.derived-field``,
-        ``study.unknown-field``
+        ``study.unknown-field``, ``catalogue.*``
     """
     errors, found = ErrorCollector(), []
-    for i, entry in enumerate(file.parameter):
+    for i, given in enumerate(file.parameter):
         with errors.catch():
+            entry = _with_known(file, i, given)
             where, chosen = file.where("parameter", i), region_of(file, i, built)
             refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
             found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
     return tuple(found)
+
+
+def _with_known(file: StudyFile, i: int, entry: ParameterEntry) -> ParameterEntry:
+    """The parameter with mean and standard deviation of its prior from the catalogue that it names."""
+    if entry.prior is None:
+        return entry
+    with located(file.where("parameter", i, "prior")):
+        known = look_up(file.path_of(entry.prior), entry.prior_name or entry.name)
+    return entry.model_copy(update={"mean": known.value, "sd": known.sd})
 
 
 def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:

@@ -18,6 +18,7 @@ from femtune.study import (
     results_reduction,
     results_response,
     results_shapes,
+    results_stages,
     results_update,
     results_validation,
 )
@@ -99,15 +100,8 @@ def json_schema() -> dict[str, Any]:
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_checks, results_model, results_correlation, results_shapes, results_response)
-    modules = (
-        results_base,
-        *model,
-        results_update,
-        results_quantify,
-        results_validation,
-        results_reduction,
-        results_journal,
-    )
+    uses = (results_quantify, results_validation, results_reduction, results_stages, results_journal)
+    modules = (results_base, *model, results_update, *uses)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

@@ -7,6 +7,7 @@ from typing import Literal
 from femtune.study.results_base import Citation, Record
 from femtune.study.results_checks import ModelCheck
 from femtune.study.results_reduction import ReductionResults
+from femtune.study.results_stages import StageResults
 from femtune.study.results_validation import GoodnessResults
 
 BoundState = Literal["", "lower", "upper"]
@@ -256,6 +257,8 @@ class UpdateResults(Record):
     """Publications behind what ran in the update."""
     goodness: GoodnessResults | None = None
     """Whether the residuals are noise; None in results of before it was tested."""
+    stages: tuple[StageResults, ...] = ()
+    """Stages of a bottom-up study, in their order; the history has the best run of each, one after another."""
     reduction: ReductionResults | None = None
     """Reduced models that the update searched on; None where it ran on the full model."""
 

@@ -14,6 +14,8 @@ from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation
 from femtune.select import identifiability
 from femtune.study.alerts import alerts_of
+from femtune.study.bottom_up import bottom_up
+from femtune.study.damping_values import write_damping
 from femtune.study.history import History
 from femtune.study.journal import Journal
 from femtune.study.load import Study, on_deck
@@ -23,6 +25,7 @@ from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.record_checks import model_checks
 from femtune.study.record_model import alert_of, model_facts, sensor_results
+from femtune.study.record_stages import stage_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
 from femtune.study.record_validation import validation
 from femtune.study.reduction import find_on_reduced
@@ -37,7 +40,7 @@ from femtune.study.stages import Solved, StageRecords, as_written, nothing, solu
 from femtune.study.update_method import regularisation_of
 from femtune.study.with_journal import journal_results
 from femtune.study.write_back import WriteBack, check_written, write_back
-from femtune.update import Iteration, SensitivityMethod, UpdateResult
+from femtune.update import Iteration, SensitivityMethod, StageResult, UpdateResult
 from femtune.update import update as find_parameters
 
 Arrays = dict[str, NDArray]
@@ -80,6 +83,7 @@ class Run:
     journal: Journal | None = None
     arrays: Arrays = field(default_factory=dict)
     reductions: list[ReductionResults] = field(default_factory=list)
+    stages: list[StageResult] = field(default_factory=list)
     sensitivities: Sensitivities = field(default_factory=Sensitivities)
     troubles: list[Alert] = field(default_factory=list)
 
@@ -183,12 +187,27 @@ class Run:
             text = f"update: weighted mean error {100 * iteration.mean_error:.4g} %"
             self.progress.step(text, iteration.number, table.max_iterations)
 
+        if self.study.file.stage:
+            return self._bottom_up(at, history)
         reduction = self.study.file.reduction
         if reduction is None:
             return find_parameters(self.study.problem(), method, report, at)
         result, facts = find_on_reduced(self.study, reduction, method, report, at, self.progress)
         self.reductions.append(facts)
         return result
+
+    def _bottom_up(self, at: Evaluation, history: History) -> UpdateResult:
+        """The stages of the study, as one update."""
+
+        def tell(stage: str, seed: int, iteration: Iteration) -> None:
+            history.add(iteration)
+            start = f", seed {seed}" if seed else ""
+            text = f"stage {stage}{start}: weighted mean error {100 * iteration.mean_error:.4g} %"
+            self.progress.step(text, iteration.number, None)
+
+        found = bottom_up(self.study, at, tell)
+        self.stages.extend(found.stages)
+        return found.result
 
     def _write(self, result: UpdateResult) -> WriteBack:
         self.progress.step("writing the updated deck", 0, None)
@@ -206,6 +225,8 @@ class Run:
         error: float | None = None,
     ) -> Results:
         values = {} if written is None else written.written
+        update = update_results(self.study, result, values, error, next(iter(self.reductions), None))
+        staged = stage_results(self.study, self.stages)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for s in stages for m in s.modes)),
             "modes": tuple(m for s in stages for m in s.modes),
@@ -213,7 +234,7 @@ class Run:
             "responses": tuple(r for s in stages for r in s.responses),
             "mode_shapes": tuple(m for s in stages for m in s.shapes),
             "selection": selection,
-            "update": update_results(self.study, result, values, error, next(iter(self.reductions), None)),
+            "update": update.model_copy(update={"stages": staged}),
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, stages[0], stages[-1], predictions(result, self.sensitivities)),
             "journal": journal_results(self.journal),
@@ -226,6 +247,8 @@ class Run:
         found = (*alerts, *self.troubles, *alerts_of(self.study, results, map(alert_of, of_journal)))
         results = results.model_copy(update={"alerts": found})
         write_results(self.folder, results, self.arrays)
+        if results.update is not None:
+            write_damping(self.study, results.update, self.folder)
         return results
 
 

@@ -116,11 +116,11 @@ def true_model(deck: Path) -> ConfiguredModel:
     """The deck with all parameters at their true values, in the state of the deck."""
     structure = build_structure(read_deck(deck)).structure
     parameters = ParameterSet(tuple(Parameter(k.name, k.truth, 0.5 * k.truth, 2.0 * k.truth) for k in KNOWN))
-    fields = [Assignment(k.name, _reference(f), relative=False) for k in KNOWN for f in k.fields]
+    fields = [Assignment(k.name, reference(f), relative=False) for k in KNOWN for f in k.fields]
     return configure(parametric_model(structure, parameters, fields), Configuration())
 
 
-def _reference(text: str) -> FieldRef:
+def reference(text: str) -> FieldRef:
     card, number, name = text.split()
     return FieldRef(card, int(number), name)
 
@@ -197,13 +197,13 @@ def write_tests(measured: tuple[Measured, ...], folder: Path) -> dict[str, str]:
         write_uff_modes(path, one.test)
         write_uff_frfs(frfs, one.test)
         with path.open("a", encoding="ascii") as out:
-            out.write(_functions(frfs.read_text(encoding="ascii")))
+            out.write(functions_of(frfs.read_text(encoding="ascii")))
         frfs.unlink()
         names[one.name] = path.name
     return names
 
 
-def _functions(text: str) -> str:
+def functions_of(text: str) -> str:
     """The data sets 58 of a Universal File."""
     sets = text.split("    -1\n")
     return "".join(f"    -1\n{one}    -1\n" for one in sets if one.startswith("    58"))

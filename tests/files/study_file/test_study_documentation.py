@@ -43,6 +43,7 @@ _TABLES: dict[str, type[Table]] = {
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,
     "## `[reduction]`": study_file.ReductionTable,
+    "## `[[stage]]`": study_file.StageEntry,
     "## `[response]`": study_file.ResponseTable,
     "## `[[load]]`": study_file.LoadEntry,
     "## `[checks]`": study_file.ChecksTable,

@@ -21,6 +21,7 @@ from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.reading import read_study_file, study_from_text
 from femtune.files.study_file.region import NearTable, RegionTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
+from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.steps import (
     CorrelateTable,
     ModesTable,
@@ -66,6 +67,7 @@ __all__ = [
     "SensorTerm",
     "SensorsTable",
     "SingleTest",
+    "StageEntry",
     "StudyFile",
     "StudyTable",
     "TestKeys",

@@ -28,6 +28,8 @@ class ParameterEntry(Table):
     absolute: bool = False
     sd: Positive | None = None
     mean: float | None = None
+    prior: Text | None = None
+    prior_name: Text | None = None
     tie: Expression | None = None
     unit: str = ""
 

@@ -15,7 +15,7 @@ from femtune.parameters import parse_expression
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_OF_FREE_ONES = ("lower", "upper", "nominal", "sd", "mean")
+_OF_FREE_ONES = ("lower", "upper", "nominal", "sd", "mean", "prior")
 
 
 def parameter_rules(data: Data, source: Source) -> Problems:
@@ -29,6 +29,7 @@ def parameter_rules(data: Data, source: Source) -> Problems:
             yield from _tied(place, entry, names, source)
         else:
             yield from _bounds(place, entry, source)
+            yield from _catalogue(place, entry, source)
 
 
 def _name(place: Place, entry: Data, source: Source) -> Problems:
@@ -57,6 +58,22 @@ def _names_in(tie: object) -> tuple[str, ...]:
         return parse_expression(tie).names if isinstance(tie, str) else ()
     except FemtuneError:
         return ()
+
+
+def _catalogue(place: Place, entry: Data, source: Source) -> Problems:
+    """A prior from a catalogue stands alone, and is of the field itself."""
+    if "prior_name" in entry and "prior" not in entry:
+        what = "prior_name names an entry of a catalogue, and no catalogue is given"
+        yield source.error((*place, "prior_name"), "parameter.prior", what, {}, 'add prior = "damping.toml"')
+    if "prior" not in entry:
+        return
+    for key in ("mean", "sd"):
+        if key in entry:
+            what = f"the catalogue gives the prior, and '{key}' gives it too"
+            yield source.error((*place, key), "parameter.prior", what, {key: entry[key]}, "keep one of the two")
+    if entry.get("absolute") is not True:
+        what = "a catalogue holds values of the field itself, and this parameter is a factor"
+        yield source.error((*place, "prior"), "parameter.prior", what, {}, "add absolute = true")
 
 
 def _bounds(place: Place, entry: Data, source: Source) -> Problems:

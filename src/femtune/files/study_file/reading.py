@@ -109,6 +109,8 @@ def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
         yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):
         yield (*place, "test"), entry.get("test"), "test file"
+    for place, entry in tables(data, "parameter"):
+        yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
 
 
 def _missing_files(data: dict[str, Any], source: Source, folder: Path) -> Iterator[FemtuneError]:

@@ -21,6 +21,7 @@ from femtune.files.study_file.plain import named_twice, table, tables, texts
 from femtune.files.study_file.residual_rules import residual_rules
 from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
+from femtune.files.study_file.stage_rules import stage_rules
 from femtune.files.study_file.validation_rules import validation_rules
 
 Data = dict[str, Any]
@@ -41,6 +42,7 @@ def rules(data: Data, source: Source) -> Problems:
     yield from residual_rules(data, source)
     yield from _regularisation(data, source)
     yield from response_rules(data, source)
+    yield from stage_rules(data, source)
     yield from validation_rules(data, source)
 
 

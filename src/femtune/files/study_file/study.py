@@ -16,6 +16,7 @@ from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import ResidualEntry
 from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import Source
+from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.steps import (
     CorrelateTable,
     ModesTable,
@@ -60,6 +61,7 @@ class StudyFile(Table):
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")
     checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
+    stage: tuple[StageEntry, ...] = ()
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None

@@ -10,6 +10,7 @@ from femtune.report.numbers import NONE, counted, percent, short
 from femtune.report.sections.goodness import goodness
 from femtune.report.sections.reduction import reduced_models
 from femtune.report.sections.residual_kinds import residual_kinds
+from femtune.report.sections.stages import stages
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, UpdateResults
 
@@ -27,6 +28,7 @@ def convergence(source: Source) -> list[Block]:
         *goodness(source),
         *residual_kinds(update),
         *reduced_models(update.reduction),
+        *stages(update.stages),
         *history,
     ]
 
