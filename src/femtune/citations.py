@@ -228,6 +228,63 @@ _register(
     number="1",
     year="1977",
 )
+_register(
+    "mckelvey1996",
+    "article",
+    author="McKelvey, T. and Akcay, H. and Ljung, L.",
+    title="Subspace-based multivariable system identification from frequency response data",
+    journal="IEEE Transactions on Automatic Control",
+    volume="41",
+    number="7",
+    year="1996",
+)
+_register(
+    "guillaume2003",
+    "inproceedings",
+    author="Guillaume, P. and Verboven, P. and Vanlanduit, S. and Van der Auweraer, H. and Peeters, B.",
+    title="A poly-reference implementation of the least-squares complex frequency-domain estimator",
+    booktitle="Proceedings of the 21st International Modal Analysis Conference",
+    year="2003",
+)
+_register(
+    "cauberghe2005",
+    "article",
+    author="Cauberghe, B. and Guillaume, P. and Verboven, P. and Vanlanduit, S. and Parloo, E.",
+    title="On the influence of the parameter constraint on the stability of the poles and the discrimination "
+    "capabilities of the stabilisation diagrams",
+    journal="Mechanical Systems and Signal Processing",
+    volume="19",
+    number="5",
+    year="2005",
+)
+_register(
+    "reynders2012",
+    "article",
+    author="Reynders, E. and Houbrechts, J. and De Roeck, G.",
+    title="Fully automated (operational) modal analysis",
+    journal="Mechanical Systems and Signal Processing",
+    volume="29",
+    year="2012",
+)
+_register(
+    "golub1973",
+    "article",
+    author="Golub, G. H. and Pereyra, V.",
+    title="The differentiation of pseudo-inverses and nonlinear least squares problems whose variables separate",
+    journal="SIAM Journal on Numerical Analysis",
+    volume="10",
+    number="2",
+    year="1973",
+)
+_register(
+    "birge1932",
+    "article",
+    author="Birge, R. T.",
+    title="The calculation of errors by the method of least squares",
+    journal="Physical Review",
+    volume="40",
+    year="1932",
+)
 
 
 def citation(key: str) -> Citation:
