@@ -11,7 +11,7 @@ from tests.study.conftest import CANTILEVER, Bench
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.model import solve_modes
+from femtune.model import Configuration, solve_modes
 from femtune.study.load import load_study
 
 OFFSET = CANTILEVER.replace(
@@ -64,8 +64,6 @@ def test_an_offset_is_found_and_written_to_its_fields(bench: Bench) -> None:
     again = load_study(bench.write("again.toml", '[study]\ntitle="a"\ndeck="run/updated.bdf"\nunits="m-kg-s"\n'))
     batch = next(b for b in again.built.structure.batches if b.kind == "bar")
     np.testing.assert_allclose(batch.facts["offset_a"][2], [0.0, 0.03, 0.0], atol=1e-6)
-    report = (run.folder / "report.html").read_text() if (run.folder / "report.html").exists() else ""
-    assert not report or "Derived quantities" in report
     stored = json.loads((run.folder / "results.json").read_text())
     assert stored["update"]["derived"][0]["expression"] == "0.04*a"
 
@@ -86,6 +84,9 @@ def test_an_eigenvalue_of_a_group_is_found(bench: Bench) -> None:
     tail = GENERIC + _parameter("k", '["GENERIC JOINT K1"]')
     bench.write("beam.bdf", CANTILEVER)
     study = load_study(bench.study(tail, test=None))
+    (notice,) = [n for n in study.built.notices if n.code == "generic.eigenvalues"]
+    assert "4 rigid-body modes" not in notice.what
+    assert "2 rigid-body modes, K1 = " in notice.what
     case = study.cases[0]
     solution = solve_modes(case.configured.at(np.array([0.4])), 6)
     wanted = solution.freq_hz
@@ -166,3 +167,35 @@ def test_a_derived_quantity_without_a_value_at_the_end_loses_nothing(bench: Benc
     (derived,) = run.results.update.derived
     assert (derived.value, derived.sd) == (None, None)
     assert "no finite value" in derived.sd_reason
+
+
+PLATE = CANTILEVER.replace(
+    "PBAR    1       1       1.0-3   2.0-7   5.0-7   4.0-7           $ root",
+    "PBARL   1       1               BAR\n        0.02    0.05",
+)
+
+
+IN_PLANE = """[[configuration]]
+name = "in its plane"
+test = "beam.uff"
+supports_added = ["1 THRU 5:345"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "redundant"),
+    [
+        ('["MAT1 1 E"]', '["STIFFNESS"]', True),
+        ('["MAT1 1 E"]', '["PBAR 1 I1", "PBAR 2 I1"]', True),
+        ('["MAT1 1 RHO"]', '["MASS"]', False),
+        ('["PBARL 1 DIM1"]', '["PBARL 1 DIM2"]', False),
+    ],
+)
+def test_what_the_guide_calls_redundant(bench: Bench, first: str, second: str, redundant: bool) -> None:
+    """E and I enter the bending in a plane as a product; RHO leaves out the lumped mass, which MASS does not."""
+    bench.write("beam.bdf", PLATE if "PBARL" in first else CANTILEVER)
+    held = Configuration(supports_added=tuple((n, "345") for n in range(1, 6)))
+    bench.uff(bench.measure(bench.folder / "beam.bdf", *(f"{n}Y+" for n in range(2, 6)), configuration=held, count=3))
+    found = steps.select(bench.study(IN_PLANE + _parameter("p", first) + _parameter("q", second), test=None))
+    assert (found.singular_values[1] < 1e-9 * found.singular_values[0]) == redundant
+    assert bool(found.undetermined) >= redundant

@@ -14,6 +14,7 @@ from femtune.report.numbers import (
     unit_fraction,
     value,
 )
+from femtune.report.sections.derived import derived_quantities
 from femtune.report.sections.summary import summary
 from femtune.report.sections.validation import untested_reasons, validation_verdicts
 from femtune.report.source import Source, stages
@@ -113,7 +114,7 @@ def _parameters(source: Source) -> list[Block]:
             )
     more = len(facts) - _PARAMETERS
     note = f"and {counted(more, 'more parameter')} on the page" if more > 0 else ""
-    return [Table("", heads, tuple(rows), note)]
+    return [Table("", heads, tuple(rows), note), *derived_quantities(update.derived)]
 
 
 def _remark(fact: ParameterFacts, reason: str) -> Cell:

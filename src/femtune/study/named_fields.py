@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
-from femtune.fem import FieldRef, Structure
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where, did_you_mean
+from femtune.fem import FieldRef
 from femtune.fem.factors import FACTORS, with_factors
-from femtune.fem.generic import GenericGroup, with_generic
+from femtune.fem.generic import GenericGroup, GenericModes, generic_modes, with_generic
 from femtune.fem.offsets import with_offsets
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.building import FieldPlace
@@ -17,6 +17,8 @@ from femtune.files.nastran.field_refs import BARS
 from femtune.files.study_file import GenericEntry, StudyFile, element_list
 from femtune.study.located import located
 from femtune.study.regions import region_of
+
+_MOST_SHOWN = 12
 
 
 def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
@@ -31,8 +33,8 @@ def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
     structure = with_factors(built.structure, words) if words else built.structure
     offset = set(_offset_elements(file, built))
     structure = with_offsets(structure, offset) if offset else structure
-    structure = _with_groups(file, replace(built, structure=structure), named)
-    return replace(built, structure=structure, fields={**built.fields, **dict(_places(built, offset))})
+    built = _with_groups(file, replace(built, structure=structure), named)
+    return replace(built, fields={**built.fields, **dict(_places(built, offset))})
 
 
 def _offset_elements(file: StudyFile, built: BuiltModel) -> Iterator[int]:
@@ -58,16 +60,27 @@ def _places(built: BuiltModel, elements: set[int]) -> Iterator[tuple[FieldRef, F
                 yield FieldRef(card.name, number, name), FieldPlace(card.position, (at,))
 
 
-def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> Structure:
-    """The generic elements, those that can be made; several problems are shown together."""
-    errors, structure = ErrorCollector(), built.structure
+def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> BuiltModel:
+    """The generic elements, with a notice of each; several problems are shown together."""
+    errors, structure, notices = ErrorCollector(), built.structure, list(built.notices)
+    words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
     for i, entry in enumerate(file.generic):
-        words = [ref.name.split() for ref in named if ref.card == "GENERIC"]
         names = list(dict.fromkeys(name for group, name in words if group == entry.name))
         with errors.catch(), located(file.where("generic", i)):
-            structure = with_generic(structure, _group(entry, built), names)
+            group = _group(entry, built)
+            structure = with_generic(structure, group, names)
+            notices.append(_eigenvalues(entry.name, generic_modes(built.structure, group), file.where("generic", i)))
     errors.raise_if_any()
-    return structure
+    return replace(built, structure=structure, notices=tuple(notices))
+
+
+def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
+    """What a study may name: the eigenvalues of a group, and how many shapes each has."""
+    pairs = list(enumerate(zip(modes.kappa, modes.multiplicity), 1))
+    shown = (f"K{i} = {k:.6g}" + (f" ({n} shapes)" if n > 1 else "") for i, (k, n) in pairs[:_MOST_SHOWN])
+    more = f" and {len(pairs) - _MOST_SHOWN} more" if len(pairs) > _MOST_SHOWN else ""
+    what = f"generic element {name}: {modes.rigid} rigid-body modes, {', '.join(shown)}{more}"
+    return Notice("generic.eigenvalues", what, where, "info")
 
 
 def _group(entry: GenericEntry, built: BuiltModel) -> GenericGroup:

@@ -7,8 +7,9 @@ from functools import partial
 from femtune.report.document import Block, Cell, Figure, Paragraph, Table, columns, row
 from femtune.report.figures.forest import ForestRow, forest_svg
 from femtune.report.numbers import NONE, listed, short, signed_percent, value
+from femtune.report.sections.derived import derived_quantities
 from femtune.report.source import Source
-from femtune.study.results_update import DerivedResult, ParameterFacts, ParameterResult
+from femtune.study.results_update import ParameterFacts, ParameterResult
 
 _CAPTION = (
     "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
@@ -27,8 +28,7 @@ def parameters(source: Source) -> list[Block]:
         return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
     results = {p.name: p for p in update.parameters}
     rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
-    derived = [_derived(update.derived)] if update.derived else []
-    return [*([_figure(rows)] if rows else []), _table(facts, results), *derived]
+    return [*([_figure(rows)] if rows else []), _table(facts, results), *derived_quantities(update.derived)]
 
 
 def _figure(rows: list[ForestRow]) -> Figure:
@@ -75,18 +75,6 @@ def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ..
         short(fact.prior_sd),
         _fields(fact),
     )
-
-
-def _derived(found: tuple[DerivedResult, ...]) -> Block:
-    """Quantities that follow from the parameters."""
-    heads = columns("Quantity", "Unit", ">At the start", ">Updated", ">± σ", "Expression")
-    return Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))
-
-
-def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
-    spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
-    nominal, updated = ("no value" if v is None else value(v) for v in (found.nominal, found.value))
-    return row(found.name, found.unit or NONE, nominal, updated, spread, found.expression)
 
 
 def _spread(result: ParameterResult | None) -> Cell:
