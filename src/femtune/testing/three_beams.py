@@ -8,6 +8,7 @@ recovered from their frequencies.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femtune.fem import FieldRef, Structure
 from femtune.model import Configuration
@@ -37,21 +38,18 @@ def three_beams(offset_m: float = OFFSET_M, mass_offset_m: float | None = None) 
     offset_m : of the middle beam, in the direction −y
     mass_offset_m : of its mass, where that differs from the one of its stiffness; elements 1001 … are the mass then
     """
-    whole = _part(offset_m)
-    settings = {"consistent_mass": True, "lumped_along": 0.0}
+    parts = [_part(offset_m)]
+    if mass_offset_m is not None:
+        parts = [_with(parts[0], rho=0.0), _with(_part(mass_offset_m), E=0.0, G=0.0)]
     xyz = [[_LENGTH * i, 0.0, 0.0] for i in range(ELEMENTS + 1)]
-    if mass_offset_m is None:
-        return make_structure(xyz, [whole], **settings)
-    mass = _part(mass_offset_m)
-    parts = [_with(whole, rho=0.0), _with(mass, E=0.0, G=0.0)]
-    return make_structure(xyz, parts, **settings)
+    return make_structure(xyz, parts, consistent_mass=True, lumped_along=0.0)
 
 
 def _part(offset_m: float) -> Part:
     middle = np.isin(np.arange(1, ELEMENTS + 1), MIDDLE)
     depth = np.where(middle, 0.05, 0.1)
     E = 1e9 * YOUNG_GPA
-    values = {"E": E, "G": E / 2.6, "A": _BREADTH * depth, "I1": _BREADTH * depth**3 / 12.0,
+    values: dict[str, ArrayLike] = {"E": E, "G": E / 2.6, "A": _BREADTH * depth, "I1": _BREADTH * depth**3 / 12.0,
               "I2": _BREADTH**3 * depth / 12.0, "J": 1e-5, "rho": _DENSITY}  # fmt: skip
     part = bars([[i, i + 1] for i in range(ELEMENTS)], values)
     arms = np.where(middle[:, None], [0.0, -offset_m, 0.0], 0.0)
