@@ -62,6 +62,10 @@ def _of_update(results: Results) -> Iterable[Alert]:
     if update.reduction is not None and not update.reduction.certified:
         sentence = f"the reduced models are not certified: {update.reduction.rounds[-1]}"
         yield _alert("problem", "update.not-certified", sentence)
+    if update.weight_choice is not None and not update.weight_choice.found:
+        yield _alert("problem", "update.no-weight", update.weight_choice.sentence)
+    if update.starts is not None and not update.starts.unique:
+        yield _alert("warning", "update.not-unique", " ".join(update.starts.sentences))
     if update.pairing_events:
         turns = len({event.iteration for event in update.pairing_events})
         count = f"{turns} iteration{'s' if turns > 1 else ''} ({len(update.pairing_events)} test modes in all)"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.citations import citation
 from femtune.files.nastran.field_refs import BARS
+from femtune.files.study_file.steps import UpdateTable
 from femtune.model import Assignment
 from femtune.residuals import Evaluation
 from femtune.select import Combination as SelectedCombination
@@ -19,6 +20,7 @@ from femtune.select.identifiability import NO_EFFECT
 from femtune.study.load import Study
 from femtune.study.record_derived import derived_results
 from femtune.study.record_goodness import goodness, goodness_results
+from femtune.study.record_search import starts_results, weight_choice_results
 from femtune.study.results_base import Citation
 from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import (
@@ -38,7 +40,8 @@ from femtune.study.results_update import (
 from femtune.study.results_update import (
     Identifiability as IdentifiabilityRecord,
 )
-from femtune.update import UpdateResult
+from femtune.study.update_method import method_of
+from femtune.update import MultiStart, UpdateResult
 
 Arrays = dict[str, NDArray]
 
@@ -159,18 +162,18 @@ def update_results(
     written: dict[str, tuple[WrittenValue, ...]],
     mean_error_written: float | None,
     reduction: ReductionResults | None = None,
+    starts: MultiStart | None = None,
 ) -> UpdateResults:
     """The update as a record.
 
     `written` holds what stands in the deck by parameter; `mean_error_written` the mean error of these values.
     """
     table = study.file.update
-    weighted = table.regularisation == "minimum-change"
     return UpdateResults(
         status=result.status.name,
         message=result.status.value,
         ok=result.status.ok,
-        method="sensitivity method: damped Gauss-Newton, bounds inside the step",
+        method=f"sensitivity method: {_search_words(study)}",
         objective_before_percent=100.0 * result.before.mean_error,
         objective_after_percent=100.0 * result.after.mean_error,
         objective_as_written_percent=None if mean_error_written is None else 100.0 * mean_error_written,
@@ -180,12 +183,25 @@ def update_results(
         derived=tuple(derived_results(study, result)),
         pairing_events=tuple(_events(result)),
         regularisation=table.regularisation,
-        regularisation_weight=table.weight if weighted else None,
+        regularisation_weight=_weight(table, result),
+        weight_choice=weight_choice_results(result),
+        starts=None if starts is None else starts_results(starts, table.seed),
         residual_counts=_counts(result),
         citations=citations(result.citations),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
     )
+
+
+def _search_words(study: Study) -> str:
+    return method_of(study.file.update, study.parameters).search.words
+
+
+def _weight(table: UpdateTable, result: UpdateResult) -> float | None:
+    """The weight where the regularisation has one: as it was given or found."""
+    if table.regularisation in ("none", "prior"):
+        return None
+    return float(table.weight) if table.regularisation == "truncated" else result.side.weight
 
 
 def _iteration(result: UpdateResult, number: int) -> Iteration:

@@ -90,10 +90,11 @@ def find_on_reduced(
     told = TrainingProgress(progress, table.full_solutions)
     told.begin(case.name for case in problem.cases)
     found = update_reduced(problem, method, rules, report, at, told)
-    return found.result, _results(found, rules)
+    return found.result, reduction_results(found, rules)
 
 
-def _results(found: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
+def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
+    """How the reduced models did."""
     models = tuple(
         ReducedModelResults(
             configuration=c.configuration,

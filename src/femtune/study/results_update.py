@@ -7,6 +7,7 @@ from typing import Literal
 from femtune.study.results_base import Citation, Record
 from femtune.study.results_checks import ModelCheck
 from femtune.study.results_reduction import ReductionResults
+from femtune.study.results_search import StartsResults, WeightChoiceResults
 from femtune.study.results_stages import StageResults
 from femtune.study.results_validation import GoodnessResults
 
@@ -259,6 +260,10 @@ class UpdateResults(Record):
     """Whether the residuals are noise; None in results of before it was tested."""
     stages: tuple[StageResults, ...] = ()
     """Stages of a bottom-up study, in their order; the history has the best run of each, one after another."""
+    weight_choice: WeightChoiceResults | None = None
+    """How the weight of the regularisation was found; None where it was given or there is none."""
+    starts: StartsResults | None = None
+    """Many starts; None where the update had one."""
     reduction: ReductionResults | None = None
     """Reduced models that the update searched on; None where it ran on the full model."""
 

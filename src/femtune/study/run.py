@@ -19,6 +19,7 @@ from femtune.study.damping_values import write_damping
 from femtune.study.history import History
 from femtune.study.journal import Journal
 from femtune.study.load import Study, on_deck
+from femtune.study.located import located
 from femtune.study.predict import Sensitivities, predictions
 from femtune.study.progress import Progress
 from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
@@ -34,13 +35,14 @@ from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Stage
 from femtune.study.results_reduction import ReductionResults
-from femtune.study.results_update import SelectionResults
+from femtune.study.results_update import SelectionResults, UpdateResults, WrittenValue
 from femtune.study.run_folder import RESULTS_FILE, write_results
 from femtune.study.stages import Solved, StageRecords, as_written, nothing, solutions_of, stage_records, start
-from femtune.study.update_method import regularisation_of
+from femtune.study.starts import find_from_starts
+from femtune.study.update_method import method_of
 from femtune.study.with_journal import journal_results
 from femtune.study.write_back import WriteBack, check_written, write_back
-from femtune.update import Iteration, SensitivityMethod, StageResult, UpdateResult
+from femtune.update import Iteration, MultiStart, SensitivityMethod, StageResult, UpdateResult
 from femtune.update import update as find_parameters
 
 Arrays = dict[str, NDArray]
@@ -84,6 +86,7 @@ class Run:
     arrays: Arrays = field(default_factory=dict)
     reductions: list[ReductionResults] = field(default_factory=list)
     stages: list[StageResult] = field(default_factory=list)
+    searches: list[MultiStart] = field(default_factory=list)
     sensitivities: Sensitivities = field(default_factory=Sensitivities)
     troubles: list[Alert] = field(default_factory=list)
 
@@ -177,7 +180,8 @@ class Run:
 
     def _update(self, at: Evaluation) -> UpdateResult:
         table = self.study.file.update
-        method = SensitivityMethod(table.max_iterations, table.tolerance, regularisation_of(table))
+        with located(self.study.file.where("update", "regularisation")):
+            method = method_of(table, self.study.parameters)
         history = History(self.folder, self.study.parameters)
         history.begin()
 
@@ -189,6 +193,8 @@ class Run:
 
         if self.study.file.stage:
             return self._bottom_up(at, history)
+        if table.starts > 1:
+            return self._from_starts(method, at, history)
         reduction = self.study.file.reduction
         if reduction is None:
             return find_parameters(self.study.problem(), method, report, at)
@@ -209,6 +215,15 @@ class Run:
         self.stages.extend(found.stages)
         return found.result
 
+    def _from_starts(self, method: SensitivityMethod, at: Evaluation, history: History) -> UpdateResult:
+        """The best of many starts; its iterations go into the history at the end."""
+        found, facts = find_from_starts(self.study, method, self.folder, at, self.progress)
+        self.searches.append(found)
+        self.reductions.extend(() if facts is None else (facts,))
+        for iteration in found.best.history:
+            history.add(iteration)
+        return found.best
+
     def _write(self, result: UpdateResult) -> WriteBack:
         self.progress.step("writing the updated deck", 0, None)
         written = write_back(self.study, result, self.folder, self.wide)
@@ -225,8 +240,6 @@ class Run:
         error: float | None = None,
     ) -> Results:
         values = {} if written is None else written.written
-        update = update_results(self.study, result, values, error, next(iter(self.reductions), None))
-        staged = stage_results(self.study, self.stages)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for s in stages for m in s.modes)),
             "modes": tuple(m for s in stages for m in s.modes),
@@ -234,12 +247,19 @@ class Run:
             "responses": tuple(r for s in stages for r in s.responses),
             "mode_shapes": tuple(m for s in stages for m in s.shapes),
             "selection": selection,
-            "update": update.model_copy(update={"stages": staged}),
+            "update": self._update_record(result, values, error),
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, stages[0], stages[-1], predictions(result, self.sensitivities)),
             "journal": journal_results(self.journal),
         }
         return facts.model_copy(update=parts)
+
+    def _update_record(
+        self, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]], error: float | None
+    ) -> UpdateResults:
+        reduction, starts = next(iter(self.reductions), None), next(iter(self.searches), None)
+        record = update_results(self.study, result, written, error, reduction, starts)
+        return record.model_copy(update={"stages": stage_results(self.study, self.stages)})
 
     def _keep(self, results: Results, *alerts: Alert) -> Results:
         """Write the results with their alerts."""

@@ -2,12 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from femtune.files.study_file.steps import UpdateTable
-from femtune.update import MinimumChange, NoRegularisation, Prior, Regularisation
+from femtune.parameters import ParameterSet
+from femtune.update import (
+    Distance,
+    GaussNewton,
+    Identical,
+    LevenbergMarquardt,
+    LineSearch,
+    Link,
+    MinimumChange,
+    NoRegularisation,
+    Prior,
+    Regularisation,
+    Search,
+    SensitivityMethod,
+    StartRules,
+    Truncated,
+    correlated_prior,
+)
+
+_SEARCHES: dict[str, Callable[[], Search]] = {
+    "levenberg-marquardt": LevenbergMarquardt,
+    "line-search": LineSearch,
+    "gauss-newton": GaussNewton,
+}
 
 
-def regularisation_of(table: UpdateTable) -> Regularisation:
-    """The side constraint that [update] asks for."""
-    if table.regularisation == "minimum-change":
-        return MinimumChange(table.weight)
-    return Prior() if table.regularisation == "prior" else NoRegularisation()
+def method_of(table: UpdateTable, parameters: ParameterSet) -> SensitivityMethod:
+    """The method that [update] asks for (errors ``prior.*``)."""
+    regularisation = regularisation_of(table, parameters)
+    return SensitivityMethod(table.max_iterations, table.tolerance, regularisation, _SEARCHES[table.search]())
+
+
+def regularisation_of(table: UpdateTable, parameters: ParameterSet) -> Regularisation:
+    """The side constraint that [update] asks for (errors ``prior.*``)."""
+    weight = table.weight
+    makers: dict[str, Callable[[], Regularisation]] = {
+        "none": NoRegularisation,
+        "minimum-change": lambda: MinimumChange(weight),
+        "distance": lambda: Distance(weight),
+        "link": lambda: Link(weight),
+        "identical": lambda: Identical(table.identical, weight),
+        "truncated": lambda: Truncated(float(weight)),
+        "prior": lambda: _prior(table, parameters),
+    }
+    return makers[table.regularisation]()
+
+
+def _prior(table: UpdateTable, parameters: ParameterSet) -> Prior:
+    pairs = [(c.one, c.other, c.value) for c in table.correlations]
+    return correlated_prior(parameters, pairs) if pairs else Prior()
+
+
+def start_rules(table: UpdateTable) -> StartRules:
+    """The starts that [update] asks for."""
+    return StartRules(table.starts, table.seed, table.hops)

@@ -17,6 +17,8 @@ from femtune.update.regularise import (
     SideConstraint,
     Together,
     Truncated,
+    WeightChoice,
+    WeightStatus,
     correlated_prior,
 )
 from femtune.update.result import Iteration, UpdateResult
@@ -60,6 +62,8 @@ __all__ = [
     "Together",
     "Truncated",
     "UpdateResult",
+    "WeightChoice",
+    "WeightStatus",
     "correlated_prior",
     "equation_error_phases",
     "first_belief",

@@ -6,14 +6,12 @@ what has the wrong type is left to the models.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.derived import derived_rules
 from femtune.files.study_file.generic import generic_rules
-from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.lines import Place
 from femtune.files.study_file.matrices import matrix_rules
 from femtune.files.study_file.parameter_rules import parameter_rules
@@ -22,6 +20,7 @@ from femtune.files.study_file.residual_rules import residual_rules
 from femtune.files.study_file.response_rules import response_rules
 from femtune.files.study_file.source import Source
 from femtune.files.study_file.stage_rules import stage_rules
+from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation_rules import validation_rules
 
 Data = dict[str, Any]
@@ -40,7 +39,7 @@ def rules(data: Data, source: Source) -> Problems:
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from residual_rules(data, source)
-    yield from _regularisation(data, source)
+    yield from update_rules(data, source)
     yield from response_rules(data, source)
     yield from stage_rules(data, source)
     yield from validation_rules(data, source)
@@ -96,16 +95,3 @@ def _known_label(place: Place, label: object, labels: list[str], source: Source)
 
 def _sensors(data: Data, source: Source) -> Problems:
     yield from named_twice(list(tables(data, "sensor")), "study.duplicate-name", source)
-
-
-def _regularisation(data: Data, source: Source) -> Problems:
-    update = table(data, "update")
-    kind, weight = update.get("regularisation", "none"), update.get("weight", 0.0)
-    if not is_number(weight) or not math.isfinite(float(min(weight, 1e300))):
-        return
-    if (kind == "minimum-change") != (weight != 0):
-        what = 'weight belongs to regularisation = "minimum-change", and each needs the other'
-        hint = 'give weight > 0 together with "minimum-change", and no weight otherwise'
-        shown = {"regularisation": kind, "weight": weight}
-        key = "weight" if "weight" in update else "regularisation"
-        yield source.error(("update", key), "study.weight", what, shown, hint)

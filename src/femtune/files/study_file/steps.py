@@ -122,13 +122,28 @@ class ResidualsTable(Table):
     scatter: Literal["stated", "estimated"] = "stated"
 
 
+class CorrelationEntry(Table):
+    """An entry of [update] correlations: two parameters that the prior ties loosely."""
+
+    one: Text
+    other: Text
+    value: Annotated[float, Field(gt=-1, lt=1)]
+
+
 class UpdateTable(Table):
     """[update]: when the iteration ends, and what is added where the data do not suffice."""
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
-    regularisation: Literal["none", "minimum-change", "prior"] = "none"
-    weight: Annotated[float, Field(ge=0, le=1e12)] = 0.0
+    regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
+    weight: Annotated[float, Field(ge=0, le=1e12)] | Literal["l-curve", "gcv"] = 0.0
+    identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
+    correlations: tuple[CorrelationEntry, ...] = ()
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+    search: Literal["levenberg-marquardt", "line-search", "gauss-newton"] = "levenberg-marquardt"
+    starts: Annotated[int, Field(ge=1, le=100_000)] = 1
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    hops: Annotated[int, Field(ge=0, le=1000)] = 0
+    first: Literal["none", "equation-error"] = "none"
 
 
 class ReductionTable(Table):

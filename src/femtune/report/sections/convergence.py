@@ -8,9 +8,12 @@ from femtune.report.document import Block, Figure, Listing, Paragraph, Table, co
 from femtune.report.figures.convergence import convergence_svg
 from femtune.report.numbers import NONE, counted, percent, short
 from femtune.report.sections.goodness import goodness
+from femtune.report.sections.places import places
 from femtune.report.sections.reduction import reduced_models
 from femtune.report.sections.residual_kinds import residual_kinds
 from femtune.report.sections.stages import stages
+from femtune.report.sections.starts import starts
+from femtune.report.sections.weight_choice import weight_choice
 from femtune.report.source import Source
 from femtune.study.results_update import ParameterFacts, UpdateResults
 
@@ -27,6 +30,8 @@ def convergence(source: Source) -> list[Block]:
         _events(update),
         *goodness(source),
         *residual_kinds(update),
+        *weight_choice(update, source.results.parameters),
+        *starts(update, source.results.parameters),
         *reduced_models(update.reduction),
         *stages(update.stages),
         *history,
@@ -34,17 +39,13 @@ def convergence(source: Source) -> list[Block]:
 
 
 def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
-    by_name = {f.name: f for f in facts}
-    places = [
-        [_place(by_name.get(name), x) for name, x in zip(update.history_parameters, i.parameters, strict=True)]
-        for i in update.history
-    ]
+    between = [places(update.history_parameters, i.parameters, facts) for i in update.history]
     draw = partial(
         convergence_svg,
         [i.iteration for i in update.history],
         [i.objective_percent for i in update.history],
         update.history_parameters,
-        places,
+        between,
         sorted({e.iteration for e in update.pairing_events}),
     )
     caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
@@ -54,12 +55,6 @@ def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
         f"in {counted(last.iteration, 'iteration')}, and the parameters between their bounds"
     )
     return Figure(draw, caption, alt, wide=True)
-
-
-def _place(fact: ParameterFacts | None, x: float) -> float:
-    if fact is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
-        return 0.5
-    return (x - fact.lower) / (fact.upper - fact.lower)
 
 
 def _events(update: UpdateResults) -> Block:

@@ -1,0 +1,141 @@
+"""The update of a study from many starts: each end is on disk as soon as it is known, and is not found twice."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from femtune.model import digest
+from femtune.residuals import Evaluation
+from femtune.status import Status
+from femtune.study.load import Study
+from femtune.study.progress import Progress
+from femtune.study.reduction import TrainingProgress, reduction_results
+from femtune.study.results_reduction import ReductionResults
+from femtune.study.run_folder import unwritable
+from femtune.study.update_method import start_rules
+from femtune.update import (
+    MultiStart,
+    ReductionRules,
+    SensitivityMethod,
+    StartResult,
+    multi_start,
+    multi_start_reduced,
+)
+
+STARTS_FILE = "starts.jsonl"
+
+
+@dataclass(eq=False)
+class Starts:
+    """The file of one run: a line that says what it is of, then a line for every try of every start."""
+
+    folder: Path
+    key: str
+    known: dict[tuple[int, int], StartResult] = field(default_factory=dict)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.folder / STARTS_FILE
+
+    def begin(self, resume: bool) -> None:
+        """Take over what an earlier run of the same left; an empty file otherwise (error ``run.unwritable``)."""
+        if resume:
+            self.known = _read(self.path, self.key)
+        try:
+            self.path.unlink(missing_ok=True)
+            self._append({"key": self.key})
+            for start in self.known.values():
+                self._append(_line(start))
+        except OSError as error:
+            raise unwritable(self.folder, error) from error
+
+    def add(self, start: StartResult) -> None:
+        """A line for an end (error ``run.unwritable``)."""
+        try:
+            self._append(_line(start))
+        except OSError as error:
+            raise unwritable(self.folder, error) from error
+
+    def _append(self, line: Mapping[str, object]) -> None:
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(line, ensure_ascii=False) + "\n")
+
+
+def _line(s: StartResult) -> dict[str, object]:
+    objective = s.objective if np.isfinite(s.objective) else None
+    return {
+        "number": s.number, "tries": s.tries, "start": s.start.tolist(), "end": s.end.tolist(), "objective": objective,
+        "status": None if s.status is None else s.status.name, "iterations": s.iterations, "problem": s.problem,
+    }  # fmt: skip
+
+
+def _read(path: Path, key: str) -> dict[tuple[int, int], StartResult]:
+    """Whole lines of a file of the same key; a line that was broken off ends it."""
+    found: dict[tuple[int, int], StartResult] = {}
+    try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines()
+        if json.loads(head) != {"key": key}:
+            return {}
+        for text in lines:
+            start = _start(json.loads(text))
+            found[start.number, start.tries] = start
+    except (OSError, ValueError, KeyError, TypeError):
+        # what cannot be read is found again
+        return found
+    return found
+
+
+def _start(line: dict[str, object]) -> StartResult:
+    objective, status = line["objective"], line["status"]
+    return StartResult(
+        int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),
+        np.nan if objective is None else float(str(objective)), None if status is None else Status[str(status)],
+        int(str(line["tries"])), int(str(line["iterations"])), str(line["problem"]),
+    )  # fmt: skip
+
+
+def find_from_starts(
+    study: Study, method: SensitivityMethod, folder: Path, at: Evaluation, progress: Progress
+) -> tuple[MultiStart, ReductionResults | None]:
+    """The parameters from many starts, and how reduced models did where there are some."""
+    table, rules, problem = study.file.update, start_rules(study.file.update), study.problem()
+    starts = Starts(folder, _key(study, at))
+    starts.begin(study.file.study.journal)
+    tell = _teller(starts, progress, rules.count)
+    if study.file.reduction is None:
+        return multi_start(problem, method, rules, nominal=at, known=starts.known, report=tell), None
+    reduction = study.file.reduction
+    limits = ReductionRules(reduction.tolerance, reduction.full_solutions, reduction.order)
+    told = TrainingProgress(progress, reduction.full_solutions)
+    told.begin(case.name for case in problem.cases)
+    found = multi_start_reduced(
+        problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
+        known=starts.known, report=tell, told=told,
+    )  # fmt: skip
+    return found.starts, reduction_results(found.update, limits)
+
+
+def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartResult], None]:
+    ends = {start.number for start in starts.known.values()}
+
+    def tell(start: StartResult) -> None:
+        # kept before it is shown: whoever shows it may be interrupted
+        starts.add(start)
+        ends.add(start.number)
+        progress.step("starts that have ended", len(ends), count)
+
+    return tell
+
+
+def _key(study: Study, at: Evaluation) -> str:
+    """Of all that starts depend on: what is compared and how it answers, the bounds, and [update] and [reduction]."""
+    reduction = study.file.reduction
+    tables = study.file.update.model_dump_json() + ("" if reduction is None else reduction.model_dump_json())
+    lower, upper = study.parameters.bounds
+    return digest(tables, at.residuals, at.jacobian, lower, upper)

@@ -1,0 +1,126 @@
+"""Studies with regularisation, other searches and many starts: words, records, report, and runs that are resumed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.files.study_file.reading import study_from_text
+from femtune.study import RunFolder
+from femtune.study.starts import STARTS_FILE
+
+Bench = Any
+
+
+def values(run: RunFolder) -> dict[str, float]:
+    assert run.results.update is not None
+    return {p.name: p.value for p in run.results.update.parameters}
+
+
+@pytest.mark.parametrize(
+    ("word", "extra"),
+    [
+        ("distance", "weight = 100.0"),
+        ("link", "weight = 100.0"),
+        ("identical", 'weight = 1000.0\nidentical = [["root", "tip"]]'),
+        ("truncated", "weight = 0.9"),
+    ],
+)
+def test_every_word_holds_the_parameters_back(beam: Bench, word: str, extra: str) -> None:
+    free = values(steps.update(beam.study()))
+    run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "{word}"\n{extra}\n'))
+    found, update = values(run), run.results.update
+    assert update is not None
+    assert update.regularisation == word
+    if word == "identical":
+        assert abs(found["root"] - found["tip"]) < 0.2 * abs(free["root"] - free["tip"])
+    else:
+        assert sum(abs(v - 1.0) for v in found.values()) < sum(abs(v - 1.0) for v in free.values())
+
+
+@pytest.mark.parametrize("search", ["line-search", "gauss-newton"])
+def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
+    free = values(steps.update(beam.study()))
+    run = steps.update(beam.study(f'{beam.parameters}[update]\nsearch = "{search}"\n'))
+    assert values(run) == pytest.approx(free, abs=1e-5)
+    assert run.results.update is not None
+    assert "Gauss-Newton" in run.results.update.method
+
+
+@pytest.mark.parametrize("rule", ["l-curve", "gcv"])
+def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
+    run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "link"\nweight = "{rule}"\n'))
+    assert run.results.update is not None
+    choice = run.results.update.weight_choice
+    assert choice is not None
+    assert choice.rule == rule
+    assert len(choice.path) == 301
+    assert choice.found == (choice.weight is not None)
+    alerts = [a.code for a in run.results.alerts]
+    assert choice.found != ("update.no-weight" in alerts)
+    assert run.report is None or "norm of the side constraint" in run.report.read_text(encoding="utf-8")
+
+
+def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
+    text = f"{beam.parameters}[update]\nstarts = 5\nseed = 2\nhops = 1\n"
+    run = steps.update(beam.study(text))
+    assert values(run) == pytest.approx(values(steps.update(beam.study())), abs=1e-4)
+    run = steps.update(beam.study(text))
+    assert run.results.update is not None
+    found = run.results.update.starts
+    assert found is not None
+    assert [s.number for s in found.starts] == [1, 2, 3, 4, 5]
+    assert "of 5 starts" in found.sentences[0]
+    path = Path(run.folder) / STARTS_FILE
+    lines = path.read_text(encoding="utf-8").splitlines()
+    # as if the run had been broken off in the middle of the third start
+    path.write_text("\n".join([*lines[:3], lines[3][:20]]), encoding="utf-8")
+    again = steps.update(beam.study(text))
+    assert again.results.update is not None
+    assert again.results.update.starts == found
+    assert path.read_text(encoding="utf-8").splitlines()[1:3] == lines[1:3]
+    # another seed has nothing to do with them
+    other = steps.update(beam.study(text.replace("seed = 2", "seed = 3")))
+    assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])
+
+
+def test_a_correlated_prior(beam: Bench) -> None:
+    prior = beam.parameters.replace("upper = 2.0", "upper = 2.0\nmean = 1.1\nsd = 0.0001")
+    entry = 'correlations = [{ one = "root", other = "tip", value = 0.9 }]'
+    held = steps.update(beam.study(f'{prior}[update]\nregularisation = "prior"\n{entry}\n'))
+    assert values(held) == pytest.approx({"root": 1.1, "tip": 1.1}, abs=0.01)
+
+
+_HEAD = '[study]\ntitle = "t"\ndeck = "frame.bdf"\nunits = "m-kg-s"\n[test]\ntest = "frame.uff"\n'
+_PARAMETERS = "".join(
+    f'[[parameter]]\nname = "{n}"\nfields = ["PBAR {i} I1"]\nlower = 0.5\nupper = 2.0\nmean = {m}\n'
+    for i, (n, m) in enumerate((("a", 1.0), ("b", 3.0)), start=1)
+)
+
+
+@pytest.mark.parametrize(
+    ("update", "code", "word"),
+    [
+        ('regularisation = "link"', "study.weight", "does nothing without a weight"),
+        ('regularisation = "prior"\nweight = "gcv"', "study.weight", "each needs the other"),
+        ('regularisation = "truncated"\nweight = 2.0', "study.weight", "between 0 and 1"),
+        ('regularisation = "identical"\nweight = 1.0', "study.regularisation", "needs the groups"),
+        ('identical = [["a", "b"]]', "study.regularisation", "belongs to regularisation"),
+        ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
+        ('regularisation = "prior"', "prior.outside-bounds", "contradict each other"),
+        ("hops = 2", "study.starts", "speaks of several starts"),
+        ('starts = 4\nfirst = "equation-error"', "study.starts", "needs reduced models"),
+    ],
+)
+def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, update: str, code: str, word: str) -> None:
+    for name in ("frame.bdf", "frame.uff"):
+        (tmp_path / name).touch()
+    with pytest.raises(FemtuneError) as caught:
+        study_from_text(f"{_HEAD}{_PARAMETERS}[update]\n{update}\n", tmp_path / "study.toml")
+    assert code in str(caught.value)
+    assert word in str(caught.value)
