@@ -17,6 +17,7 @@ from femtune.study import (
     results_quantify,
     results_reduction,
     results_response,
+    results_search,
     results_shapes,
     results_stages,
     results_update,
@@ -100,7 +101,7 @@ def json_schema() -> dict[str, Any]:
 def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_checks, results_model, results_correlation, results_shapes, results_response)
-    uses = (results_quantify, results_validation, results_reduction, results_stages, results_journal)
+    uses = (results_quantify, results_validation, results_reduction, results_search, results_stages, results_journal)
     modules = (results_base, *model, results_update, *uses)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
