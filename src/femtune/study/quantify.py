@@ -57,8 +57,8 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
 
 
 def _outputs(study: Study, repeats: Repeats, start: Reals) -> FrequencyOutputs:
-    """Frequencies of the modes that are paired at the start and that the repeats have."""
-    case = repeats.case.compared
+    """Frequencies of the modes that the update may use, that are paired at the start and that the repeats have."""
+    case = repeats.case.used or repeats.case.compared
     assert case is not None
     gone = {i: _NO_REPEAT for i in range(len(case.test)) if i not in repeats.measured}
     some = replace(case, left_out={**gone, **case.left_out}, fixed=tuple(p for p in case.fixed if p[0] not in gone))

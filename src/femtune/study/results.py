@@ -18,6 +18,7 @@ from femtune.study import (
     results_reduction,
     results_response,
     results_search,
+    results_select,
     results_shapes,
     results_stages,
     results_update,
@@ -102,7 +103,7 @@ def record_types() -> tuple[type[Record], ...]:
     """All record types of the schema, `Results` first, then in the order of their modules."""
     model = (results_checks, results_model, results_correlation, results_shapes, results_response)
     uses = (results_quantify, results_validation, results_reduction, results_search, results_stages, results_journal)
-    modules = (results_base, *model, results_update, *uses)
+    modules = (results_base, *model, results_update, results_select, *uses)
     found = [value for module in modules for value in vars(module).values() if _is_record(value, module.__name__)]
     return (Results, *found)
 

@@ -8,6 +8,7 @@ from femtune.study.results_base import Citation, Record
 from femtune.study.results_checks import ModelCheck
 from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_search import StartsResults, WeightChoiceResults
+from femtune.study.results_select import SelectionMeasures
 from femtune.study.results_stages import StageResults
 from femtune.study.results_validation import GoodnessResults
 
@@ -114,6 +115,8 @@ class SelectionResults(Record):
     """What an update cannot mend: mass, lumping, mesh; empty where it was not looked at."""
     sentences: tuple[str, ...] = ()
     """What the data determine, in words for the reader of the report."""
+    measures: SelectionMeasures | None = None
+    """Likeness, information, order and energies; None in results without them."""
 
 
 class PairingEvent(Record):

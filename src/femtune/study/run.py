@@ -26,6 +26,7 @@ from femtune.study.provenance import Inputs, Stopwatch, provenance, study_facts
 from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.record_checks import model_checks
 from femtune.study.record_model import alert_of, model_facts, sensor_results
+from femtune.study.record_select import selection_measures
 from femtune.study.record_stages import stage_results
 from femtune.study.record_update import parameter_facts, selection_results, update_results, what_ran
 from femtune.study.record_validation import validation
@@ -289,4 +290,6 @@ def select_at(study: Study, at: Evaluation, arrays: Arrays, progress: Progress) 
     names = tuple(p.name for p in study.parameters.free)
     known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
     found = selection_results(study, known, at, arrays)
-    return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress)})
+    progress.step("measures of the parameters", 0, None)
+    more = {"measures": selection_measures(study, known, at)}
+    return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})

@@ -12,6 +12,7 @@ from femtune.report.document import Bar, Block, Cell, Figure, Listing, Paragraph
 from femtune.report.figures.bars import combinations_svg, singular_values_svg
 from femtune.report.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.report.numbers import NOT_TESTED, counted, listed, percent, short, value
+from femtune.report.sections.measures import measures
 from femtune.report.sections.sensitivities import page_table, sensitivities
 from femtune.report.source import Source
 from femtune.study.results_update import Combination, Identifiability, SelectionResults
@@ -32,6 +33,7 @@ def identifiability(source: Source) -> list[Block]:
         *_combinations(selection),
         *_correlation(source, selection),
         *sensitivities(source, selection),
+        *measures(selection.measures),
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from femtune.report.document import Block, Cell, Document, Level, Listing, Paragraph, Section, Table, columns, row
 from femtune.report.numbers import counted, percent, short
 from femtune.report.sections.identifiability import in_words, parameter_table
+from femtune.report.sections.measures import measures
 from femtune.report.sections.model_checks import model_check_table
 from femtune.report.sections.sensitivities import frequency_table
 from femtune.report.steps.layout import GAP, column_groups, widest
@@ -22,6 +23,7 @@ def selection_document(subject: Subject, selection: SelectionResults) -> Documen
         Section("words", "Combinations of parameters", _listing(others)),
         Section("sensitivities", "Sensitivities", tuple(_sensitivities(selection))),
         Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
+        Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
         Section("model", "The model before it is updated", tuple(model_check_table(selection.model_checks))),
         Section("combinations", "Undetermined and weak combinations", tuple(_combinations(selection))),
     )

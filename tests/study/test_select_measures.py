@@ -1,0 +1,119 @@
+"""Likeness, information, order and energies in the record, on the terminal and in the report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.model import eigenvalue_derivatives
+from femtune.report import build_report
+from femtune.report.steps import selection_document, subject_of
+from femtune.study.load import load_study
+from femtune.study.progress import silent
+from femtune.study.results_select import SelectionMeasures
+from femtune.study.stages import solved_cases
+
+from .conftest import EI, Bench
+
+TWICE = """
+[[parameter]]
+name = "all"
+fields = ["MAT1 1 E"]
+lower = 0.5
+upper = 2.0
+
+[[parameter]]
+name = "root"
+fields = ["PBAR 1 I1"]
+lower = 0.5
+upper = 2.0
+"""
+
+
+def _measures(study) -> SelectionMeasures:
+    found = steps.select(study).measures
+    assert found is not None
+    return found
+
+
+def test_every_parameter_has_its_order_and_information(beam: Bench):
+    found = _measures(beam.study(EI))
+    assert {p.parameter for p in found.information} == {"root", "tip"}
+    assert {s.parameter for s in found.subset} == {"root", "tip"}
+    assert sorted(p.d_rank for p in found.information) == [1, 2]
+    assert all(p.sd_together >= p.sd_alone > 0.0 for p in found.information)
+    assert found.subset[-1].left_percent <= found.subset[0].left_percent <= 100.0
+    assert found.energies == ()
+
+
+def test_the_parameters_that_are_wrong_explain_the_residual(beam: Bench):
+    """Root 1.3, tip .85; the mass at the tip is right."""
+    mass = '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+    found = _measures(beam.study(EI + mass))
+    assert "root" in [s.parameter for s in found.subset if s.chosen][:1]
+
+
+def test_parameters_that_do_the_same_are_told(beam: Bench):
+    """Frequencies of one plane: E and both I1 together do the same."""
+    out = ", ".join(f'{{ mode = "{m}", reason = "other plane" }}' for m in (2, 4))
+    both = TWICE.replace("PBAR 1 I1", 'PBAR 1 I1", "PBAR 2 I1')
+    found = _measures(beam.study(f"leave_out = [{out}]\n{both}"))
+    assert found.collinearity_index is None or found.collinearity_index > 100.0
+    assert {found.pairs[0].first, found.pairs[0].second} == {"all", "root"}
+    assert any("do nearly the same" in s for s in found.sentences)
+
+
+@pytest.mark.parametrize(
+    ("groups", "names"),
+    [
+        ("parameters", {"root", "tip"}),
+        ("properties", {"property 1", "property 2", "element 9"}),
+        ("elements", {f"element {i}" for i in (1, 2, 3, 4, 9)}),
+    ],
+)
+def test_energies_by_group_sum_to_all(beam: Bench, groups: str, names: set[str]):
+    found = _measures(beam.study(f'{EI}[select]\nenergies = "{groups}"\n'))
+    assert found.energy_groups == groups
+    assert [e.test_label for e in found.energies] == ["1", "2", "3", "4"]
+    for mode in found.energies:
+        assert {g.group for g in mode.groups} == names
+        assert sum(g.strain_percent or 0.0 for g in mode.groups) == pytest.approx(100.0)
+        assert all(g.residual_percent is None for g in mode.groups)
+    if groups != "parameters":
+        assert sum(g.kinetic_percent for g in found.energies[0].groups) == pytest.approx(100.0)
+
+
+def test_shares_of_a_stiffness_are_the_logarithmic_derivatives(beam: Bench):
+    """Of I1, in modes that bend about it alone."""
+    study = beam.study(f'{EI}[select]\nenergies = "parameters"\n')
+    found = _measures(study)
+    loaded = load_study(study)
+    (_, solution) = next(iter(solved_cases(loaded, silent)))
+    slopes = eigenvalue_derivatives(solution)[0] / solution.eigenvalues[0]
+    shares = {g.group: g.strain_percent for g in found.energies[0].groups}
+    np.testing.assert_allclose([shares["root"], shares["tip"]], 100.0 * slopes, rtol=1e-6)
+
+
+def test_what_contradicts_the_test_gathers_where_the_deck_is_wrong(bench: Bench):
+    """Only the root differs, and all points are measured."""
+    change = ("PBAR    1       1       1.0-3   2.0-7 ", "PBAR    1       1       1.0-3   3.0-7 ")
+    bench.uff(bench.measure(bench.truth((change,))))
+    found = _measures(bench.study(f'{EI}[select]\nenergies = "properties"\nlocalise = true\nnoise = 0.001\n'))
+    of_plane = [e for e in found.energies if e.test_label in ("1", "3")]
+    for mode in of_plane:
+        assert mode.groups[0].group == "property 1"
+        assert mode.groups[0].residual_percent > 80.0
+        assert mode.contradiction_percent > 1.0
+
+
+def test_report_and_terminal_show_the_measures(beam: Bench):
+    study = beam.study(f'{EI}[select]\nenergies = "properties"\nlocalise = true\n')
+    run = steps.update(study)
+    section = next(s for s in build_report(run.results, run.arrays).sections if s.id == "identifiability")
+    titles = [getattr(b, "title", "") for b in section.blocks]
+    assert "Choice of parameters" in titles
+    assert sum(t.startswith("Energies:") for t in titles) == 4
+    document = selection_document(subject_of(study), steps.select(study))
+    shown = next(s for s in document.short if s.id == "choice")
+    assert any(getattr(b, "title", "") == "Choice of parameters" for b in shown.blocks)
