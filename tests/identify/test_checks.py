@@ -95,7 +95,7 @@ def test_a_bad_channel_is_found_and_named(harm: Callable[[np.ndarray], None], co
 
 def test_sound_functions_have_nothing_to_tell(eight_modes: Any) -> None:
     for kind in KINDS:
-        assert check_frfs(eight_modes.frfs(_LINES, noise=1e-3, kind=kind)) == ()
+        assert check_frfs(eight_modes.frfs(_LINES, noise=0.03, kind=kind)) == ()
 
 
 @pytest.mark.parametrize(("true", "stated"), [("accelerance", "mobility"), ("mobility", "receptance")])
@@ -123,7 +123,7 @@ def test_reciprocity_is_a_difference(eight_modes: Any) -> None:
     assert (pair.first, pair.second) == ("1Z+", "6Z+")
     assert pair.difference == pytest.approx(0.0, abs=1e-12)
     values = frfs.values.copy()
-    values[5, 0] *= 1.2
+    values[5, 0] *= 1.4
     (notice,) = check_frfs(dataclasses.replace(frfs, values=values))
     assert notice.code == "frf.not-reciprocal"
 

@@ -76,6 +76,14 @@ def test_shapes_and_scale_give_the_residues_back(eight_modes: Any) -> None:
     np.testing.assert_allclose(again, fit.residues, atol=1e-5 * np.abs(fit.residues).max())
 
 
+def test_poles_that_change_places_are_put_in_order(eight_modes: Any) -> None:
+    start = pole_of(eight_modes.freq_hz, eight_modes.damping_ratio)
+    start[[2, 3]] = pole_of(np.array([25.2, 25.09]), np.array([0.001, 0.01]))
+    fit = fit_modes(eight_modes.frfs(np.linspace(5.0, 62.0, 1000)), start)
+    assert (np.diff(np.abs(fit.poles)) > 0.0).all()
+    np.testing.assert_allclose(as_modes(fit).freq_hz, eight_modes.freq_hz, rtol=1e-6)
+
+
 def test_without_a_driving_point_the_largest_entry_is_one(three_modes: Any) -> None:
     frfs = three_modes.frfs(_LINES, noise=1e-3)
     rest = FrfSet(_LINES, frfs.values[1:], frfs.responses.select([1, 2]), frfs.references, frfs.kind)

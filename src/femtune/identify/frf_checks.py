@@ -18,8 +18,8 @@ Reals = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 POWER_IN = 0.95
-"""Part of a driving point's |Re mobility| that must go into the structure."""
-RECIPROCAL = 0.1
+"""Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
+RECIPROCAL = 0.25
 """Relative difference of H_ij and H_ji that is told."""
 KNOWN_FACTORS = {
     "g in place of m/s²": 9.80665,
@@ -67,7 +67,9 @@ def check_frfs(frfs: FrfSet) -> tuple[Notice, ...]:
 
 
 def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> float:
-    """Part of Σ|Re mobility| at a driving point that is positive: 1 for a passive structure.
+    """Part of Σ|Re Y||Y| that is positive, Y the mobility at a driving point: 1 for a passive structure.
+
+    Weighted by |Y|, so that resonances count and noise between them does not.
 
     Parameters
     ----------
@@ -76,10 +78,11 @@ def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> floa
     i_omega = 2j * np.pi * frfs.freq_hz
     used = frfs.freq_hz > 0.0
     power = 1 - KINDS.index(kind or frfs.kind)
-    mobility = (point.sign * frfs.values[point.response, point.reference, used] * i_omega[used] ** power).real
+    mobility = point.sign * frfs.values[point.response, point.reference, used] * i_omega[used] ** power
     mobility = mobility[np.isfinite(mobility)]
-    total = np.abs(mobility).sum()
-    return float(np.clip(mobility, 0.0, None).sum() / total) if total else float("nan")
+    inward = mobility.real * np.abs(mobility)
+    total = np.abs(inward).sum()
+    return float(np.clip(inward, 0.0, None).sum() / total) if total else float("nan")
 
 
 def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:

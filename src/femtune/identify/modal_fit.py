@@ -97,6 +97,10 @@ def fit_modes(
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
     found, now, steps, converged = _iterate(problem, poles[np.argsort(np.abs(poles))], most_steps)
+    order = np.argsort(np.abs(found))
+    if (np.diff(order) < 0).any():
+        # close poles may have changed places on their way
+        found, now = found[order], problem.solve(found[order])
     return _as_fit(problem, found, now, steps, converged)
 
 
