@@ -100,7 +100,15 @@ def test_a_study_without_any_mode(bench: Bench):
     assert found.report is not None
     html = found.report.read_text(encoding="utf-8")
     assert "Residuals by kind" in html
-    assert "static displacement" in html
+    assert "no modes, but static displacement, mass, centre of gravity and inertia" in html
+    assert "Every comparison" in html
+    (pull,) = [c for c in update.comparisons if c.kind == "static displacement"]
+    # three displacements beside the largest: the stiffer root is 1.3, the softer tip .85 times the deck's
+    start = displacements(bench.folder / "beam.bdf")
+    true = displacements(truth)
+    rms = 100.0 * np.sqrt(np.mean((start - true) ** 2)) / np.abs(true).max()
+    assert pull.error_before_percent == pytest.approx(rms, rel=1e-6)
+    assert (pull.configuration, pull.label, pull.count) == ("as the deck", "bench", 3)
     assert "weighted mean error" in html
     assert "Traceback" not in html
 

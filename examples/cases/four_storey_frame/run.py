@@ -1,9 +1,9 @@
 """Three formulations on a real test, and what they predict: python run.py [--quick] [--evidence DIR].
 
-Storey stiffnesses of a four-storey laboratory frame from modes 1 and 2 at the three lower floors, by eigenvalues with the
-MAC, by eigenvalues with shape differences, and by the modal dynamic residual, beside the published changes. Modes 3 and 4
-are held out: what each formulation predicts of them gets its verdict. The measured modes are read from the folder of
-shared measurements (../shared/data beside the checkout, or $FEMTUNE_SHARED_DATA); without it the example does nothing.
+Storey stiffnesses of a four-storey laboratory frame from modes 1 and 2 at the three lower floors, by eigenvalues with
+the MAC, by eigenvalues with shape differences, and by the modal dynamic residual, beside the published changes. Modes 3
+and 4 are held out: what each formulation predicts of them gets its verdict. The measured modes are read from the folder
+of shared measurements (../shared/data beside the checkout, or $FEMTUNE_SHARED_DATA); without it nothing is done.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from femtune.study.results_reduction import ReductionResults
 from femtune.study.results_update import (
     BoundState,
     Combination,
+    ComparisonResults,
     Iteration,
     PairingEvent,
     ParameterFacts,
@@ -187,6 +188,7 @@ def update_results(
         weight_choice=weight_choice_results(result),
         starts=None if starts is None else starts_results(starts, table.seed),
         residual_counts=_counts(result),
+        comparisons=tuple(_comparisons(result)),
         citations=citations(result.citations),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
@@ -279,6 +281,21 @@ def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
         )
         for kind, count in counts.items()
     )
+
+
+def _comparisons(result: UpdateResult) -> Iterable[ComparisonResults]:
+    before = {(b.configuration, b.kind, b.mode): b.error for b in result.before.blocks}
+    for b in result.after.blocks:
+        first = before.get((b.configuration, b.kind, b.mode))
+        yield ComparisonResults(
+            configuration=b.configuration,
+            kind=b.kind,
+            label=b.mode,
+            count=len(b.values),
+            error_before_percent=None if first is None else 100.0 * first,
+            error_after_percent=100.0 * b.error,
+            rms_after=float(np.sqrt(np.mean(b.values**2))) if len(b.values) else 0.0,
+        )
 
 
 def _rms(at: Evaluation, kind: str) -> float | None:

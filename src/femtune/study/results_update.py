@@ -224,6 +224,25 @@ class ResidualCount(Record):
     """The same at the end, in %."""
 
 
+class ComparisonResults(Record):
+    """One comparison: a mode's frequency or shape, a load case, the mass …; before and after the update."""
+
+    configuration: str
+    """Name of the configuration."""
+    kind: str
+    """"frequency", "shape", "static displacement" …"""
+    label: str
+    """Label of the test mode, or of what else was measured."""
+    count: int
+    """How many residuals it has."""
+    error_before_percent: float | None
+    """Size of the misfit at the start, in % of what is compared; None where it was not compared then."""
+    error_after_percent: float
+    """The same at the end, in %."""
+    rms_after: float
+    """Root mean square of its residuals at the end, in units of the stated standard deviation (no unit)."""
+
+
 class UpdateResults(Record):
     """How the parameters were found."""
 
@@ -257,6 +276,8 @@ class UpdateResults(Record):
     """Its weight (no unit)."""
     residual_counts: tuple[ResidualCount, ...]
     """Residuals by kind."""
+    comparisons: tuple[ComparisonResults, ...] = ()
+    """Every comparison by itself."""
     citations: tuple[Citation, ...] = ()
     """Publications behind what ran in the update."""
     goodness: GoodnessResults | None = None

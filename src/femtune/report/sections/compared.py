@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from femtune.report.document import Block, Cell, Heading, Listing, Paragraph, Table, columns, row, table_or_none
-from femtune.report.numbers import NONE, counted, short
+from femtune.report.numbers import NONE, counted, listed, short
 from femtune.report.source import Source
 from femtune.study.results_model import MatchedSensor, SensorResults
 
@@ -49,7 +49,14 @@ def _configuration(source: Source, name: str) -> tuple:
 
 
 def _pairs(source: Source, name: str) -> str:
-    return " → ".join(str(len(stage.pairs)) for stage in source.shown(name)) or "not compared"
+    return " → ".join(str(len(stage.pairs)) for stage in source.shown(name)) or _without_modes(source, name)
+
+
+def _without_modes(source: Source, name: str) -> str:
+    """What else was compared in a configuration of which no modes were."""
+    update = source.results.update
+    kinds = dict.fromkeys(c.kind for c in (update.comparisons if update else ()) if c.configuration == name)
+    return f"no modes, but {listed(kinds)}" if kinds else "not compared"
 
 
 def _notes(source: Source) -> list[Block]:
