@@ -207,6 +207,8 @@ def test_what_scatter_gives_off_the_diagonals_of_orthogonality() -> None:
     for predicted, drawn in ((cross, [d[0] for d in draws]), (own, [d[1] for d in draws])):
         # 4000 draws tell a standard deviation within 1.1 %
         assert predicted[off] == pytest.approx(np.std(drawn, axis=0)[off], rel=0.06)
+    losses = 1.0 - np.abs([np.diag(d[0]) for d in draws])
+    assert np.diag(cross) == pytest.approx(losses.mean(axis=0), rel=0.06)
     spread = correlate(replace(test, shapes_sd=sd), model, mass=mass)
     assert spread.orthogonality_sd == pytest.approx(cross, rel=1e-6)
     assert isinstance(correlate(test, model, mass=mass).orthogonality_sd, NotTested)

@@ -189,3 +189,8 @@ def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
     assert "On data that the update did not use" in page
     assert "Shapes at held-out sensors" in page
     assert "Errors of predicted frequencies" in page
+
+
+def test_residuals_that_tell_their_own_scatter_cannot_be_tested_by_it(beam: Bench) -> None:
+    run = steps.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
+    assert _goodness(run).sentence == "not tested: frequency residuals: their scatter is estimated from themselves"

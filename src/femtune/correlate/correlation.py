@@ -44,7 +44,7 @@ class Correlation:
     noise : for each pair what the scatter of the test shape explains, or why that is not known
     notices : findings such as sensors that move against the model
     orthogonality_sd, self_sd : (p, p) what the scatter of the test's shapes gives off the diagonal of the two matrices
-        (one standard deviation), or why that is not known
+        (one standard deviation; on the diagonal of the first the mean loss), or why that is not known
     """
 
     test: ModeSet

@@ -57,10 +57,11 @@ def noise_share(mac_value: float, shape: NDArray, shape_sd: Reals) -> NoiseShare
 
 
 def orthogonality_noise(psi: NDArray, phi: Reals, sd: Reals, mass: Reals) -> tuple[Reals, Reals]:
-    """What scatter of the test's shapes gives off the diagonals of cross- and self-orthogonality, to first order.
+    """What scatter of the test's shapes gives in cross- and self-orthogonality, to first order off the diagonals.
 
     With c = (ψᵀMψ)^-½ and φ of unit modal mass, an entry cψ_iᵀMφ_j scatters by c_i √((Mφ_j)ᵀΣ_i(Mφ_j)) with
-    Σ_i = diag(σ_i²); an entry of the self-orthogonality by both of its shapes.
+    Σ_i = diag(σ_i²); an entry of the self-orthogonality by both of its shapes. On the diagonal noise takes
+    ½ c_i² Σ_k σ_ik² (M_kk − (Mφ_i)_k²) from the one of the cross-orthogonality, on average and to second order.
 
     Parameters
     ----------
@@ -70,14 +71,18 @@ def orthogonality_noise(psi: NDArray, phi: Reals, sd: Reals, mass: Reals) -> tup
 
     Returns
     -------
-    two matrices (p, p) of standard deviations; the diagonals mean nothing
+    two matrices (p, p) of standard deviations; on the diagonal of the first is the mean loss, that of the second means
+    nothing
     """
     unit_test, unit_model = _unit_mass(psi, mass), _unit_mass(phi, mass)
     scale = 1.0 / np.sqrt(np.einsum("ni,nm,mi->i", psi.conj(), mass, psi).real)
     variance = (sd * scale) ** 2
     cross = variance.T @ np.abs(mass @ unit_model) ** 2
     own = variance.T @ np.abs(mass @ unit_test) ** 2
-    return np.sqrt(cross), np.sqrt(own + own.T)
+    total = np.sum(variance * np.diag(mass)[:, None], axis=0)
+    spread = np.sqrt(cross)
+    np.fill_diagonal(spread, 0.5 * np.maximum(total - np.diag(cross), 0.0))
+    return spread, np.sqrt(own + own.T)
 
 
 def _unit_mass(shapes: NDArray, mass: Reals) -> NDArray:

@@ -70,15 +70,18 @@ class Predictions:
         return [(test, miss) for test, miss in found if miss is not None]
 
 
-def predictions(result: UpdateResult, sensitivities: Sensitivities) -> Predictions:
+def predictions(study: Study, result: UpdateResult, sensitivities: Sensitivities) -> Predictions:
     """What the end of an update predicts with.
 
     The covariance is that of the least-squares estimate with the priors of the parameters beside the data, so that a
-    parameter at a bound and an undetermined combination keep a finite spread.
+    parameter at a bound and an undetermined combination keep a finite spread. Stated scatter is taken as it is, also
+    where the residuals are larger: what the model lacks is no noise.
     """
     sd = np.asarray(result.parameters.prior[1], dtype=float)
     at, free = result.after, np.zeros(len(sd), dtype=bool)
-    spread = parameter_covariance(at.residuals, at.jacobian, at.kinds, np.diag(1.0 / sd), free, sd)
+    scatter = study.rules.scatter
+    r = at.residuals if scatter == "estimated" else np.zeros_like(at.residuals)
+    spread = parameter_covariance(r, at.jacobian, at.kinds, np.diag(1.0 / sd), free, sd, scatter=scatter)
     return Predictions(sensitivities, spread.matrix)
 
 

@@ -8,6 +8,7 @@ from femtune.study.results_validation import GoodnessResults, KindOfResiduals
 from femtune.update import UpdateResult
 from femtune.validate import GoodnessOfFit, goodness_of_fit
 
+_ESTIMATED = "their scatter is estimated from themselves"
 _MAC = "the MAC's distance from one is no normal variable: noise always raises it"
 _LARGEST = "the scatter of the largest entry is in all others, which shape_sd does not say"
 
@@ -16,7 +17,10 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     """The test at the end of an update, by the standard deviations that the study states."""
     if not result.after.has_derivatives:
         return goodness_of_fit([])
-    return goodness_of_fit(result.after.blocks, lost=_lost, untestable=_untestable(study))
+    why = _untestable(study)
+    if study.rules.scatter == "estimated":
+        why = dict.fromkeys((block.kind for block in result.after.blocks), _ESTIMATED)
+    return goodness_of_fit(result.after.blocks, lost=_lost, untestable=why)
 
 
 def _lost(block: ResidualBlock) -> int:

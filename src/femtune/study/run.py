@@ -241,6 +241,7 @@ class Run:
         error: float | None = None,
     ) -> Results:
         values = {} if written is None else written.written
+        predicted = predictions(self.study, result, self.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for s in stages for m in s.modes)),
             "modes": tuple(m for s in stages for m in s.modes),
@@ -250,7 +251,7 @@ class Run:
             "selection": selection,
             "update": self._update_record(result, values, error),
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, stages[0], stages[-1], predictions(result, self.sensitivities)),
+            "validation": validation(self.study, stages[0], stages[-1], predicted),
             "journal": journal_results(self.journal),
         }
         return facts.model_copy(update=parts)

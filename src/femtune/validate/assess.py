@@ -135,7 +135,15 @@ def _diagonal(e: Evidence) -> Measured:
     if isinstance(matrix, NotTested):
         return matrix
     found = _worst_pair(e, np.diag(matrix), largest=False)
-    return found if isinstance(found, NotTested) else (found[1], e.label(found[0]), "")
+    if isinstance(found, NotTested):
+        return found
+    (row, value), sd = found, e.correlation.orthogonality_sd
+    return value, e.label(row), "" if isinstance(sd, NotTested) else _loss_by_noise(1.0 - value, float(sd[row, row]))
+
+
+def _loss_by_noise(loss: float, mean: float) -> str:
+    word = "could explain" if loss <= 2.0 * mean else "does not explain"
+    return f"scatter of the measured shape, which takes {mean:.2g} on average, {word} the loss of {loss:.2g}"
 
 
 def _off_diagonal(e: Evidence, matrix: Reals | NotTested, sd: Reals | NotTested, model_columns: bool) -> Measured:
