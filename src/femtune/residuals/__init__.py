@@ -13,12 +13,13 @@ from femtune.residuals.case import (
     solve_case,
 )
 from femtune.residuals.frf import FrfResidual
-from femtune.residuals.frf_choice import ModelWay, frf_residual
+from femtune.residuals.frf_choice import frf_residual
 from femtune.residuals.frf_forms import FrfForm
 from femtune.residuals.frf_lines import Band, Region, Resonance, Resonances
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.frf_scatter import FrfScatter
 from femtune.residuals.measured_zeros import Antiresonance, ZeroSearch, measured_antiresonances
+from femtune.residuals.model_way import ModelWay
 from femtune.residuals.pair import OfModes, OfPairs, PairedMode, PairResidual
 from femtune.residuals.problem import Evaluation, UpdateProblem
 from femtune.residuals.residual import Residual

@@ -21,7 +21,7 @@ from femtune.residuals.block import ResidualBlock
 from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.measured_zeros import Antiresonance
-from femtune.residuals.solver import direct
+from femtune.residuals.model_way import ModesWanted, full_modes
 from femtune.residuals.state import CaseState
 from femtune.residuals.zero_pairs import ZeroGates, candidates
 
@@ -51,7 +51,7 @@ class AntiresonanceResidual:
     references: DofSet
     places: Places
     sd: ZeroSd = 0.01
-    modes: tuple[int | None, float | None] | None = None
+    modes: ModesWanted | None = None
 
     @property
     def on_modes(self) -> bool:
@@ -60,11 +60,7 @@ class AntiresonanceResidual:
 
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a case at a point, of the full model."""
-        case = state.case
-        if case.full is None and self.modes is None:
-            return self.compare(state.solution, derivatives)
-        solver = case.solver if case.full is None else direct
-        return self.compare(solver.modes(state.full, *(self.modes or (case.count, case.max_hz))), derivatives)
+        return self.compare(full_modes(state, self.modes), derivatives)
 
     def compare(self, modes: EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a solved model.
@@ -124,6 +120,7 @@ def antiresonance_residual(
     sd: ZeroSd = 0.01,
     places: Places | None = None,
     gates: ZeroGates | None = None,
+    wanted: ModesWanted | None = None,
 ) -> tuple[AntiresonanceResidual, tuple[Notice, ...]]:
     """The residual of those antiresonances of the test that have a partner in the model at the start, and the others.
 
@@ -134,6 +131,7 @@ def antiresonance_residual(
     zeros : what `measured_antiresonances` finds in them, or some of it
     sd : relative standard deviation, or "test" for that of each fit
     places : where the functions are in the model; the model's DOFs of their labels where nothing is said
+    wanted : number of modes or upper frequency that are solved for at other points; None: as the configuration says
 
     Raises
     ------
@@ -156,7 +154,8 @@ def antiresonance_residual(
                 kept.append(test)
     if not kept:
         raise _no_pairs(name, notices)
-    return AntiresonanceResidual(name, tuple(kept), frfs.responses, frfs.references, places, sd), tuple(notices)
+    kept_only = AntiresonanceResidual(name, tuple(kept), frfs.responses, frfs.references, places, sd, wanted)
+    return kept_only, tuple(notices)
 
 
 def _check_sd(sd: ZeroSd) -> None:

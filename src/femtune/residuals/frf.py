@@ -6,7 +6,7 @@ Source: handbook chapter, displacement residual in the frequency domain; logarit
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,12 +16,12 @@ from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
 from femtune.model import EigenSolution, ModelPoint
-from femtune.model.response import DampingRatios, Method, Ports, frf_gradient
+from femtune.model.response import Ports, frf_gradient
 from femtune.residuals.block import ResidualBlock
 from femtune.residuals.frf_forms import FORMS, FrfForm
 from femtune.residuals.frf_lines import Region
 from femtune.residuals.frf_places import Places
-from femtune.residuals.solver import direct
+from femtune.residuals.model_way import ModelWay
 from femtune.residuals.state import CaseState
 
 Reals = NDArray[np.float64]
@@ -42,9 +42,7 @@ class FrfResidual:
     regions : parts of the lines; those with a label make a block each over all functions, those without one a block
         for each function
     form : "linear", "log-magnitude" or "log-complex"
-    method : the way of the model's functions
-    modes : number of modes or upper frequency that are solved for; None takes those of the configuration
-    damping : modal damping besides that of the model
+    way : how the model's functions are computed
     """
 
     configuration: str
@@ -53,10 +51,7 @@ class FrfResidual:
     sd: Reals
     regions: tuple[Region, ...]
     form: FrfForm = "log-complex"
-    method: Method = "real-modes"
-    modes: tuple[int | None, float | None] | None = None
-    damping: DampingRatios | None = None
-    residual_vectors: bool = True
+    way: ModelWay = field(default_factory=ModelWay)
 
     @property
     def on_modes(self) -> bool:
@@ -65,10 +60,12 @@ class FrfResidual:
 
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a case at a point, of the full model."""
-        return self.compare(self._model(state), derivatives)
+        return self.compare(self.way.model(state), derivatives)
 
     def compare(self, model: ModelPoint | EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a solved model, or for the direct way without modal damping of its point.
+
+        σ of a block is such that |r|σ is the weighted relative misfit, a complex value counting once.
 
         Raises
         ------
@@ -81,8 +78,8 @@ class FrfResidual:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
         lines, back = np.unique(self.measured.freq_hz * self._stretch, return_inverse=True)
         found = frf_gradient(
-            model, self._ports(model), lines, self.measured.kind, self.method,  # type: ignore[arg-type]
-            damping=self.damping, residual_vectors=self.residual_vectors, derivatives=derivatives,
+            model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
+            damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
         )  # fmt: skip
         # a model whose stiffness is scaled so that its peaks meet the test's answers by this factor less
         factor = self._stretch ** (2.0 - KINDS.index(self.measured.kind))
@@ -91,15 +88,6 @@ class FrfResidual:
     def _ports(self, model: ModelPoint | EigenSolution) -> Ports:
         point = model.point if isinstance(model, EigenSolution) else model
         return self.places.ports(point.configured, self.measured)
-
-    def _model(self, state: CaseState) -> ModelPoint | EigenSolution:
-        case, full = state.case, state.full
-        if self.method == "direct" and self.damping is None and not full.mode_ratios:
-            return full
-        if case.full is None and self.modes is None:
-            return state.solution
-        solver = case.solver if case.full is None else direct
-        return solver.modes(full, *(self.modes or (case.count, case.max_hz)))
 
     @cached_property
     def _stretch(self) -> Reals:
@@ -133,10 +121,12 @@ class FrfResidual:
         test, sd = self.measured.values[at], self.sd[at]
         with np.errstate(divide="ignore", invalid="ignore"):
             values, jacobian = FORMS[self.form](model, slope, test)
-        sd = np.tile(sd, len(values) // len(test))
         if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
             raise self._not_finite(label)
-        scale = float(1.0 / np.sqrt(np.mean(sd**-2)))
+        # logarithms are relative already
+        size = np.abs(test) if self.form == "linear" else 1.0
+        scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
+        sd = np.tile(sd, len(values) // len(test))
         return ResidualBlock("frf", self.configuration, label, values / sd, jacobian / sd[:, None], scale)
 
     def _not_finite(self, label: str) -> FemtuneError:

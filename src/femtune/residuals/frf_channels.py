@@ -48,7 +48,7 @@ def _peaks(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(outputs, inputs) largest magnitudes of functions and of their derivatives over the lines."""
     found = frf_gradient(
-        model, ports, lines, "receptance", residual.method,
-        damping=residual.damping, residual_vectors=residual.residual_vectors, derivatives=derivatives,
+        model, ports, lines, "receptance", residual.way.method,
+        damping=residual.way.damping, residual_vectors=residual.way.residual_vectors, derivatives=derivatives,
     )  # fmt: skip
     return np.abs(found.frfs.values).max(axis=2), np.abs(found.gradient).max(axis=(2, 3), initial=0.0)

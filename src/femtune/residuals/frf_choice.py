@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,30 +11,17 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Notice
 from femtune.modal import FrfSet
 from femtune.model import EigenSolution, ModelPoint
-from femtune.model.response import DampingRatios, Method
 from femtune.residuals.frf import FrfResidual
 from femtune.residuals.frf_channels import silent_functions
 from femtune.residuals.frf_forms import FrfForm
 from femtune.residuals.frf_lines import Band, Lines, Region
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.frf_scatter import ABOVE_NOISE, FrfScatter
+from femtune.residuals.model_way import ModelWay
 
 Reals = NDArray[np.float64]
 
 _SHOWN = 8
-
-
-@dataclass(frozen=True)
-class ModelWay:
-    """How the model's functions are computed; see `femtune.model.response.frf`.
-
-    `modes` is a number or an upper frequency; None takes the modes that the configuration is solved for.
-    """
-
-    method: Method = "real-modes"
-    modes: tuple[int | None, float | None] | None = None
-    damping: DampingRatios | None = None
-    residual_vectors: bool = True
 
 
 def frf_residual(
@@ -66,9 +53,7 @@ def frf_residual(
     configured = _point(model).configured
     name = configured.configuration.name
     places = places or places_of(configured.model.structure.nodes, measured)
-    residual = FrfResidual(
-        name, measured, places, sd, regions, form, way.method, way.modes, way.damping, way.residual_vectors
-    )
+    residual = FrfResidual(name, measured, places, sd, regions, form, way)
     notices = _lost_in_noise(residual) if scatter.floor and form != "linear" else []
     residual = _coupled(residual, silent_functions(residual, model), notices)
     if not np.isfinite(residual.sd).any():

@@ -69,7 +69,9 @@ def candidates(
     test_hz = np.array([z.freq_hz for z in tests])
     values = finder.candidates(output, reference, reach * float(test_hz.max()))
     freq = np.sqrt(values) / (2.0 * np.pi)
-    motions = np.array([finder.seen(reference, mu) for mu in values]).reshape(len(values), -1)
+    motions = np.array([finder.seen(reference, mu) for mu in values]).reshape(
+        len(values), finder.ports.outputs.shape[0]
+    )
     mac = np.array([[_mac(z.motion, m) for m in motions] for z in tests]).reshape(len(tests), len(values))
     return Candidates(values, np.log(freq[None, :] / test_hz[:, None]), mac)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from femtune.model import grid_matrix
 from femtune.residuals import OfPairs
+from femtune.residuals.at_first_state import AtFirstState
 from femtune.residuals.dynamic import DynamicResidual
 from femtune.status import Status
 from femtune.study.load import Study
@@ -33,6 +34,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_correlation(results),
         *_of_held_masses(study),
         *_of_silent_modes(study),
+        *_of_residuals(study),
         *(alert for r in results.responses for alert in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
@@ -40,6 +42,14 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
     ]
     order = {"problem": 0, "warning": 1, "info": 2}
     return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
+
+
+def _of_residuals(study: Study) -> Iterable[Alert]:
+    """What comparisons left out when they were settled."""
+    for case in study.cases:
+        for residual in () if case.compared is None else case.compared.residuals:
+            if isinstance(residual, AtFirstState):
+                yield from map(alert_of, residual.notices)
 
 
 def _alert(level: Level, code: str, sentence: str) -> Alert:

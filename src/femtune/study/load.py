@@ -211,7 +211,7 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
             case, remarks = study_case(file, base, entry)
-            cases.append(with_residuals(file, case))
+            cases.append(with_residuals(file, case, built.modal_damping))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None

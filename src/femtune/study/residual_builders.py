@@ -24,11 +24,13 @@ from femtune.files.study_file.residual import (
     MacResidualEntry,
     MassResidualEntry,
     OfModesTable,
-    ResidualTable,
     ShapeResidualEntry,
     StrainResidualEntry,
 )
+from femtune.files.study_file.residual_frf import AntiresonanceResidualEntry, FrfResidualEntry
+from femtune.files.study_file.table import Table
 from femtune.modal import ModeSet
+from femtune.model import ModalDamping
 from femtune.residuals import ModalCase, OfModes, OfPairs, Residual, case_without_modes
 from femtune.residuals.dynamic import DynamicResidual
 from femtune.residuals.flexibility import FlexibilityResidual
@@ -39,6 +41,7 @@ from femtune.residuals.shape import ShapeResidual
 from femtune.residuals.static import DisplacementResidual, ForceResidual, StaticTest
 from femtune.residuals.weights import Weights
 from femtune.study.cases import StudyCase
+from femtune.study.frf_residuals import antiresonance_comparison, frf_comparison
 from femtune.study.located import located
 from femtune.study.response_axes import named_axis
 
@@ -47,11 +50,12 @@ _UNKNOWN = float("nan")
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """One [[residual]] of a study, and the configuration that it belongs to."""
+    """One [[residual]] of a study, and the configuration that it belongs to; `damping` of modes is that of the deck."""
 
     file: StudyFile
     case: StudyCase
     position: int
+    damping: ModalDamping | None = None
 
     @property
     def entry(self) -> Any:
@@ -78,7 +82,7 @@ class Asked:
 Builder = Callable[[Asked], Residual]
 
 
-def with_residuals(file: StudyFile, case: StudyCase) -> StudyCase:
+def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | None = None) -> StudyCase:
     """The configuration with the residuals that the study asks for in it.
 
     Raises
@@ -89,7 +93,7 @@ def with_residuals(file: StudyFile, case: StudyCase) -> StudyCase:
     mine = [i for i, entry in enumerate(file.residual) if entry.configuration in (None, case.name)]
     errors, found = ErrorCollector(), list[Residual]()
     for i in mine:
-        asked = Asked(file, case, i)
+        asked = Asked(file, case, i, damping)
         with errors.catch(), located(asked.where()):
             found.append(_built(asked))
     errors.raise_if_any()
@@ -256,7 +260,16 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
     return [_UNKNOWN if value is None else value for value in values]
 
 
-BUILDERS: Mapping[type[ResidualTable], Builder] = {
+def _frf(asked: Asked) -> Residual:
+    modes = None if asked.case.modal is None else asked.case.modal.test
+    return frf_comparison(asked.entry, asked.case, asked.where, asked.damping, modes)
+
+
+def _antiresonance(asked: Asked) -> Residual:
+    return antiresonance_comparison(asked.entry, asked.case, asked.where)
+
+
+BUILDERS: Mapping[type[Table], Builder] = {
     FrequencyResidualEntry: _frequency,
     ShapeResidualEntry: _shape,
     StrainResidualEntry: _shape,
@@ -268,5 +281,7 @@ BUILDERS: Mapping[type[ResidualTable], Builder] = {
     MassResidualEntry: _mass,
     CentreResidualEntry: _centre,
     InertiaResidualEntry: _inertia,
+    FrfResidualEntry: _frf,
+    AntiresonanceResidualEntry: _antiresonance,
 }
 """By the table of the kind."""

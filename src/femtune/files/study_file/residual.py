@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from femtune.files.study_file.kinds import Covariance, DofLabel, FrequencySd, NotNegative, Positive, Text, Vector
+from femtune.files.study_file.residual_frf import AntiresonanceResidualEntry, FrfResidualEntry
 from femtune.files.study_file.table import Table
 
 Labels = Annotated[tuple[Text, ...], Field(min_length=1)]
@@ -149,7 +150,9 @@ ResidualEntry = Annotated[
     | ForceResidualEntry
     | MassResidualEntry
     | CentreResidualEntry
-    | InertiaResidualEntry,
+    | InertiaResidualEntry
+    | FrfResidualEntry
+    | AntiresonanceResidualEntry,
     Field(discriminator="kind"),
 ]
 """Any kind of residual."""

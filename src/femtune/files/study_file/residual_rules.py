@@ -23,6 +23,7 @@ def residual_rules(data: Data, source: Source) -> Problems:
     for place, entry in tables(data, "residual"):
         yield from _configuration(data, place, entry, source)
         yield from _weights(place, entry, source)
+        yield from _functions(place, entry, source)
 
 
 def _modes(data: Data, source: Source) -> Problems:
@@ -70,3 +71,27 @@ def _weights(place: Place, entry: Data, source: Source) -> Problems:
         what = "a standard deviation of zero would weigh without limit"
         hint = "give the scatter of what was measured, or take the residual out"
         yield source.error((*place, "sd"), "residual.zero-variance", what, {"sd": entry["sd"]}, hint)
+
+
+_AROUND_RESONANCES = ("modes", "bandwidths", "lines", "aligned", "region_ratio")
+
+
+def _functions(place: Place, entry: Data, source: Source) -> Problems:
+    """Keys of measured FRFs that exclude each other."""
+    if entry.get("kind") not in ("frf", "antiresonance"):
+        return
+    low, high = number(entry, "from_hz") or 0.0, number(entry, "to_hz")
+    if high is not None and low >= high:
+        what, hint = "the band does not rise from from_hz to to_hz", "let to_hz be the larger one"
+        yield source.error((*place, "to_hz"), "study.response-lines", what, {"from_hz": low, "to_hz": high}, hint)
+    for one, other, code in (("count", "max_hz", "study.modes"), ("ratio", "ratios", "study.response-ratios")):
+        if one in entry and other in entry:
+            what = f"a residual has both {one} and {other}"
+            yield source.error((*place, other), code, what, {}, f"keep {one} or {other}")
+    around = entry.get("around", "band")
+    unused = ("from_hz", "to_hz", "most") if around == "resonances" else _AROUND_RESONANCES
+    for key in unused if entry["kind"] == "frf" else ():
+        if key in entry:
+            what = f"'{key}' says nothing of lines around {'resonances' if around == 'resonances' else 'no resonance'}"
+            hint = "leave it out" if around == "resonances" else 'add around = "resonances", or leave it out'
+            yield source.error((*place, key), "study.residual-lines", what, {"around": around}, hint)

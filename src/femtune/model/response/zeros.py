@@ -30,7 +30,7 @@ from femtune.model.response.request import check_ports
 Reals = NDArray[np.float64]
 
 _REAL, _STEPS, _FAR = 1e-6, 12, 0.1
-_COUPLED = 1e-13
+_COUPLED, _CANCELLED = 1e-12, 1e-9
 # each step squares the error: what is left after one of this size is rounding
 _CONVERGED = 1e-9
 
@@ -76,7 +76,14 @@ class ZeroFinder:
         values = la.eigvals(A, B)
         real = np.isfinite(values) & (np.abs(values.imag) <= _REAL * np.abs(values))
         found = np.sort(values[real].real)
-        return np.asarray(found[(found > _REAL * top) & (found <= top)])
+        return self._off_poles(found[(found > _REAL * top) & (found <= top)])
+
+    def _off_poles(self, found: Reals) -> Reals:
+        """Without zeros that cancel a pole but for rounding: a motion that does not couple."""
+        heavy = self.basis.mass > 0.0
+        poles = self.basis.stiffness[heavy] / self.basis.mass[heavy]
+        gap = np.abs(found[:, None] - poles).min(axis=1, initial=np.inf)
+        return np.asarray(found[gap > _CANCELLED * found])
 
     def _coupled(self, output: int, reference: int, top: float) -> tuple[Reals, Reals, Reals, Reals]:
         """Force, motion, stiffness and mass of the vectors that join input and output.

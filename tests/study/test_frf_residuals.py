@@ -1,0 +1,204 @@
+"""[[residual]] tables of measured FRFs through whole runs: stiffness, loss factors, dashpots and modal damping."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.files.uff import write_uff_frfs
+from femtune.modal import FrfSet
+from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
+from femtune.model.response import frf, make_ports
+from femtune.parameters import ParameterSet
+from femtune.study.load import load_study
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import SI
+
+from .conftest import CANTILEVER, TRUE, Bench
+
+MATERIAL = "MAT1    1       2.1+11          0.3     7850."
+DAMPED = CANTILEVER.replace(MATERIAL, f"{MATERIAL}                   .01").replace(
+    "CONM2   9", "CDAMP2  20      40.     3       2\nCDAMP2  21      40.     3       3\nCONM2   9"
+)
+TRULY = (*TRUE, (".01\n", ".03\n"), ("CDAMP2  20      40.", "CDAMP2  20      90."))
+PARAMETERS = """
+[[parameter]]
+name = "root"
+fields = ["PBAR 1 I1"]
+lower = 0.5
+upper = 2.0
+
+[[parameter]]
+name = "tip"
+fields = ["PBAR 2 I1"]
+lower = 0.5
+upper = 2.0
+
+[[parameter]]
+name = "loss"
+fields = ["MAT1 1 GE"]
+lower = 0.001
+upper = 0.2
+absolute = true
+
+[[parameter]]
+name = "joint"
+fields = ["CDAMP2 20 B"]
+lower = 0.1
+upper = 10.0
+"""
+TRUTH = [1.3, 0.85, 0.03, 2.25]
+LINES = np.arange(4.0, 240.0, 0.5)
+LABELS = ("3Y+", "5Y+", "5Z+")
+
+
+def functions(
+    deck: Path,
+    noise: float = 0.0,
+    inputs: tuple[str, ...] = ("5Y+", "5Z+"),
+    outputs: tuple[str, ...] = LABELS,
+    **options: object,
+) -> FrfSet:
+    """FRFs of a deck, past everything that a study does; noise as a part of the largest magnitude of each."""
+    model = configure(
+        parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
+    )
+    ports, modes = make_ports(model, inputs, outputs), solve_modes(model.at(np.zeros(0)), 20)
+    exact = frf(modes, ports, LINES, "accelerance", **options)  # type: ignore[arg-type]
+    chance = np.random.default_rng(1)
+    size = noise * np.abs(exact.values).max(axis=2, keepdims=True)
+    scatter = chance.standard_normal(exact.values.shape) + 1j * chance.standard_normal(exact.values.shape)
+    return replace(exact, values=exact.values + size * scatter)
+
+
+def measured(bench: Bench, frfs: FrfSet, name: str = "frfs.uff") -> None:
+    """A Universal File of functions."""
+    nodes = np.array([1, 2, 3, 4, 5])
+    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
+    write_uff_frfs(bench.folder / name, ModalTest("frfs", SI, frame, frfs=frfs))
+
+
+def study_of(bench: Bench, residual: str, parameters: str = PARAMETERS, test: str | None = "frfs.uff") -> Path:
+    bench.write("beam.bdf", DAMPED)
+    return bench.study(f"{parameters}\n[[residual]]\n{residual}\n", test=test)
+
+
+@pytest.fixture
+def true_deck(bench: Bench) -> Path:
+    return bench.truth(TRULY, DAMPED)
+
+
+@pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
+def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Path, form: str) -> None:
+    measured(bench, functions(true_deck))
+    more = "to_hz = 60.0\n" if form == "linear" else ""
+    text = f'kind = "frf"\nform = "{form}"\ncount = 20\n{more}'
+    start = PARAMETERS
+    if form == "linear":
+        # peaks of the linear form attract from a bandwidth or two away only
+        start = start.replace('fields = ["PBAR 1 I1"]\n', 'fields = ["PBAR 1 I1"]\nnominal = 1.29\n').replace(
+            'fields = ["PBAR 2 I1"]\n', 'fields = ["PBAR 2 I1"]\nnominal = 0.853\n'
+        )
+    run = steps.run(study_of(bench, text, start))
+    update = run.results.update
+    assert update is not None
+    assert update.ok
+    assert [p.value for p in update.parameters] == pytest.approx(TRUTH, rel=2e-3)
+    (record,) = update.residual_counts
+    assert record.kind == "frf"
+    assert record.rms_after is not None
+    assert record.rms_before is not None
+    assert record.rms_after < 0.01 * record.rms_before
+
+
+def test_noise_and_honest_standard_deviations(bench: Bench, true_deck: Path) -> None:
+    measured(bench, functions(true_deck, 0.005))
+    update = steps.run(study_of(bench, 'kind = "frf"\nfloor = 0.005\ncount = 20')).results.update
+    assert update is not None
+    for parameter, truth in zip(update.parameters, TRUTH):
+        assert parameter.sd is not None
+        assert abs(parameter.value - truth) < 4.0 * parameter.sd
+        assert parameter.sd < 0.1 * truth
+    (record,) = update.residual_counts
+    assert record.rms_after == pytest.approx(1.0, abs=0.1)
+
+
+def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(bench: Bench, true_deck: Path) -> None:
+    """Stiffness stays wrong; the model's functions are stretched onto the test's peaks, so that damping comes right."""
+    modes = bench.measure(true_deck, *LABELS, count=4)
+    assert modes.modes is not None
+    both = replace(modes, frfs=functions(true_deck))
+    bench.uff(modes, "both.uff")
+    frfs_file = bench.folder / "only.uff"
+    write_uff_frfs(frfs_file, both)
+    functions_only = [part for part in frfs_file.read_text().split("    -1\n") if part.split("\n")[0].strip() == "58"]
+    text = "".join(f"    -1\n{part}    -1\n" for part in functions_only)
+    bench.write("both.uff", (bench.folder / "both.uff").read_text() + text)
+    residual = 'kind = "frf"\naround = "resonances"\naligned = true\nregion_ratio = 0.02\ncount = 20'
+    only_damping = PARAMETERS[PARAMETERS.index('[[parameter]]\nname = "loss"') :]
+    update = steps.run(study_of(bench, residual, only_damping, "both.uff")).results.update
+    assert update is not None
+    assert update.parameters[0].value == pytest.approx(0.03, rel=0.1)
+
+
+def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench: Bench) -> None:
+    measured(bench, functions(bench.truth((), CANTILEVER), damping=constant_damping(0.02)))
+    bench.write("beam.bdf", CANTILEVER)
+    zeta = 'name = "zeta"\nfields = ["MODAL ZETA"]\nlower = 0.001\nupper = 0.2\nabsolute = true\nnominal = 0.005\n'
+    run = steps.run(bench.study(f'[[parameter]]\n{zeta}[[residual]]\nkind = "frf"\ncount = 20\n', test="frfs.uff"))
+    assert run.results.update is not None
+    assert run.results.update.parameters[0].value == pytest.approx(0.02, rel=1e-4)
+    assert run.results.write_back is not None
+    assert any("zeta: the damping ratio 0.02" in s for s in run.results.write_back.without_field)
+
+
+def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
+    seen = ("2Y+", "3Y+", "4Y+", "5Y+")
+    measured(bench, functions(true_deck, 0.0, ("3Y+", "5Y+"), seen))
+    stiffness = PARAMETERS[: PARAMETERS.index('[[parameter]]\nname = "loss"')]
+    update = steps.run(study_of(bench, 'kind = "antiresonance"\ncount = 20', stiffness)).results.update
+    assert update is not None
+    assert update.ok
+    assert [p.value for p in update.parameters] == pytest.approx(TRUTH[:2], rel=0.02)
+    assert update.residual_counts[0].kind == "antiresonance"
+
+
+def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, true_deck: Path) -> None:
+    measured(bench, functions(true_deck, 1e-4, ("5Y+",)))
+    run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.silent-frf"]
+    assert "1 of 3 FRFs are zero in the model but for rounding, and are left out: 5Z+ / 5Y+" in alert.sentence
+
+
+REFUSED = {
+    "no functions": ('kind = "frf"', "residual.no-frfs"),
+    "unknown output": ('kind = "frf"\noutputs = ["4Y+"]', "dof.missing"),
+    "no line": ('kind = "frf"\nfrom_hz = 900.0', "residual.no-frf-lines"),
+    "falling band": ('kind = "frf"\nfrom_hz = 9.0\nto_hz = 5.0', "study.response-lines"),
+    "no modes": ('kind = "frf"\naround = "resonances"', "study.no-test"),
+    "no scatter": ('kind = "frf"\nsd = 0.0', "residual.zero-variance"),
+    "no coherence": ('kind = "frf"\naverages = 20', "residual.no-coherence"),
+    "keys of regions": ('kind = "frf"\nbandwidths = 2.0', "study.residual-lines"),
+    "two ratios": ('kind = "frf"\nratio = 0.01\nratios = [0.01]', "study.response-ratios"),
+    "two numbers of modes": ('kind = "antiresonance"\ncount = 3\nmax_hz = 90.0', "study.modes"),
+    "no antiresonance": ('kind = "antiresonance"\nfrom_hz = 230.0', "residual.no-antiresonances"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Bench, true_deck: Path) -> None:
+    text, code = REFUSED[name]
+    measured(bench, functions(true_deck))
+    if name == "no functions":
+        bench.uff(bench.measure(true_deck), "frfs.uff")
+    with pytest.raises(FemtuneError) as error:
+        load_study(study_of(bench, text)).problem().start(np.zeros(4))
+    assert error.value.code == code
+    assert error.value.hint
