@@ -209,3 +209,17 @@ def test_offsets_along_the_line():
     structure = with_offsets(make_structure([[0, 0, 0], [0, 0, 1]], [part]), [1])
     found = structure.values.values[[structure.values.index(r) for r in _refs("CBAR", 1)]]
     np.testing.assert_allclose(found, [0.1, 0.0, 0.0, 0.0, 0.0, 0.1], atol=1e-15)
+
+
+@pytest.mark.parametrize(("upper", "refused"), [(0.9, False), (1.0, True), (1.5, True)])
+def test_bounds_leave_a_length(upper: float, refused: bool):
+    """A rigid end of a beam of one metre; the error names the beam."""
+    structure = with_offsets(make_structure([[0, 0, 0], [1, 0, 0]], [bars([[0, 1]], SECTION_ONE)]), [1])
+    parameters = ParameterSet((Parameter("a", 0.1, 0.0, upper), Parameter("b", 0.0, -0.2, 0.2)))
+    chosen = [Assignment("a", FieldRef("CBAR", 1, "W1A"), False), Assignment("b", FieldRef("CBAR", 1, "W3B"), False)]
+    if not refused:
+        parametric_model(structure, parameters, chosen)
+        return
+    with pytest.raises(FemtuneError, match="CBAR 1") as caught:
+        parametric_model(structure, parameters, chosen)
+    assert caught.value.code == "parameter.offset-range"

@@ -6,7 +6,7 @@ element's line (OFFT). Elements whose offsets move are a batch of their own; all
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +24,8 @@ Flags = NDArray[np.bool_]
 KINDS = ("bar", "tapered-beam")
 # rounding of offsets that are moved together
 _STILL = 1e-12
+# part of its length below which a beam is gone
+_SHORTEST = 1e-3
 
 
 def with_offsets(structure: Structure, elements: Collection[int]) -> Structure:
@@ -112,6 +114,32 @@ def _settled(structure: Structure, samples: Reals) -> Iterator[ElementBatch]:
             if part.any():
                 own = _rows(batch, part)
                 yield replace(own, facts={**own.facts, "still": part[part]} if part is still else own.facts)
+
+
+def check_spans(structure: Structure, tables: Iterable[Reals]) -> None:
+    """Refuse bounds within which a beam would shrink to nothing or come to point the other way.
+
+    Parameters
+    ----------
+    tables : value tables (n,) at the bounds of the parameters
+
+    Raises
+    ------
+    FemtuneError : ``parameter.offset-range``
+    """
+    batches = [b for b in structure.batches if has_offsets(b) and "still" not in b.facts]
+    for table in tables if batches else ():
+        for batch in batches:
+            now, start = spans(batch, structure, table), spans(batch, structure, structure.values.values)
+            along = np.einsum("ei,ei->e", now, start) / np.einsum("ei,ei->e", start, start)
+            for i in np.flatnonzero(along <= _SHORTEST)[:1]:
+                raise FemtuneError(
+                    "parameter.offset-range",
+                    "within their bounds the offsets leave no length of this beam, or turn it round",
+                    where=Where(record=f"{batch.card} {batch.ids[i]}"),
+                    values={"length along its axis": float(along[i] * np.linalg.norm(start[i]))},
+                    hint="narrow the bounds of the parameters that move its offsets",
+                )
 
 
 def _refuse(batch: ElementBatch, bad: Flags) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
 from femtune.fem.contribution import MatrixKind
 from femtune.fem.generic import check_untouched
-from femtune.fem.offsets import settled
+from femtune.fem.offsets import check_spans, settled
 from femtune.fem.values import TableJet
 from femtune.model.imported_terms import with_assembled
 from femtune.model.term import TermFunction
@@ -85,7 +85,7 @@ def parametric_model(
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
         ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together;
-        ``parameter.offset-axis``, ``generic.moved-elsewhere``
+        ``parameter.offset-axis``, ``parameter.offset-range``, ``generic.moved-elsewhere``
     """
     assignments = tuple(assignments)
     errors = ErrorCollector()
@@ -103,6 +103,7 @@ def parametric_model(
     touched, samples = structure.values.dependents(placed), _samples(bare)
     check_untouched(structure, touched)
     structure = settled(structure, samples)
+    check_spans(structure, _at_bounds(bare))
     compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
     return replace(bare, structure=structure, terms=compiled.terms, used=compiled.used)
@@ -117,6 +118,14 @@ def _samples(model: ParametricModel) -> NDArray[np.float64]:
     random, n = np.random.default_rng(2026), len(model.parameters.free)
     around = random.uniform(-AROUND, AROUND, (SAMPLES - 1, n))
     return np.array([_sample(model, x) for x in (np.zeros(n), *around)])
+
+
+def _at_bounds(model: ParametricModel) -> Iterator[NDArray[np.float64]]:
+    """Value tables (n,) with each parameter at a bound of its own, and with all of them at one."""
+    n, bounds = len(model.parameters.free), model.parameters.bounds
+    for bound in bounds if n else ():
+        for x in (*np.diag(bound), bound):
+            yield _sample(model, x)
 
 
 def _sample(model: ParametricModel, x: NDArray[np.float64]) -> NDArray[np.float64]:
