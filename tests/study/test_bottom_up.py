@@ -173,6 +173,7 @@ def run(folder: Path) -> steps.RunFolder:
 def test_every_stage_finds_its_part_of_the_truth(run: steps.RunFolder):
     update = run.results.update
     assert update.ok
+    assert not [a for a in run.results.alerts if a.code.startswith("update.")]
     found = {p.name: p for p in update.parameters}
     for name, (_, _, truth) in TRUTH.items():
         assert found[name].value == pytest.approx(truth, rel=2e-3), name
@@ -279,3 +280,23 @@ def test_a_catalogue_that_is_none_is_refused_at_its_line(folder: Path):
         steps.update(folder / "wrong.toml", folder / "wrong")
     assert caught.value.code == "catalogue.file"
     assert "it has 'study'" in str(caught.value)
+
+
+def test_what_the_model_lacks_and_runs_that_differ_are_told(folder: Path):
+    """The left part's stiffness is taken as known and is wrong, and one run is stopped on its way."""
+    text = (folder / "study.toml").read_text()
+    for name, sd in (("E", "1e8"), ("mass", "0.01")):
+        text = text.replace(f'name = "{name}"\n', f'name = "{name}"\nsd = {sd}\n')
+    head, *stages = text.split("[[stage]]")
+    few = stages[2].replace('"resonances"]', '"resonances"]\nmax_iterations = 1')
+    (folder / "lacking.toml").write_text("[[stage]]".join([head, few, stages[3]]))
+    found = steps.update(folder / "lacking.toml", folder / "lacking").results
+    alerts = {a.code: a for a in found.alerts}
+    assert "joint, stiffness: its shape residuals are" in alerts["update.stage-misfit"].sentence
+    assert "left, damping: stopped at the iteration limit" in alerts["update.stage-unfinished"].sentence
+    assert "starts do not end in the same optimum" in alerts["update.starts-differ"].sentence
+    assert not found.update.ok
+    # parameters that no stage moved keep their values and have no σ
+    values = {p.name: p for p in found.update.parameters}
+    assert values["mass"].sd is None
+    assert values["mass"].sd_reason == "no stage has found it, σ not given"

@@ -17,6 +17,7 @@ from femtune.study.record_model import alert_of
 from femtune.study.results import Results
 from femtune.study.results_base import Alert, Level
 from femtune.study.results_correlation import CorrelationResults
+from femtune.study.results_stages import StageResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
 _WRITTEN_PERCENT = 0.05
@@ -80,8 +81,23 @@ def _of_update(results: Results) -> Iterable[Alert]:
         turns = len({event.iteration for event in update.pairing_events})
         count = f"{turns} iteration{'s' if turns > 1 else ''} ({len(update.pairing_events)} test modes in all)"
         yield _alert("info", "update.pairing-changed", f"the pairing changed in {count}")
+    yield from _of_stages(update.stages)
     if update.goodness is not None and update.goodness.verdict == "fail":
         yield _alert("warning", "update.misfit", f"{update.goodness.sentence}; {_MISFIT}")
+
+
+def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
+    for stage in stages:
+        if not stage.ok:
+            yield _alert("problem", "update.stage-unfinished", f"stage {stage.name}: {stage.message}")
+        apart = sum(not run.agrees for run in stage.runs)
+        if apart:
+            what = f"stage {stage.name}: {apart} of {len(stage.runs)} starts do not end in the same optimum"
+            yield _alert("warning", "update.starts-differ", what)
+        for misfit in stage.misfit:
+            if misfit.larger_than_noise:
+                what = f"stage {stage.name}: its {misfit.kind} residuals are {misfit.size:.2f} times what noise and the"
+                yield _alert("warning", "update.stage-misfit", f"{what} parameters that rest explain; {_MISFIT}")
 
 
 def _of_quantify(results: Results) -> Iterable[Alert]:

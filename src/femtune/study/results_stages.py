@@ -51,7 +51,7 @@ class StageErrorSum(Record):
     kind: str
     """Kind of residual."""
     before: float
-    """|r|·σ before the stage, in the unit of what is compared (logarithms of ratios: no unit)."""
+    """|r|·σ before the stage, relative to what is compared (of FRFs the logarithm of the ratio; no unit)."""
     after: float
     """The same after it."""
 

@@ -55,7 +55,7 @@ class ErrorSum:
 
     Parameters
     ----------
-    before, after : |r|σ in the unit of what is compared
+    before, after : |r|σ, relative to what is compared
     """
 
     configuration: str
