@@ -77,6 +77,17 @@ def test_modes_that_are_not_compared_need_no_partner():
         replace(silent, rules=ResidualRules()).start(np.zeros(2))
 
 
+def test_without_modes_nothing_is_reduced():
+    solver = Counting()
+    case = case_without_modes(MODEL, (Corner(1780.0),), solver=solver)
+    found = update_reduced(UpdateProblem((case,), MODEL.model.parameters), SensitivityMethod(), ReductionRules())
+    assert found.certified
+    assert found.cases == ()
+    assert found.rounds[0].startswith("nothing was reduced")
+    assert found.result.after.objective < 1e-20
+    assert solver.solved == 0
+
+
 def test_only_what_modes_serve_is_reduced():
     """Both configurations are compared; the one without modes stays on the full model."""
     springs = [(i - 1, i, 900.0) for i in range(60)]

@@ -20,7 +20,7 @@ from femtune.model.response import make_ports, static_response
 from femtune.parameters import ParameterSet
 from femtune.testdata import ModalTest
 
-from .conftest import EI, Bench, modes_of_deck
+from .conftest import CANTILEVER, EI, Bench, modes_of_deck
 
 LOAD = "forces = { '5Y+' = 100.0, '5Z+' = 30.0 }"
 SEEN = ("2Y+", "3Y+", "5Y+")
@@ -111,6 +111,19 @@ def test_a_study_without_any_mode(bench: Bench):
     assert (pull.configuration, pull.label, pull.count) == ("as the deck", "bench", 3)
     assert "weighted mean error" in html
     assert "Traceback" not in html
+
+
+def test_a_model_without_mass(bench: Bench):
+    """It has no modes, and a static test needs none."""
+    text = CANTILEVER.replace("7850.", "").replace("CONM2   9       5               2.0\n", "")
+    assert "CONM2" not in text
+    bench.write("beam.bdf", text)
+    truth = bench.truth(text=text)
+    table = f'[[residual]]\nkind = "static-displacement"\nname = "b"\n{LOAD}\n{measured_table(truth)}\nsd = 0.01\n'
+    found = run(bench, table, None).results
+    assert found.update is not None
+    assert [p.value for p in found.update.parameters] == pytest.approx([1.3, 0.85], rel=1e-6)
+    assert found.modes == ()
 
 
 def test_forces_that_measured_displacements_need(bench: Bench):

@@ -167,6 +167,9 @@ class ReducedSearch:
 NOBODY: Told = _Nobody()
 
 
+NOTHING_REDUCED = "nothing was reduced: no configuration compares modes, so the search ran on the full model"
+
+
 def update_reduced(
     problem: UpdateProblem,
     method: SensitivityMethod,
@@ -192,6 +195,9 @@ def update_reduced(
         and priors
     """
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
+    if not any(case.on_modes for case in problem.cases):
+        # there is nothing that a reduced model would serve
+        return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
     search = train(problem, rules, before, told)

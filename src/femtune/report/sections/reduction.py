@@ -28,6 +28,8 @@ def reduced_models(reduction: ReductionResults | None) -> list[Block]:
         )
         for m in reduction.models
     ]
+    if not rows:
+        return [Paragraph("; ".join(reduction.rounds).capitalize() + ".")]
     rounds = tuple(text[:1].upper() + text[1:] + "." for text in reduction.rounds)
     return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows), _COST), Listing(rounds)]
 
