@@ -70,6 +70,8 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     correlation = np.corrcoef(factors.T)[0, 1]
     assert found.parameters[0].correlation[1] == pytest.approx(correlation, abs=0.01)
     assert found.unexplained_percent < 0.5
+    # three frequencies are too few for distances to the covariance
+    assert [p.cosine_distance for p in found.parameters] == [None, None]
     np.testing.assert_allclose([o.measured_sd_hz for o in found.outputs], hz.std(axis=0, ddof=1))
     assert {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key} == set(arrays)
 
@@ -140,6 +142,25 @@ def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
     assert not found.agrees
     assert found.unexplained_percent > 2.0
     assert "does not repeat what was measured" in found.sentences[0]
+
+
+def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
+    """Root and tip scatter; a tip mass that does not is the third candidate; four frequencies of the plane."""
+    factors = _written(_factors())
+    in_plane = [0, 2, 4, 7]
+    hz = np.array([bench.modes(_truth(bench, f), 8)[in_plane] for f in factors])
+    bench.uff(bench.measure(_truth(bench, np.array([1.1, 0.95])), count=8))
+    _table(bench, hz, "1,3,5,8")
+    out = ", ".join(f'{{ mode = "{m}", reason = "other plane" }}' for m in (2, 4, 6, 7))
+    mass = '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+    text = f'leave_out = [{out}]\n{EI}{mass}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n'
+    study = bench.study(text)
+    study.write_text(study.read_text().replace("count = 6", "count = 8"))
+    found = steps.quantify(study)
+    root, tip, third = (p.cosine_distance for p in found.parameters)
+    assert max(root, tip) < 0.01
+    assert third > 0.05
+    assert found.parameters[2].sd < 0.02
 
 
 def _two(bench: Bench) -> Path:

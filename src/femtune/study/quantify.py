@@ -20,6 +20,7 @@ from femtune.quantify import (
     stochastic_update,
 )
 from femtune.residuals import UpdateProblem
+from femtune.select import CosineDistances, cosine_distances
 from femtune.study.load import Study
 from femtune.study.progress import Progress
 from femtune.study.record_update import citations
@@ -30,6 +31,7 @@ Reals = NDArray[np.float64]
 Arrays = dict[str, NDArray]
 
 _CLOUDS = ("cross-covariance", "output-difference")
+_FEWEST = 4
 _NO_REPEAT = "the repeats do not have it"
 
 
@@ -94,7 +96,8 @@ def _record(
     keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
     values = (measured.repeats, measured.covariance, check.z, found.covariance)
     arrays |= dict(zip(keys.values(), values))
-    parameters = _parameters(study, found)
+    near = _distances(found)
+    parameters = _parameters(study, found, near)
     return QuantifyResults(
         configuration=repeats.case.name,
         method=table.method,
@@ -111,7 +114,7 @@ def _record(
         agrees=check.agrees,
         parameters=parameters,
         outputs=_output_records(check),
-        sentences=(*check.sentences, *_remarks(found, parameters)),
+        sentences=(*check.sentences, *_remarks(found, parameters), *_of_distances(near)),
         repeats_key=keys["repeats"],
         covariance_key=keys["covariance"],
         cloud_key=keys["cloud"],
@@ -120,7 +123,15 @@ def _record(
     )
 
 
-def _parameters(study: Study, found: StochasticResult) -> tuple[ScatteringParameter, ...]:
+def _distances(found: StochasticResult) -> CosineDistances | None:
+    """Distances of the parameters from the covariance; None where there are too few frequencies to say anything."""
+    measured = found.measured
+    if len(measured.mean) < _FEWEST or not found.mean.all() or not found.G.any():
+        return None
+    return cosine_distances(measured.covariance, measured.mean, found.G, found.mean, found.names)
+
+
+def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[ScatteringParameter, ...]:
     return tuple(
         ScatteringParameter(
             parameter=p.name,
@@ -128,10 +139,16 @@ def _parameters(study: Study, found: StochasticResult) -> tuple[ScatteringParame
             mean=float(found.mean[i]),
             sd=float(found.sd[i]),
             correlation=tuple(float(c) for c in found.correlation[i]),
+            cosine_distance=None if near is None or near.insensitive[i] else float(near.distance[i]),
             outside_bounds=not p.lower <= found.mean[i] <= p.upper,
         )
         for i, p in enumerate(study.parameters.free)
     )
+
+
+def _of_distances(near: CosineDistances | None) -> list[str]:
+    """The verdict of the distances where it is a clear one: those of few parameters seldom are."""
+    return [near.sentences[0]] if near is not None and near.clear else []
 
 
 def _output_records(check: ForwardCheck) -> tuple[ScatteringOutput, ...]:

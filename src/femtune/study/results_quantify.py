@@ -18,6 +18,9 @@ class ScatteringParameter(Record):
     """Standard deviation of single structures or assemblies, not of the mean."""
     correlation: tuple[float, ...]
     """Correlation with each parameter of this list (no unit)."""
+    cosine_distance: float | None
+    """Distance 1 − cos of its scaled sensitivities from the leading space of the measured covariance: near 0 for a
+    parameter that scatters; None with fewer than four frequencies, where it says nothing."""
     outside_bounds: bool
     """True where the mean lies outside the parameter's bounds, which this step does not enforce."""
 

@@ -50,8 +50,13 @@ def parameter_table(found: QuantifyResults) -> Table:
     """Mean, scatter and correlations."""
     shown = found.parameters[:_MOST_SHOWN]
     few = len(shown) <= 8
-    heads = columns("Parameter", ">Start", ">Mean", ">σ", ">σ / mean", *(f">corr. {p.parameter}" for p in shown if few))
-    note = "σ is that of single structures or assemblies, not of the mean."
+    heads = columns(
+        "Parameter", ">Start", ">Mean", ">σ", ">σ / mean", ">Distance", *(f">corr. {p.parameter}" for p in shown if few)
+    )
+    note = (
+        "σ is that of single structures or assemblies, not of the mean. Distance: 1 − cos of the parameter's effects "
+    )
+    note += "from the measured covariance, near 0 where it scatters."
     if len(found.parameters) > len(shown):
         note += f" And {counted(len(found.parameters) - len(shown), 'more parameter')} in the results."
     return Table("Scatter of the parameters", heads, tuple(_parameter(p, few) for p in shown), note)
@@ -61,7 +66,7 @@ def _parameter(p: ScatteringParameter, few: bool) -> tuple[Cell, ...]:
     correlations = [f"{c:+.2f}" for c in p.correlation] if few else []
     mean = Cell(value(p.mean), tone="poor") if p.outside_bounds else Cell(value(p.mean))
     ratio = signed_percent(100.0 * p.sd / abs(p.mean)).lstrip("+") if p.mean else "–"
-    return row(p.parameter, value(p.start), mean, short(p.sd), ratio, *correlations)
+    return row(p.parameter, value(p.start), mean, short(p.sd), ratio, short(p.cosine_distance), *correlations)
 
 
 def output_table(found: QuantifyResults) -> Table:
