@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune._optional import require
 from femtune.report.figures.canvas import draw_svg
 from femtune.report.figures.labels import cut
 from femtune.report.figures.svg import BLUE, INK, PALE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 _DASHES = ("-", "--", "-.", ":")
-_DECADES, _BEYOND, _MOST = 3.0, 1.6, 8
+_MOST, _SHOWN = 8, 300.0
 
 
 def weight_path_svg(
@@ -51,7 +53,18 @@ def _curve(axes: Axes, rho: np.ndarray, eta: np.ndarray, at: int | None) -> None
         axes.loglog([rho[at]], [eta[at]], "o", color=INK, markersize=6, fillstyle="none")
     axes.set_xlabel("norm of the residuals")
     axes.set_ylabel("norm of the side constraint")
+    axes.set_ylim(max(float(eta[good].min()), float(eta[good].max()) / _SHOWN), 1.3 * float(eta[good].max()))
     axes.grid(which="major")
+    _plain(axes.xaxis, axes.yaxis)
+
+
+def _plain(*sides: Axis) -> None:
+    """Powers of ten as plain numbers, three or four of them: raised exponents would need mathematical type."""
+    ticker = require("matplotlib.ticker")
+    for side in sides:
+        side.set_major_locator(ticker.LogLocator(base=10.0, numticks=5))
+        side.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+        side.set_minor_formatter(ticker.NullFormatter())
 
 
 def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndarray, at: int | None) -> None:
@@ -64,6 +77,7 @@ def _paths(axes: Axes, weights: np.ndarray, names: Sequence[str], paths: np.ndar
         axes.semilogx(np.full(len(names), weights[at]), paths[at], "o", color=INK, markersize=5, fillstyle="none")
     axes.set_xlabel("weight")
     axes.set_ylabel("change in %")
+    _plain(axes.xaxis)
     axes.grid(axis="y")
     if len(names) <= _MOST:
         axes.legend(frameon=False, fontsize=7, loc="best")
