@@ -153,8 +153,8 @@ def page(runs: list[Found]) -> str:
         "", f"The owners of the case report {OWNERS_MINUTES} minutes for 100 starts with analytic derivatives, that "
         "about half of them recover the truth by shapes, and that the MAC "
         "form failed.", "",
-        "Each start follows the equation error of the lowest mode, then of two, then of all three, on a reduced model "
-        "(no mode is paired, so none can be taken for another); then the residual that was asked for. A start whose end "
+        "Each start follows the equation error of the lowest mode, then of two, then of all three, on a reduced "
+        "model (no mode is paired, so none can be taken for another); then the residual that was asked for. A start whose end "
         "is worse than the best sets out again. The full model certifies the best end; its modes there enrich the "
         "reduced model, and all ends go on from where they are. Nothing in it knows this frame: in a study it is "
         '`starts`, `hops` and `first = "equation-error"` with a table `[reduction]`.', "",
