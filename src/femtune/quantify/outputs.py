@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.residuals import Evaluation, ResidualRules, UpdateProblem
+from femtune.modal.subspace import clusters
+from femtune.residuals import CaseState, Evaluation, ResidualRules, UpdateProblem
+from femtune.residuals.case import Group
 
 Reals = NDArray[np.float64]
 
@@ -142,7 +144,22 @@ def frequency_outputs(problem: UpdateProblem, theta: Reals | None = None) -> Fre
     cases = tuple(replace(case, residuals=()) for case in problem.cases if len(case.test))
     plain = replace(problem, cases=cases, rules=ResidualRules(frequency_sd=1.0))
     x = np.zeros(len(problem.parameters.free)) if theta is None else problem.parameters.normalise(theta)
-    return FrequencyOutputs(plain, plain.start(x))
+    at = plain.start(x)
+    return FrequencyOutputs(plain, plain.assess(at.x, [replace(s, groups=_close_together(s)) for s in at.states]))
+
+
+def _close_together(state: CaseState) -> tuple[Group, ...]:
+    """The groups of a state with those of close modes joined, however well each finds its partner here.
+
+    Elsewhere in the cloud they may repeat, where only their subspace can be followed.
+    """
+    close = {j: n for n, c in enumerate(clusters(state.solution.freq_hz, state.case.rules.relative_gap)) for j in c}
+    found: dict[int, tuple[list[int], list[int]]] = {}
+    for tests, models in state.groups:
+        joined = found.setdefault(close.get(models[0], -1 - models[0]), ([], []))
+        joined[0].extend(tests)
+        joined[1].extend(models)
+    return tuple(sorted((tuple(sorted(t)), tuple(sorted(m))) for t, m in found.values()))
 
 
 def _frequencies(at: Evaluation) -> list:
