@@ -194,3 +194,12 @@ def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
 def test_residuals_that_tell_their_own_scatter_cannot_be_tested_by_it(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
     assert _goodness(run).sentence == "not tested: frequency residuals: their scatter is estimated from themselves"
+
+
+def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
+    run = steps.run(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["4"]'))
+    assert run.report is not None
+    page = run.report.read_text()
+    modes = page[page.index('id="modes"') : page.index('id="mode_shapes"')]
+    assert modes.count("not used in the update") == 1
+    assert "as the deck: beyond the frequencies used" in page

@@ -28,16 +28,19 @@ def modes(source: Source) -> list[Block]:
 def _configuration(source: Source, name: str, scale: float) -> list[Block]:
     before, after = source.before(name), source.after(name)
     assert before is not None
-    return [_table(name, before, after, scale), *cluster_paragraphs(after or before)]
+    return [_table(source, name, before, after, scale), *cluster_paragraphs(after or before)]
 
 
-def _table(name: str, before: CorrelationResults, after: CorrelationResults | None, scale: float) -> Block:
+def _table(
+    source: Source, name: str, before: CorrelationResults, after: CorrelationResults | None, scale: float
+) -> Block:
     heads = [*columns("Test mode", ">Hz"), *_stage_columns("before")]
     if after:
         heads += _stage_columns(after.stage)
     heads.append(Column("Remark"))
     stages = [before, after] if after else [before]
-    rows = [_row(entry, stages, scale) for entry in _entries(before, after)]
+    kept = _kept(source, name)
+    rows = [_row(entry, stages, scale, kept) for entry in _entries(before, after)]
     if not rows:
         return Paragraph(f"{name}: the test has no mode.")
     return Table(name, tuple(heads), tuple(rows))
@@ -67,11 +70,18 @@ def _entries(before: CorrelationResults, after: CorrelationResults | None) -> li
     return sorted(found.values(), key=lambda e: e.freq_hz)
 
 
-def _row(entry: _Entry, stages: list[CorrelationResults], scale: float) -> tuple[Cell, ...]:
+def _kept(source: Source, name: str) -> set[str]:
+    """Test modes of a configuration that the update did not see."""
+    found = source.results.validation.predictions if source.results.validation else ()
+    return {p.test_label for p in found if p.configuration == name and p.data}
+
+
+def _row(entry: _Entry, stages: list[CorrelationResults], scale: float, kept: set[str]) -> tuple[Cell, ...]:
     pairs = [next((p for p in s.pairs if p.test_label == entry.label), None) for s in stages]
     cells = [cell for pair in pairs for cell in _pair_cells(pair, scale, bool(entry.remark))]
     tone: Tone = "muted" if entry.remark else ""
-    remark = entry.remark or pair_remark(pairs)
+    held = "not used in the update" if entry.label in kept else ""
+    remark = entry.remark or "; ".join(filter(None, (held, pair_remark(pairs))))
     return row(Cell(entry.label, tone=tone), Cell(freq(entry.freq_hz), tone=tone), *cells, Cell(remark, tone="muted"))
 
 

@@ -14,7 +14,7 @@ from femtune.report.document import (
     Tone,
     columns,
     row,
-    table_or_none,
+    without_column,
 )
 from femtune.report.figures.predictions import PredictedMode, predictions_svg
 from femtune.report.numbers import (
@@ -120,23 +120,31 @@ def _predicted(p: Prediction) -> PredictedMode:
 
 
 def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
-    """All measured modes that the update did not use."""
+    """All measured modes that the update did not use: a table each configuration and kind of data."""
+    if not found.predictions:
+        return [Paragraph("No measured mode was held out: how well the model predicts was not tested.")]
+    groups: dict[str, list[Prediction]] = {}
+    for p in found.predictions:
+        groups.setdefault(f"{p.configuration}: {p.data or 'left out'}", []).append(p)
+    tables = [_predictions(title, rows, known_reasons) for title, rows in groups.items()]
+    note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
+    known = any(p.z is not None for p in found.predictions)
+    return [Heading("Measured modes that the update did not use"), *tables, *([Paragraph(note, "muted")] * known)]
+
+
+def _predictions(title: str, rows: list[Prediction], known_reasons: list[str]) -> Table:
     heads = (
-        *columns("Configuration", "Mode", ">Test Hz", ">Model no.", ">Hz"),
-        *(Column(title, "right", "Error %") for title in ("before", "after")),
-        *(Column(title, "right", "σ %") for title in ("test", "parameters")),
+        *columns("Mode", ">Test Hz", ">Model no.", ">Hz"),
+        *(Column(head, "right", "Error %") for head in ("before", "after")),
+        *(Column(head, "right", "σ %") for head in ("test", "parameters")),
         *columns(">z", ">MAC", "Remark"),
     )
-    none = "No measured mode was held out: how well the model predicts was not tested."
-    rows = [_row(p, known_reasons) for p in found.predictions]
-    note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
-    table = table_or_none("Measured modes that the update did not use", heads, rows, none)
-    return [table, *([Paragraph(note, "muted")] if any(p.z is not None for p in found.predictions) else [])]
+    table = Table(title, heads, tuple(_row(p, known_reasons) for p in rows))
+    return table if any(_remark(p, known_reasons) for p in rows) else without_column(table, "Remark")
 
 
 def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
     return row(
-        p.configuration,
         p.test_label,
         freq(p.test_freq_hz),
         str(p.model_number) if p.model_number is not None else "none answers",
@@ -154,8 +162,8 @@ def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
 def _remark(p: Prediction, known_reasons: list[str]) -> str:
     """The study's reason for leaving a mode out stands in the table of modes left out."""
     if p.data:
-        return p.data if p.paired else f"{p.data}; no pair, only the most alike"
-    return "left out by the study" if p.remark in known_reasons else p.remark or NONE
+        return "" if p.paired else "no pair, only the most alike"
+    return "left out by the study" if p.remark in known_reasons else p.remark
 
 
 def sensor_blocks(found: ValidationResults) -> list[Block]:
