@@ -42,6 +42,8 @@ _TABLES: dict[str, type[Table]] = {
     "## `[[derived]]`": study_file.DerivedEntry,
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,
+    "## `[select]`": study_file.SelectTable,
+    "## `[quantify]`": study_file.QuantifyTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
     "## `[response]`": study_file.ResponseTable,
