@@ -170,8 +170,8 @@ def page(rows: list[Row], channels: int, seeds: int) -> str:
             "",
             f"{channels} responses to one shaker, {len(LINES)} lines, six modes, {seeds} seeds. Bias and "
             "scatter are relative, root mean squares over the modes that were found; 1 − MAC is the median. sdypy-EMA "
-            "is told the true frequencies and looks 2 Hz about them, its smallest window; femtune chooses by itself, and "
-            "its time has the fit with standard deviations and the state-space model in it. Seconds are those of the "
+            "is told the true frequencies and looks 2 Hz about them, its smallest window; femtune chooses by itself, "
+            "and its time has the fit with standard deviations and the state-space model in it. Seconds are of the "
             "processor.",
             "",
             "| modes | dB | | found of 6 | others | Hz bias | Hz scatter | ζ bias | ζ scatter | 1 − MAC | s |",
