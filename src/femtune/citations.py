@@ -35,6 +35,24 @@ _register(
     year="2011",
 )
 _register(
+    "wald1940",
+    "article",
+    author="Wald, A. and Wolfowitz, J.",
+    title="On a test whether two samples are from the same population",
+    journal="Annals of Mathematical Statistics",
+    volume="11",
+    number="2",
+    year="1940",
+)
+_register(
+    "bard1974",
+    "book",
+    author="Bard, Y.",
+    title="Nonlinear Parameter Estimation",
+    publisher="Academic Press",
+    year="1974",
+)
+_register(
     "friswell1995",
     "book",
     author="Friswell, M. I. and Mottershead, J. E.",

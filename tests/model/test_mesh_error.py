@@ -136,3 +136,10 @@ def test_what_cannot_be_refined_says_why(change: str, says: str, tmp_path: Path)
     found = mesh_change(_modes(text, tmp_path, 3))
     assert isinstance(found, str)
     assert says in found
+
+
+def test_large_models_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solution = _modes(cantilever(4, True), tmp_path, 3)
+    monkeypatch.setattr("femtune.model.mesh_error.MOST_DOFS", 20)
+    assert mass_change(solution) == "the model has 30 DOFs, more than 20"
+    assert mesh_change(solution) == "the refined model would have 54 DOFs, more than 20"

@@ -19,7 +19,7 @@ from femtune.parameters import ParameterSet
 Reals = NDArray[np.float64]
 
 MOST_DOFS = 300_000
-"""Models with more grid DOFs after the refinement are not refined."""
+"""Models of more grid DOFs are not looked at, nor those that the refinement would make larger."""
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
 _SAME = 0.5
@@ -93,6 +93,8 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     structure, configuration = configured.model.structure, configured.configuration
     if not structure.batches:
         return "the model is made of matrices"
+    if structure.nodes.n_dofs > MOST_DOFS:
+        return f"the model has {structure.nodes.n_dofs} DOFs, more than {MOST_DOFS}"
     other = replace(structure, consistent_mass=not structure.consistent_mass)
     models = (parametric_model(s, ParameterSet(()), ()) for s in (structure, other))
     own, changed = (grid_matrix(model, configuration, "mass") for model in models)

@@ -189,7 +189,7 @@ def update_results(
         starts=None if starts is None else starts_results(starts, table.seed),
         residual_counts=_counts(result),
         comparisons=tuple(_comparisons(result)),
-        citations=citations(result.citations),
+        citations=citations((*result.citations, "bard1974", "wald1940")),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
     )
