@@ -223,12 +223,9 @@ class _Matrix:
         """(m, 78) upper triangles."""
         geometry = self.geometry.rows(elements)
         length, axes, arms = geometry.placed(values)
-        out: list[Jet] = []
-        for form in self.forms:
-            g = _on_nodes(form, length, axes, arms, geometry.nodes)
-            c = form.coefficient(values, length)
-            out.append((c[:, None] * g)[:, _UPPER[0]] * g[:, _UPPER[1]])
-        return _sum(out)
+        shapes = _beside([_on_nodes(form, length, axes, arms, geometry.nodes) for form in self.forms])
+        weights = _beside([form.coefficient(values, length) for form in self.forms])
+        return _products(weights[:, :, None] * shapes, shapes)[:, _UPPER[0], _UPPER[1]]
 
 
 def _on_nodes(form: _Form, length: Jet, axes: list[Vector], arms: list[Vector], frames: tuple[Reals, Reals]) -> Jet:
@@ -240,8 +237,27 @@ def _on_nodes(form: _Form, length: Jet, axes: list[Vector], arms: list[Vector], 
             moment = [m + turn for m, turn in zip(moment, _cross(arms[k], force))]
         for vector in (force, moment):
             parts += _turned(np.swapaxes(frames[k], 1, 2), vector)
-    value, grad, hess = (np.stack([getattr(p, name) for p in parts], axis=1) for name in ("value", "grad", "hess"))
+    return _beside(parts)
+
+
+def _beside(jets: Sequence[Jet]) -> Jet:
+    """Jets (m, …) as one, (m, number, …)."""
+    value, grad, hess = (np.stack([getattr(j, name) for j in jets], axis=1) for name in ("value", "grad", "hess"))
     return Jet(value, grad, hess)
+
+
+def _products(a: Jet, b: Jet) -> Jet:
+    """(m, 12, 12) sums Σ_r a_r b_rᵀ of jets (m, r, 12), by products of matrices."""
+    m, r, d = a.value.shape
+    n, left = a.n_variables, np.swapaxes(a.value, 1, 2)
+    slopes = np.moveaxis(a.grad, 1, 3).reshape(m, d * n, r)
+    curves = np.moveaxis(a.hess, 1, 4).reshape(m, d * n * n, r)
+    grad = (left @ b.grad.reshape(m, r, d * n)).reshape(m, d, d, n)
+    grad = grad + np.swapaxes((slopes @ b.value).reshape(m, d, n, d), 2, 3)
+    cross = np.swapaxes((slopes @ b.grad.reshape(m, r, d * n)).reshape(m, d, n, d, n), 2, 3)
+    hess = (left @ b.hess.reshape(m, r, d * n * n)).reshape(m, d, d, n, n) + cross + np.swapaxes(cross, 3, 4)
+    hess = hess + np.moveaxis((curves @ b.value).reshape(m, d, n, n, d), 4, 2)
+    return Jet(left @ b.value, grad, hess)
 
 
 def _along(form: _Form, start: int, length: Jet, axes: list[Vector]) -> list[Jet]:
