@@ -113,6 +113,7 @@ _PARAMETERS = "".join(
         ('identical = [["a", "b"]]', "study.regularisation", "belongs to regularisation"),
         ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
         ('regularisation = "prior"', "prior.outside-bounds", "contradict each other"),
+        ("adapt = true", "study.regularisation", "no rule finds it"),
         ("hops = 2", "study.starts", "speaks of several starts"),
         ('starts = 4\nfirst = "equation-error"', "study.starts", "needs reduced models"),
     ],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,12 +15,14 @@ from femtune.update import (
     GaussNewton,
     LevenbergMarquardt,
     LineSearch,
+    MinimumChange,
     Prior,
     Search,
     SensitivityMethod,
     Truncated,
     update,
 )
+from femtune.update.regularise import LinearModel, choose_weight
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 TRUTH = (0.25, -0.3, 0.15)
@@ -74,6 +78,20 @@ def test_the_line_search_descends_where_whole_steps_do_not(problem: UpdateProble
     assert falling == sorted(falling, reverse=True)
     np.testing.assert_allclose(part.x, TRUTH, atol=1e-6)
     assert len(whole.history) > 1
+
+
+@pytest.mark.parametrize("adapt", [False, True])
+def test_a_weight_is_kept_or_adapted(problem: UpdateProblem, adapt: bool):
+    """Noise calls for a constraint; adapted, its weight is that of the rule at the end."""
+    (case,) = problem.cases
+    noise = 1.0 + 0.01 * np.random.default_rng(5).standard_normal(4)
+    noisy = replace(problem, cases=(replace(case, test=replace(case.test, freq_hz=case.test.freq_hz * noise)),))
+    result = update(noisy, SensitivityMethod(regularisation=MinimumChange("gcv"), adapt=adapt))
+    assert result.side.choice is not None
+    point = result.after if adapt else result.before
+    at = LinearModel(problem.parameters, point.x, point.residuals, point.jacobian, np.ones(3, bool))
+    assert result.side.weight == pytest.approx(choose_weight(result.side, "gcv", at).weight)
+    assert result.side.weight > 0.0
 
 
 def test_truncation_holds_a_combination(problem: UpdateProblem):

@@ -154,10 +154,10 @@ def page(runs: list[Found]) -> str:
         "about half of them recover the truth by shapes, and that the MAC "
         "form failed.", "",
         "Each start follows the equation error of the lowest mode, then of two, then of all three, on a reduced "
-        "model (no mode is paired, so none can be taken for another); then the residual that was asked for. A start whose end "
-        "is worse than the best sets out again. The full model certifies the best end; its modes there enrich the "
-        "reduced model, and all ends go on from where they are. Nothing in it knows this frame: in a study it is "
-        '`starts`, `hops` and `first = "equation-error"` with a table `[reduction]`.', "",
+        "model: no mode is paired, so none can be taken for another. Then comes the residual that was asked for. A "
+        "start whose end is worse than the best sets out again. The full model certifies the best end; its modes there "
+        "enrich the reduced model, and all ends go on from where they are. Nothing in it knows this frame: in a "
+        'study it is `starts`, `hops` and `first = "equation-error"` with a table `[reduction]`.', "",
         f"Tries of the starts by shapes: {', '.join(f'{n} needed {t}' for t, n in sorted(tries.items()))}.", "",
         *(f"- {FORMS[r.form]}: {s}" for r in runs for s in (*r.run.starts.sentences, *r.run.update.rounds)), "",
         "By the MAC the update ends as *undetermined*: a MAC of one is flat, so that its derivatives say nothing "

@@ -34,7 +34,8 @@ _SEARCHES: dict[str, Callable[[], Search]] = {
 def method_of(table: UpdateTable, parameters: ParameterSet) -> SensitivityMethod:
     """The method that [update] asks for (errors ``prior.*``)."""
     regularisation = regularisation_of(table, parameters)
-    return SensitivityMethod(table.max_iterations, table.tolerance, regularisation, _SEARCHES[table.search]())
+    search = _SEARCHES[table.search]()
+    return SensitivityMethod(table.max_iterations, table.tolerance, regularisation, search, table.adapt)
 
 
 def regularisation_of(table: UpdateTable, parameters: ParameterSet) -> Regularisation:

@@ -6,7 +6,7 @@ Source: Mottershead, Link and Friswell (2011); damping after Levenberg and Marqu
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.status import Status
 from femtune.update.covariance import ParameterCovariance, parameter_covariance
-from femtune.update.regularise import NoRegularisation, Regularisation
+from femtune.update.regularise import NoRegularisation, Regularisation, reweighed
 from femtune.update.result import Iteration, UpdateResult
 from femtune.update.search import LevenbergMarquardt, LocalModel, Search
 from femtune.update.trust import without
@@ -38,12 +38,14 @@ class SensitivityMethod:
     tolerance : largest change of a normalised parameter that counts as none
     regularisation : side constraints, settled at the first iteration and kept
     search : how the length of a step is found
+    adapt : whether a weight that a rule finds is found again at every iteration, in place of kept from the first
     """
 
     max_iterations: int = 50
     tolerance: float = 1e-8
     regularisation: Regularisation = field(default_factory=NoRegularisation)
     search: Search = field(default_factory=LevenbergMarquardt)
+    adapt: bool = False
 
 
 def update(
@@ -72,7 +74,7 @@ def update(
     return _Update(Walk(problem, moving, side), method, report).go(before)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _Update:
     walk: Walk
     method: SensitivityMethod
@@ -92,9 +94,17 @@ class _Update:
                 events = _events(trial, paired.evaluation)
                 history.append(_iteration(self.walk, len(history), paired, moved, state, events))
                 self.report(history[-1])
-                point = paired
+                point = self._adapted(paired)
                 status = self._finished(point, history)
         return _result(self.walk, before, point, status, history)
+
+    def _adapted(self, point: Point) -> Point:
+        """The point with the weight that the rule finds there, where the weight is adapted."""
+        if not self.method.adapt:
+            return point
+        at = linear_model(self.walk.problem, point.evaluation, self.walk.moving)
+        self.walk = replace(self.walk, side=reweighed(self.walk.side, at))
+        return self.walk.point(point.evaluation)
 
     def _finished(self, point: Point, history: list[Iteration]) -> Status | None:
         """How the iteration ends at this point, or None where it goes on."""

@@ -136,6 +136,7 @@ class UpdateTable(Table):
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
     weight: Annotated[float, Field(ge=0, le=1e12)] | Literal["l-curve", "gcv"] = 0.0
+    adapt: bool = False
     identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
     correlations: tuple[CorrelationEntry, ...] = ()
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8

@@ -62,6 +62,10 @@ def _weight_hint(kind: object) -> str:
 def _of_other_kinds(update: Data, source: Source) -> Problems:
     """Keys that only one kind of regularisation reads."""
     kind = update.get("regularisation", "none")
+    if update.get("adapt") and update.get("weight") not in _FOUND:
+        what = "adapt finds the weight again at every iteration, and here no rule finds it"
+        hint = 'write weight = "l-curve" or "gcv", or remove adapt'
+        yield source.error(("update", "adapt"), "study.regularisation", what, {"weight": update.get("weight")}, hint)
     for key, owner in (("identical", "identical"), ("correlations", "prior")):
         if update.get(key) and kind != owner:
             what = f'{key} belongs to regularisation = "{owner}"'

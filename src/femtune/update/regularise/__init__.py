@@ -10,7 +10,7 @@ from femtune.update.regularise.prior import Prior, correlated_prior
 from femtune.update.regularise.side import LinearModel, Regularisation, SideConstraint
 from femtune.update.regularise.together import Together
 from femtune.update.regularise.truncated import Truncated
-from femtune.update.regularise.weight import Weight, WeightChoice, WeightStatus, choose_weight
+from femtune.update.regularise.weight import Weight, WeightChoice, WeightStatus, choose_weight, reweighed
 
 __all__ = [
     "Distance",
@@ -32,4 +32,5 @@ __all__ = [
     "correlated_prior",
     "link_weights",
     "regularisation_path",
+    "reweighed",
 ]

@@ -60,7 +60,7 @@ class WeightChoice:
     position : of the weight in the path; None where none was found
     """
 
-    rule: str
+    rule: Literal["l-curve", "gcv"]
     status: WeightStatus
     position: int | None
     path: RegularisationPath
@@ -77,6 +77,14 @@ def weighed(side: SideConstraint, weight: Weight, at: LinearModel) -> SideConstr
         return replace(side, weight=float(weight))
     choice = choose_weight(side, weight, at)
     return replace(side, weight=choice.weight, choice=choice)
+
+
+def reweighed(side: SideConstraint, at: LinearModel) -> SideConstraint:
+    """The same constraint with the weight that its rule finds at another point; the old one where none is found."""
+    if side.choice is None:
+        return side
+    fresh = choose_weight(side, side.choice.rule, at)
+    return replace(side, weight=fresh.weight, choice=fresh) if fresh.status.found else side
 
 
 def choose_weight(side: SideConstraint, rule: Literal["l-curve", "gcv"], at: LinearModel) -> WeightChoice:
