@@ -77,6 +77,19 @@ def test_forward_selection_is_least_squares_at_every_step():
         assert step.left == pytest.approx(np.linalg.norm(left) / np.linalg.norm(r))
 
 
+def test_two_wrong_parameters_are_no_chance_for_each_other():
+    """With three residuals the first step alone leaves too much to be significant by itself."""
+    S = np.array([[1.0, 0.2], [0.5, 0.9], [0.4, 0.7]])
+    found = forward_selection(S, -S @ [1.0, -1.2] + 1e-3, ("a", "b"))
+    assert set(found.chosen) == {"a", "b"}
+
+
+def test_without_freedom_the_stated_scatter_decides():
+    S = np.eye(2)
+    assert forward_selection(S, np.array([5.0, 1.0]), ("a", "b")).chosen == ("a",)
+    assert forward_selection(S, np.array([1.0, 1.5]), ("a", "b")).chosen == ()
+
+
 def test_stepwise_drops_what_others_replace():
     """The column nearest to the residual is a mixture of two that together leave nothing of it."""
     rng = np.random.default_rng(0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 Reals = NDArray[np.float64]
@@ -30,7 +31,8 @@ class SubsetStep:
     taken : False where it was dropped again
     cosine : of the angle between its column, freed of those taken before, and what is left of the residual
     left : |r| of the best fit with the subset so far, by |r| without any
-    f_value : lessening of |r|² by the mean square that is left; NaN where no freedom is left
+    f_value : lessening of |r|² by the mean square that all columns leave together (forward), or that is left at this
+        step (stepwise); by the stated variance where no freedom is left
     """
 
     name: str
@@ -62,19 +64,36 @@ def forward_selection(S: Reals, r: Reals, names: tuple[str, ...], significance: 
     Parameters
     ----------
     S, r : (n, k), (n,) scaled Jacobian and residuals; r + S d is to become small
-    significance : of the F test that ends the choice; the order goes on to the last independent column
+    significance : of the F test that ends the choice; the order goes on to the last independent column. r in units of
+        its standard deviation, which counts where there are as many columns as residuals
     """
     taken: list[int] = []
-    steps: list[SubsetStep] = []
-    chosen = 0
+    cosines: list[float] = []
     while (best := _best(S, r, taken)) is not None:
-        j, cosine = best
-        value = _f_value(S, r, taken, [*taken, j])
-        taken.append(j)
-        steps.append(SubsetStep(names[j], True, cosine, _left(S, r, taken), value))
-        if _significant(value, len(r) - len(taken), significance) and chosen == len(taken) - 1:
-            chosen = len(taken)
+        taken.append(best[0])
+        cosines.append(best[1])
+    squares = np.array([_square(S, r, taken[:n]) for n in range(len(taken) + 1)])
+    values, limit = _against_all(squares, r, significance)
+    steps = [
+        SubsetStep(names[j], True, c, _left(S, r, taken[: n + 1]), float(values[n]))
+        for n, (j, c) in enumerate(zip(taken, cosines))
+    ]
+    chosen = int(np.append(values > limit, False).argmin())
     return Subset(tuple(names[j] for j in taken[:chosen]), tuple(steps))
+
+
+def _against_all(squares: Reals, r: Reals, significance: float) -> tuple[Reals, float]:
+    """Gain of each step by the mean square that all columns together leave, and the value that chance exceeds seldom.
+
+    What a step leaves is no measure of chance as long as other parameters are wrong too. Where all together leave no
+    freedom, the stated scatter takes the place of theirs: residuals are in its units.
+    """
+    freedom, gains = len(r) - len(squares) + 1, squares[:-1] - squares[1:]
+    if freedom < 1:
+        return gains, float(chi2.ppf(1.0 - significance, 1))
+    left = max(float(squares[-1]), _FULL * float(r @ r)) / freedom
+    limit = float(f_distribution.ppf(1.0 - significance, 1, freedom))
+    return (gains / left if left > 0.0 else np.zeros_like(gains)), limit
 
 
 def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float = 0.05, leave: float = 0.10) -> Subset:
