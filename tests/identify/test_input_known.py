@@ -35,6 +35,19 @@ def test_modes_and_system_come_out(eight_modes: Any) -> None:
     assert {n.code for n in found.notices} <= {"identify.near-miss"}
 
 
+def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES, noise=0.005)
+    values = frfs.values.copy()
+    values[3] = 0.0
+    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown())
+    np.testing.assert_allclose(found.modes.freq_hz, eight_modes.freq_hz, rtol=1e-3)
+    assert found.modes.shapes_sd is not None
+    assert np.isnan(found.modes.shapes[3]).all()
+    assert np.isnan(found.modes.shapes_sd[3]).all()
+    assert np.isfinite(np.delete(found.modes.shapes, 3, axis=0)).all()
+    assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
+
+
 def test_a_band_one_method_and_a_choice_by_hand(eight_modes: Any) -> None:
     asked = InputKnown(band_hz=(10.0, 48.0), methods=("N4SID",), largest_order=40, drop=(37.0,))
     found = identify_frfs(eight_modes.frfs(_LINES, noise=0.005), asked)

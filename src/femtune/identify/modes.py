@@ -40,15 +40,18 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
     sd = np.sqrt(np.diag(covariance))
     m = len(freq)
     modal_a = np.asarray(2j * fit.poles.imag, dtype=complex)
+    # a response that is zero throughout was not measured: no shape, and above all no shape without error
+    dead = ~np.any(fit.measured.values != 0.0, axis=(1, 2))
+    shapes, shapes_sd = (np.where(dead[:, None], np.nan, x) for x in (made.shapes, made.sd))
     return ModeSet(
         freq,
-        made.shapes,
+        shapes,
         fit.measured.responses,
         labels,
         damping,
         "mass" if made.mass_normalised else "unit-max",
         freq_sd_hz=sd[:m],
-        shapes_sd=made.sd,
+        shapes_sd=shapes_sd,
         source=fit.measured.source,
         damping_sd=sd[m:],
         covariance=covariance,
