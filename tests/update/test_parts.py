@@ -148,3 +148,11 @@ def test_without_spare_residuals_no_scatter_is_estimated():
     found = parameter_covariance(np.zeros(3), np.eye(3), F20[:3], NONE, FREE, np.ones(3), scatter="estimated")
     assert np.isnan(found.sd).all()
     assert found.reasons[0] == "no residual is left over to estimate the scatter from, σ not given"
+
+
+def test_what_is_lost_by_scaling_is_no_freedom():
+    """A shape of unit norm cannot scatter along itself: its sum of squares has one degree less."""
+    J, r = RNG.standard_normal((7, 3)), 0.01 * RNG.standard_normal(7)
+    found = parameter_covariance(r, J, ["shape"] * 7, NONE, FREE, np.ones(3), scatter="estimated", lost={"shape": 2})
+    np.testing.assert_allclose(found.matrix, r @ r / 2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.degrees_of_freedom == pytest.approx(2.0)

@@ -5,8 +5,9 @@ Source: G. A. F. Seber, C. J. Wild, Nonlinear Regression, 1989, sections 2.1 and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,8 @@ from femtune.select import determined
 
 Reals = NDArray[np.float64]
 Scatter = Literal["stated", "estimated"]
+
+NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 
 _SHARE = 0.05
 _BY_CHANCE = 0.01
@@ -72,6 +75,7 @@ def parameter_covariance(
     prior_sd: Reals,
     moving: NDArray[np.bool_] | None = None,
     scatter: Scatter = "stated",
+    lost: Mapping[str, int] = NOTHING_LOST,
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
@@ -88,11 +92,12 @@ def parameter_covariance(
     at_bound : (k,) parameters at a bound get no standard deviation
     prior_sd : (k,) spreads that tell whether a parameter is determined
     moving : (k,) parameters that the update moves, all where it is None; the others get no standard deviation
+    lost : by kind, combinations of residuals that vanish whatever the noise: one of each shape of unit norm
     """
     moving = np.ones(len(at_bound), bool) if moving is None else moving
     free = np.flatnonzero(moving & ~at_bound)
     fit = _fit(np.vstack([J, extra])[:, free] * prior_sd[free], bool(len(extra)))
-    freedom = _freedom(fit, kinds)
+    freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
     misfit = _misfit(r, kinds, freedom)
     size = _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
     known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE

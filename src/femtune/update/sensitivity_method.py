@@ -5,6 +5,7 @@ Source: Mottershead, Link and Friswell (2011); damping after Levenberg and Marqu
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -195,5 +196,10 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
         at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.rules.scatter,
+        walk.problem.rules.scatter, _lost(at),
     )  # fmt: skip
+
+
+def _lost(at: Evaluation) -> Counter[str]:
+    """A shape of unit norm has one independent entry less than sensors."""
+    return Counter(block.kind for block in at.blocks if block.kind == "shape" and len(block.values) > 1)
