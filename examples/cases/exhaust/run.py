@@ -17,9 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune import steps
+from femtune.model import solve_modes
+from femtune.model.response import frf, make_ports
 from femtune.report.figures.canvas import draw_svg
 from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE
+from femtune.report.numbers import short
 from femtune.steps import RunFolder
+from femtune.study.load import load_study
 from femtune.study.results_stages import StageResults
 from femtune.study.results_update import UpdateResults
 from femtune.testing.exhaust import FRONT, REAR, Exhaust, exhaust_deck
@@ -108,11 +112,23 @@ def _stage(name: str, configuration: str, parameters: tuple[str, ...], kinds: tu
 
 
 @dataclass(frozen=True)
+class Curves:
+    """One measured accelerance of a state, and the updated model's with the deck's dampings and with those found."""
+
+    name: str
+    freq_hz: np.ndarray
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True)
 class Found:
     """One run of the study."""
 
     seed: int
     run: RunFolder
+    curves: tuple[Curves, ...]
 
     @property
     def update(self) -> UpdateResults:
@@ -134,9 +150,26 @@ def solve(exhaust: Exhaust, size: Size, seed: int, folder: Path) -> Found:
     deck.write_text(exhaust.text, encoding="ascii")
     tests = simulated_tests(exhaust, deck, seed, NOISE, size.step_hz)
     (folder / "study.toml").write_text(study(tests, write_tests(tests, folder), size), encoding="utf-8")
-    found = Found(seed, steps.update(folder / "study.toml"))
+    run = steps.update(folder / "study.toml")
+    found = Found(seed, run, tuple(curves(folder / "study.toml", run, one) for one in tests[1:]))
     check(found)
     return found
+
+
+def curves(path: Path, run: RunFolder, one: Measured) -> Curves:
+    """The last output over the first input, as in the chapter's Figure 30."""
+    case = next(c for c in load_study(path).cases if c.name == one.name)
+    measured, parameters = one.test.frfs, case.configured.model.parameters
+    assert measured is not None
+    assert run.results.update is not None
+    after = {p.name: p.value for p in run.results.update.parameters}
+    before = after | {k.name: k.nominal for k in KNOWN if k.kind.endswith("damping")}
+    ports = make_ports(case.configured, [measured.references[0]], [measured.responses[len(measured.responses) - 1]])
+    found = []
+    for values in (before, after):
+        x = parameters.normalise(values[p.name] for p in parameters.free)
+        found.append(frf(solve_modes(case.configured.at(x), 40), ports, measured.freq_hz).values[0, 0])
+    return Curves(one.name, measured.freq_hz, measured.values[-1, 0], *found)
 
 
 def check(found: Found) -> None:
@@ -170,7 +203,8 @@ def text(runs: Sequence[Found], size: Size) -> str:
         f"The study has {len(STAGES)} stages; what one believes is the prior of the next, and what rests is uncertain.",
         "",
         *_values(first), "", f"Of {len(runs)} seeds of noise, {_shares(runs)}", "",
-        *_stages(first.update.stages), "", "![Error sums and deviations](cases_exhaust.svg)", "",
+        *_stages(first.update.stages), "",
+        "![Error sums of the dampings, deviations from the truth, and accelerances](cases_exhaust.svg)", "",
         *_modes(first), "",
     ])  # fmt: skip
 
@@ -221,12 +255,14 @@ def figure(runs: Sequence[Found]) -> str:
     damping = [s for s in runs[0].update.stages if s.name.endswith("damping")]
 
     def draw(sheet: Figure) -> None:
-        axes = sheet.subplots(2, 2).ravel()
+        axes = sheet.subplots(3, 2).ravel()
         for panel, stage in zip(axes, damping):
             _bars(panel, stage)
         _deviations(axes[3], runs)
+        for panel, one in zip(axes[4:], runs[0].curves):
+            _curves(panel, one)
 
-    return draw_svg(9.2, 5.6, draw)
+    return draw_svg(9.2, 8.2, draw)
 
 
 def _bars(axes: Axes, stage: StageResults) -> None:
@@ -237,6 +273,18 @@ def _bars(axes: Axes, stage: StageResults) -> None:
     axes.set_xticks(at, [*(e.label for e in stage.error_sums), "all"])
     axes.set_title(f"{stage.name}: error sums by mode, %")
     axes.legend(frameon=False, fontsize=7)
+
+
+def _curves(axes: Axes, one: Curves) -> None:
+    axes.semilogy(one.freq_hz, np.abs(one.measured), color=PALE, linewidth=2.4, label="test")
+    axes.semilogy(one.freq_hz, np.abs(one.before), color=ORANGE, linewidth=0.8, label="dampings of the deck")
+    axes.semilogy(one.freq_hz, np.abs(one.after), color=BLUE, linewidth=0.9, label="updated")
+    axes.set_xlim(0.0, LOCAL_HZ if one.name == REAR else one.freq_hz[-1])
+    axes.set_xlabel("Hz")
+    axes.yaxis.set_major_formatter(lambda y, _: short(y))
+    axes.yaxis.set_minor_formatter("")
+    axes.set_title(f"{one.name}: an accelerance, 1/kg")
+    axes.legend(frameon=False, fontsize=7, loc="upper right")
 
 
 def _deviations(axes: Axes, runs: Sequence[Found]) -> None:
