@@ -250,6 +250,7 @@ def test_a_stage_without_functions_is_refused(folder: Path):
         ("{ eta = 0.004 }", "{ eta = nan }", "is not a finite number"),
         ('name = "left, mass"', 'name = "left, stiffness"', "is already the name of the one on line"),
         ("[sensors]", '[update]\nregularisation = "prior"\n\n[sensors]', "a study of stages has its own"),
+        ("[sensors]", "[update]\nstarts = 5\n\n[sensors]", "'starts' in [update] has no meaning in a study of stages"),
         ("[sensors]", "[reduction]\n\n[sensors]", "is not searched on reduced models"),
         ('residuals = ["mass"]', "residuals = []", "'residuals' is empty"),
         ('name = "eta"\n', 'name = "eta"\nprior = "none.toml"\n', "the catalogue of damping does not exist"),

@@ -15,11 +15,11 @@ from femtune.status import Status
 from femtune.study.cases import StudyCase
 from femtune.study.load import Study
 from femtune.study.resonances import resonance_case
+from femtune.study.update_method import method_of
 from femtune.update import (
     Belief,
     Iteration,
     ParameterCovariance,
-    SensitivityMethod,
     SideConstraint,
     Stage,
     StageResult,
@@ -56,7 +56,11 @@ def bottom_up(study: Study, at: Evaluation, tell: Tell) -> BottomUp:
 
 def _stage(study: Study, i: int) -> Stage:
     entry, table = study.file.stage[i], study.file.update
-    method = SensitivityMethod(entry.max_iterations or table.max_iterations, entry.tolerance or table.tolerance)
+    method = replace(
+        method_of(table, study.parameters),
+        max_iterations=entry.max_iterations or table.max_iterations,
+        tolerance=entry.tolerance or table.tolerance,
+    )
     return Stage(entry.name, entry.parameters, partial(_problem, study, i), method, entry.prior, entry.seeds)
 
 

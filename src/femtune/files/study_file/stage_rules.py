@@ -17,6 +17,8 @@ Problems = Iterator[FemtuneError]
 BY_THEMSELVES = ("frequency", "shape", "resonances")
 """Kinds of residual that need no [[residual]]: the first two as [residuals] says, the last of measured FRFs."""
 
+_OF_ONE_UPDATE = ("starts", "seed", "hops", "first")
+
 
 def stage_rules(data: Data, source: Source) -> Problems:
     """All breaches."""
@@ -32,10 +34,17 @@ def stage_rules(data: Data, source: Source) -> Problems:
 
 
 def _update(data: Data, source: Source) -> Problems:
-    if table(data, "update").get("regularisation", "none") != "none":
+    update = table(data, "update")
+    if update.get("regularisation", "none") != "none":
         what = "[update] asks for a side constraint, and a study of stages has its own: what earlier stages believe"
         hint = "leave regularisation out; prior = false in a [[stage]] starts it without a prior"
         yield source.error(("update", "regularisation"), "study.stage", what, {}, hint)
+    for key in _OF_ONE_UPDATE:
+        if key in update:
+            what = f"'{key}' in [update] has no meaning in a study of stages"
+            yield source.error(
+                ("update", key), "study.stage", what, {}, "leave it out; seeds in a [[stage]] are starts"
+            )
     if "reduction" in data:
         what = "a study of stages is not searched on reduced models"
         yield source.error(("reduction",), "study.stage", what, {}, "take [reduction] out, or the stages")
