@@ -84,6 +84,11 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     assert again.results.update is not None
     assert again.results.update.starts == found
     assert path.read_text(encoding="utf-8").splitlines()[1:3] == lines[1:3]
+    # from afresh nothing of it is believed, not even what could be read
+    path.write_text("\n".join([lines[0], lines[1].replace('"iterations": ', '"iterations": 99')]), encoding="utf-8")
+    fresh = steps.update(beam.study(text), fresh=True)
+    assert fresh.results.update is not None
+    assert fresh.results.update.starts == found
     # another seed has nothing to do with them
     other = steps.update(beam.study(text.replace("seed = 2", "seed = 3")))
     assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])

@@ -150,9 +150,11 @@ def page(runs: list[Found]) -> str:
         )
     tries = Counter(s.tries for s in runs[0].run.starts.starts)
     lines += [
-        "", f"The owners of the case report {OWNERS_MINUTES} minutes for 100 starts with analytic derivatives, and "
-        "that the MAC form failed. Minutes here are those of a machine that did other work too, without help of a second "
-        "core; minutes of CPU are the price.", "",
+        "",
+        f"The owners of the case report {OWNERS_MINUTES} minutes for 100 starts with analytic derivatives, and that "
+        "the MAC form failed. Minutes here are those of a machine that did other work too, without help of a second "
+        "core; "
+        "minutes of CPU are the price.", "",
         "Each start follows the equation error of the lowest mode, then of two, then of all three, on a reduced "
         "model: no mode is paired, so none can be taken for another. Then comes the residual that was asked for. A "
         "start whose end is worse than the best sets out again. The full model certifies the best end; its modes there "

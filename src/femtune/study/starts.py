@@ -67,6 +67,14 @@ class Starts:
             stream.write(json.dumps(line, ensure_ascii=False) + "\n")
 
 
+def forget_starts(folder: Path) -> None:
+    """Remove the ends that an earlier run left (error ``run.unwritable``)."""
+    try:
+        (folder / STARTS_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
 def _line(s: StartResult) -> dict[str, object]:
     objective = s.objective if np.isfinite(s.objective) else None
     return {

@@ -25,6 +25,7 @@ from femtune.study.run_folder import check_writable
 from femtune.study.run_lock import locked
 from femtune.study.simulated_test import SimulatedTest, check_simulated, write_simulated
 from femtune.study.stages import nominal, solve, solved_cases, stage_records, start
+from femtune.study.starts import forget_starts
 from femtune.study.with_journal import keeping, looking_up
 from femtune.study.write_back import check_inputs_safe
 
@@ -190,6 +191,8 @@ def update(
     folder = _folder(study, output)
     with locked(folder):
         study, journal = keeping(study, folder, fresh)
+        if fresh:
+            forget_starts(folder)
         wide = study.file.write.wide if wide is None else wide
         return Run(study, folder, wide, watch, progress, inputs, journal).go()
 
