@@ -16,7 +16,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench bench-identification readers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -63,6 +63,15 @@ browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in head
 
 bench: $(VENV)/.stamp-test  ## speed and memory against size, hours; goes on where it was ended (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+# Peers that are compared live in a folder of their own: what they depend on must not reach the environment of femtune.
+PEERS := pyOMA-2 koma-python sdypy-EMA pandas openpyxl et_xmlfile scikit-learn joblib threadpoolctl requests tqdm plotly \
+	narwhals python-dateutil pytz tzdata six urllib3 idna certifi charset_normalizer
+
+bench-identification: $(VENV)/.stamp-test  ## modes from tests beside three peers, some minutes (BENCH_ARGS=--quick: two)
+	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
+	@OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONPATH=$(VENV)/peers \
+	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 readers: $(VENV)/.stamp-readers  ## the extras that read OP2, Ansys and HDF5 files, so that their tests run
 

@@ -42,6 +42,7 @@ class Operational:
     pieces : that the scatter of correlations is taken from
     resolution_hz : of spectra; None: a four-hundredth of the lower end of the band, or what the record allows
     references : DOFs whose past is used; None: all responses
+    block_rows : of Hankel matrices; None: one and a half periods of the lowest frequency, 40 at most
     limits, rule : of stable poles and of modes among them
     """
 
@@ -50,6 +51,7 @@ class Operational:
     pieces: int = 20
     resolution_hz: float | None = None
     references: DofSet | None = None
+    block_rows: int | None = None
     limits: Limits = field(default_factory=Limits)
     rule: Rule = field(default_factory=Rule)
 
@@ -194,10 +196,10 @@ def _references(record: TimeSeries, asked: Operational) -> Sequence[int]:
 
 
 def _rows(record: TimeSeries, asked: Operational) -> int:
-    """Block rows: one and a half periods of the lowest frequency, and enough for the order."""
+    """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
     of_period = ceil(1.5 * record.even_hz / asked.band_hz[0])
     of_order = ceil(1.2 * asked.largest_order / len(_references(record, asked)))
-    return max(min(of_period, 60), of_order, 4)
+    return max(asked.block_rows or min(of_period, 40), of_order, 4)
 
 
 def _chosen(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,13 @@ class CovarianceModel:
     singular_values: Reals
     right: Reals
     scatter: Reals
+
+    @cached_property
+    def images(self) -> tuple[Reals, Reals]:
+        """UᵀδH V (blocks, k, k) of each movement, and what δH V (blocks, rows, k) has outside of the span of U."""
+        moved = self.scatter @ self.right
+        within = self.left.T @ moved
+        return within, moved - self.left @ within
 
 
 def covariance_driven(

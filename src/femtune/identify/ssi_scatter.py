@@ -87,15 +87,12 @@ def _moved_basis(model: CovarianceModel, order: int) -> Reals:
 
     Movements inside the span change the coordinates of the states and no mode.
     """
-    u, s, v = model.left, model.singular_values, model.right
-    within = np.einsum("rk,brc,cl->bkl", u, model.scatter, v, optimize=True)
+    u, s = model.left, model.singular_values
+    within, outside = model.images
     ahead, behind = s[None, :order], s[order:, None]
     gap = ahead**2 - behind**2
     turned = (ahead * within[:, order:, :order] + behind * np.swapaxes(within[:, :order, order:], 1, 2)) / gap
-    moved = u[:, order:] @ turned
-    images = model.scatter @ v[:, :order]
-    outside = images - u @ (u.T @ images)
-    return np.asarray(moved + outside / s[:order])
+    return np.asarray(u[:, order:] @ turned + outside[:, :, :order] / s[:order])
 
 
 def _of_state_matrix(order: int, a: Reals, moved_a: Reals, c: Reals, moved_c: Reals, step_s: float) -> PoleScatter:
