@@ -28,6 +28,7 @@ ABOVE = 0.25
 SAFETY = 2.0
 """What the estimate is multiplied by, since the step with the nominal factors finds a part of the error only."""
 _DEPENDENT = 1e-10
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +90,12 @@ def certified_error(model: ReducedModel, x: Reals, eigenvalues: Reals) -> Reals:
 
 
 def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Reals) -> Reals:
-    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D, overwritten, is freed of X, and of what is linearly dependent."""
+    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D, overwritten, is freed of X, of rounding and of what is dependent."""
     D -= X @ (MX.T @ D)
     size = np.sqrt(np.einsum("ij,ij->j", D, D))
-    D /= np.where(size > 0.0, size, 1.0)
+    # a basis of all motions leaves corrections of nothing but rounding, which point along X again once they are scaled
+    some = size > _ROUNDING * np.sqrt(np.einsum("ij,ij->j", X, X)).max(initial=0.0)
+    D = D[:, some] / size[some]
     KD, MD = K @ D, M @ D
     coupling = X.T @ KD, X.T @ MD
     dd = D.T @ KD, D.T @ MD
