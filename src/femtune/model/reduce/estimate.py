@@ -90,7 +90,7 @@ def certified_error(model: ReducedModel, x: Reals, eigenvalues: Reals) -> Reals:
 
 
 def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Reals) -> Reals:
-    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D, overwritten, is freed of X, of rounding and of what is dependent."""
+    """Eigenvalues on [X, D] of Ritz pairs (λ, X); D is freed of X, of rounding, and of what is linearly dependent."""
     D -= X @ (MX.T @ D)
     size = np.sqrt(np.einsum("ij,ij->j", D, D))
     # a basis of all motions leaves corrections of nothing but rounding, which point along X again once they are scaled
