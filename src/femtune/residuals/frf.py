@@ -43,6 +43,7 @@ class FrfResidual:
         for each function
     form : "linear", "log-magnitude" or "log-complex"
     way : how the model's functions are computed
+    shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
     """
 
     configuration: str
@@ -52,6 +53,7 @@ class FrfResidual:
     regions: tuple[Region, ...]
     form: FrfForm = "log-complex"
     way: ModelWay = field(default_factory=ModelWay)
+    shift: Reals | None = field(default=None, repr=False)
 
     @property
     def on_modes(self) -> bool:
@@ -123,6 +125,8 @@ class FrfResidual:
             values, jacobian = FORMS[self.form](model, slope, test)
         if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
             raise self._not_finite(label)
+        if self.form != "linear" and self.shift is not None:
+            values[: len(test)] += self.shift[at]
         # logarithms are relative already
         size = np.abs(test) if self.form == "linear" else 1.0
         scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))

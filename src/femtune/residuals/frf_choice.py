@@ -49,11 +49,11 @@ def frf_residual(
         ``response.held-port``, ``model.unknown-node``, ``model.component``
     """
     scatter, way = scatter or FrfScatter(), way or ModelWay()
-    measured, regions, sd = _chosen(measured, lines or Band(), scatter, form)
+    measured, regions, sd, shift = _chosen(measured, lines or Band(), scatter, form)
     configured = _point(model).configured
     name = configured.configuration.name
     places = places or places_of(configured.model.structure.nodes, measured)
-    residual = FrfResidual(name, measured, places, sd, regions, form, way)
+    residual = FrfResidual(name, measured, places, sd, regions, form, way, shift)
     notices = _lost_in_noise(residual) if scatter.floor and form != "linear" else []
     residual = _coupled(residual, silent_functions(residual, model), notices)
     if not np.isfinite(residual.sd).any():
@@ -67,14 +67,15 @@ def _point(model: ModelPoint | EigenSolution) -> ModelPoint:
 
 def _chosen(
     measured: FrfSet, lines: Lines, scatter: FrfScatter, form: FrfForm
-) -> tuple[FrfSet, tuple[Region, ...], Reals]:
-    """Functions, regions and σ at the chosen lines; noise and neighbours are those of all lines."""
+) -> tuple[FrfSet, tuple[Region, ...], Reals, Reals]:
+    """Functions, regions, σ and shifts at the chosen lines; noise and neighbours are those of all lines."""
     found = lines.regions(measured.freq_hz)
     at = np.unique(np.concatenate([r.at for r in found]))
-    sd = (scatter.linear if form == "linear" else scatter.logarithmic)(measured)[:, :, at]
+    none = np.zeros(measured.values.shape)
+    sd, shift = (scatter.linear(measured), none) if form == "linear" else scatter.logarithmic(measured)
     coherence = None if measured.coherence is None else measured.coherence[:, :, at]
     some = replace(measured, freq_hz=measured.freq_hz[at], values=measured.values[:, :, at], coherence=coherence)
-    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in found), sd
+    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in found), sd[:, :, at], shift[:, :, at]
 
 
 def _lost_in_noise(residual: FrfResidual) -> list[Notice]:

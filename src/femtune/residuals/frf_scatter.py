@@ -1,7 +1,8 @@
 """How well measured FRFs are known: a part of the magnitude, a floor, and what the coherence says.
 
-A weight that follows the noise of the value that it weighs makes an estimate biased. What stands for the magnitude of a
-function at a line is therefore taken from the lines beside it, whose noise is another.
+A weight that follows the noise of the value that it weighs makes an estimate biased. Near the noise what stands for the
+magnitude of a function at a line is therefore taken from the lines beside it, whose noise is another; well above it,
+where peaks may be narrower than the lines, the bias is small and known.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ Complexes = NDArray[np.complex128]
 
 ABOVE_NOISE = 3.0
 """Logarithms are taken of values above so many standard deviations of the noise floor."""
+_WELL_ABOVE = 10.0
 
 
 @dataclass(frozen=True)
@@ -66,15 +68,19 @@ class FrfScatter:
         size = 0.5 * (np.abs(before) ** 2 + np.abs(after) ** 2)
         return _known(np.sqrt(size * self._relative(frfs) + self._noise(frfs) ** 2), frfs.values)
 
-    def logarithmic(self, frfs: FrfSet) -> Reals:
-        """(responses, references, lines) σ of logarithms; NaN where nothing is known or what is there may be noise.
+    def logarithmic(self, frfs: FrfSet) -> tuple[Reals, Reals]:
+        """(responses, references, lines) σ of logarithms, and what is added to those of magnitudes.
 
+        σ is NaN where nothing is known or what is there may be noise. Well above the noise the weight is that of the
+        value itself, and (floor/|H|)² makes up for what that does to the mean; lower it is that of the lines beside.
         Errors as `linear`.
         """
-        noise, size = self._noise(frfs), np.abs(0.5 * sum(beside(frfs.values)))
-        part = np.divide(noise, size, out=np.full(size.shape, np.inf), where=size > ABOVE_NOISE * noise)
-        part[np.isinf(part)] = np.nan
-        return _known(np.sqrt(self._relative(frfs) + part**2), frfs.values)
+        noise, own = self._noise(frfs), np.abs(frfs.values)
+        near = np.abs(0.5 * sum(beside(frfs.values)))
+        high = near > _WELL_ABOVE * noise
+        part = _ratio(noise, np.where(high, own, near))
+        part[part >= 1.0 / ABOVE_NOISE] = np.nan
+        return _known(np.sqrt(self._relative(frfs) + part**2), frfs.values), np.where(high, part**2, 0.0)
 
     def _noise(self, frfs: FrfSet) -> Reals:
         """(responses, references, 1) the floor in the unit of the functions."""
@@ -93,6 +99,10 @@ class FrfScatter:
             )
         known = np.where(frfs.coherence > 0.0, np.minimum(frfs.coherence, 1.0), np.nan)
         return np.asarray(self.relative**2 + (1.0 - known) / (2.0 * known * self.averages))
+
+
+def _ratio(noise: Reals, size: Reals) -> Reals:
+    return np.divide(noise, size, out=np.full(size.shape, np.nan), where=size > 0.0)
 
 
 def beside(values: Complexes) -> tuple[Complexes, Complexes]:
