@@ -101,8 +101,8 @@ def main() -> None:
             f"strain: relative strain energy at most {worst:.1e}. Twenty modes a state; rigid-body modes left out.\n",
             table(states),
             "\n## Beside the modes of its measured functions\n",
-            "24 accelerances of a test of 1995, identified without picking by hand: nine elastic modes to 65 Hz, all of "
-            "them paired by shape. Nothing is updated.\n",
+            "24 accelerances of a test of 1995, identified without picking by hand: nine elastic modes to 65 Hz, all "
+            "of them paired by shape. Nothing is updated.\n",
             compared_table(found, correlation),
         ]
     )

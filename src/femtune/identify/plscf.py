@@ -8,7 +8,8 @@ at low orders.
 
 Sources: P. Guillaume et al. (2003), A poly-reference implementation of the least-squares complex frequency-domain
 estimator, Proc. IMAC 21; B. Cauberghe et al. (2005), On the influence of the parameter constraint on the stability of
-the poles and the discrimination capabilities of the stabilisation diagrams, Mechanical Systems and Signal Processing 19.
+the poles and the discrimination capabilities of the stabilisation diagrams, Mechanical Systems and Signal Processing
+19.
 """
 
 from __future__ import annotations
