@@ -83,6 +83,19 @@ def test_own_numbers_decide(beam: Bench) -> None:
         assert one.sentence.startswith(f"as the deck, {one.data}: {verdict}: frequency error {miss:.3g} %")
 
 
+def test_whole_tests_are_judged_by_the_same_profile(beam: Bench) -> None:
+    lines = '[validate]\nprofile = "MIL"\nmac = 0.97\nshape_error = 0.1'
+    run = steps.update(beam.study(f"{beam.parameters}[[hold_out]]\nmodes = ['4']\n{lines}"))
+    expected = {
+        "frequency error, MIL-STD-1540C": 3.0,
+        "cross-orthogonality, diagonal, MIL-STD-1540C": 0.95,
+        "self-orthogonality of the test, off the diagonal, common practice": 0.1,
+        "MAC, own criterion": 0.97,
+    }
+    for correlation in run.results.correlations:
+        assert {c.name: c.limit for c in correlation.criteria} == pytest.approx(expected)
+
+
 def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
     tail = '[[hold_out]]\nsensors = ["4Y+", "4Z+"]\n[validate]\nprofile = "own"\n'
     tail += "shape_error = 0.02\nmac = 0.99\nshape_sd = 0.01"

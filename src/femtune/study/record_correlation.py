@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from femtune.study.results_correlation import (
     UnpairedModelMode,
     UnpairedTestMode,
 )
+from femtune.validate import Criterion as Asked
 from femtune.validate import Verdict, assess
 
 Arrays = dict[str, NDArray]
@@ -54,11 +55,17 @@ def array_prefix(stage: Stage, name: str, number: int) -> str:
 
 
 def correlation_results(
-    name: str, stage: Stage, c: Correlation, prefix: str, arrays: Arrays, rigid: int = 0
+    name: str,
+    stage: Stage,
+    c: Correlation,
+    prefix: str,
+    arrays: Arrays,
+    criteria: Sequence[Asked],
+    rigid: int = 0,
 ) -> CorrelationResults:
     """The record; its matrices are put into `arrays` under keys that begin with `prefix`.
 
-    `rigid` is the number of rigid-body modes of the model.
+    `criteria` are those that the study asks for, `rigid` is the number of rigid-body modes of the model.
     """
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
@@ -88,7 +95,7 @@ def correlation_results(
         cross_orthogonality_key=f"{prefix}/cross_orthogonality" if crossed else None,
         cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
         cross_orthogonality_dropped=c.orthogonality_dropped,
-        criteria=tuple(_criterion(v) for v in assess(c)),
+        criteria=tuple(_criterion(v) for v in assess(c, criteria)),
     )
 
 

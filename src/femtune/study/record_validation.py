@@ -10,26 +10,20 @@ import numpy as np
 from femtune.correlate import Correlation
 from femtune.files.study_file import ConfigurationEntry
 from femtune.study.cases import StudyCase
+from femtune.study.criteria import criteria_profile
 from femtune.study.held_out import HELD_OUT
 from femtune.study.load import Study
 from femtune.study.predict import Predictions, judged_tests
 from femtune.study.results_validation import HeldOutShape, Prediction, ValidationResults, ValidationVerdict
 from femtune.study.stages import StageRecords
-from femtune.validate import CriteriaProfile, FrequencyMiss, HeldOutSensors, Verdict, assess, held_out_sensors, profile
-from femtune.validate.criteria import DIAGONAL, FREQUENCY, MAC, OFF_DIAGONAL, SELF, SHAPE
+from femtune.validate import CriteriaProfile, FrequencyMiss, HeldOutSensors, Verdict, assess, held_out_sensors
+from femtune.validate.criteria import FREQUENCY, SELF, SHAPE
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
 _LINEARITY = "linearity: the test's modes were taken as those of one linear structure"
 _MESH = "mesh convergence: the deck's mesh was taken as it is; refinement = true in [checks] refines it once"
 _NOTHING = "the updated model on data that were not used: the study holds out neither a configuration, nor modes"
 _UNUSED = "this configuration was not used in the update"
-_QUANTITIES = {
-    "frequency_error": FREQUENCY,
-    "mac": MAC,
-    "cross_orthogonality": DIAGONAL,
-    "off_diagonal": OFF_DIAGONAL,
-    "shape_error": SHAPE,
-}
 
 
 @dataclass(frozen=True)
@@ -40,12 +34,6 @@ class Scope:
     data: str
     tests: tuple[int, ...]
     sensors: bool = False
-
-
-def criteria_profile(study: Study) -> CriteriaProfile:
-    """The profile that the study names, with its own numbers."""
-    table = study.file.validation
-    return profile(table.profile, {_QUANTITIES[key]: value for key, value in table.own_limits.items()})
 
 
 def validation(

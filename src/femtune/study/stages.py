@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, solve_case, state_at
 from femtune.study.cases import StudyCase
+from femtune.study.criteria import of_whole_tests
 from femtune.study.load import Study
 from femtune.study.located import located, located_in, located_in_deck, place_of
 from femtune.study.progress import Progress, silent
@@ -125,6 +126,7 @@ def stage_records(
 ) -> StageRecords:
     """Modes and correlations at `x`; what `known` has is not solved again. `solved` is told each solution."""
     found, records, shapes, raw = [], [], [], {}
+    criteria = of_whole_tests(study)
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {stage}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else _solved_if_any(study, case, x)
@@ -139,7 +141,9 @@ def stage_records(
         if case.modal is not None:
             with located_in(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
-            record = correlation_results(case.name, stage, raw[case.name], prefix, arrays, found[-1].rigid_body_modes)
+            record = correlation_results(
+                case.name, stage, raw[case.name], prefix, arrays, criteria, found[-1].rigid_body_modes
+            )
             records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
     return StageRecords(tuple(found), tuple(records), tuple(shapes), raw)
 
