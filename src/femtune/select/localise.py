@@ -53,11 +53,6 @@ class ResidualEnergy:
     misfit: float
     expanded: Reals
 
-    @property
-    def suspects(self) -> tuple[str, ...]:
-        """Groups by falling share."""
-        return tuple(self.groups[i] for i in np.argsort(-self.share))
-
 
 def residual_energy(
     solution: EigenSolution, sensors: sp.csr_array, shape: Reals, freq_hz: float,
