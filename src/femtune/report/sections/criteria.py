@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from femtune.report.document import Block, Cell, Column, Paragraph, Table, Tone, columns, row
+from femtune.report.document import Block, Cell, Column, Paragraph, Table, columns, row
 from femtune.report.numbers import NONE, NOT_TESTED, value, with_unit
+from femtune.report.sections.verdict_cell import verdict_cell
 from femtune.report.source import STAGE_HEADS, STAGE_WORDS, Source, stages
 from femtune.study.results_base import Stage
 from femtune.study.results_correlation import Criterion
-
-_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
 
 def criteria(source: Source) -> list[Block]:
@@ -72,10 +71,7 @@ def _of_configuration(source: Source, name: str) -> dict[tuple[str, ...], tuple[
 def criterion_cells(c: Criterion) -> tuple[Cell, ...]:
     """Name, what is asked, what was measured, verdict and remark."""
     measured = with_unit(value(c.measured), c.unit) if c.measured is not None else NOT_TESTED
-    return row(
-        c.name, _asked(c), measured,
-        Cell(c.verdict, tone=_TONES[c.verdict]), c.remark or NONE,
-    )  # fmt: skip
+    return row(c.name, _asked(c), measured, verdict_cell(c.verdict), c.remark or NONE)
 
 
 def _asked(c: Criterion) -> str:

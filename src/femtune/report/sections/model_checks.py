@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from femtune.report.document import Block, Cell, Table, Tone, columns, row
+from femtune.report.document import Block, Table, columns, row
 from femtune.report.numbers import NONE, short
+from femtune.report.sections.verdict_cell import verdict_cell
 from femtune.study.results_checks import ModelCheck
-
-_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
 
 def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
@@ -20,7 +19,7 @@ def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
         joined.setdefault(key, []).append(c.configuration)
     heads = columns("Configuration", "Check", ">Required", ">Found", "Verdict", "In words")
     rows = tuple(
-        row(", ".join(names), check, limit, measured, Cell(verdict, tone=_TONES[verdict]), sentence)
+        row(", ".join(names), check, limit, measured, verdict_cell(verdict), sentence)
         for (check, limit, measured, verdict, sentence), names in joined.items()
     )
     note = "An update cannot mend these: their errors end in its parameters."

@@ -30,10 +30,9 @@ from femtune.report.numbers import (
     with_unit,
 )
 from femtune.report.sections.modes import mac_cell
+from femtune.report.sections.verdict_cell import verdict_cell
 from femtune.report.source import Source
 from femtune.study.results_validation import Prediction, ValidationResults, ValidationVerdict
-
-_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
 
 
 def validation(source: Source) -> list[Block]:
@@ -83,9 +82,7 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
 def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
     asked = with_unit(f"{'≤' if v.sense == 'at most' else '≥'} {value(v.required)}", v.unit)
     measured = NOT_TESTED if v.measured is None else with_unit(short(v.measured), v.unit)
-    return row(
-        v.configuration, v.data, v.criterion, asked, measured, Cell(v.verdict, tone=_TONES[v.verdict]), v.remark or NONE
-    )
+    return row(v.configuration, v.data, v.criterion, asked, measured, verdict_cell(v.verdict), v.remark or NONE)
 
 
 def untested_reasons(found: ValidationResults) -> list[str]:
