@@ -5,6 +5,7 @@ from __future__ import annotations
 from femtune.select.collinearity import Collinearity
 from femtune.select.information import Information
 from femtune.select.subset import Subset
+from femtune.select.words import listed
 
 _MOST = 5
 
@@ -26,7 +27,8 @@ def _of_subset(found: Subset) -> list[str]:
             f"{100 * best.left:.0f} % of it."
         ]
     last = found.steps[len(found.chosen) - 1]
-    return [f"{_listed(found.chosen)} explain the residual best: {100 * last.left:.0f} % of it are left."]
+    verb = "explains" if len(found.chosen) == 1 else "explain"
+    return [f"{_few(found.chosen)} {verb} the residual best: {100 * last.left:.0f} % of it is left."]
 
 
 def _of_pairs(alike: Collinearity) -> list[str]:
@@ -40,7 +42,7 @@ def _of_dependences(alike: Collinearity) -> list[str]:
     """Those of more than two, since pairs are told already."""
     told = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
-        f"{_listed(names)} are hardly told from each other (condition index {index:.0f})."
+        f"{_few(names)} are hardly told from each other (condition index {index:.0f})."
         for index, names in alike.dependences[:_MOST]
         if frozenset(names) not in told
     ]
@@ -52,9 +54,9 @@ def _of_information(found: Information) -> list[str]:
         return []
     if not known:
         return ["No parameter is known by the data alone once all the others are unknown."]
-    return [f"By the data alone, with all others unknown, {_listed(known)} are known."]
+    return [f"By the data alone, with all others unknown, {_few(known)} {'is' if len(known) == 1 else 'are'} known."]
 
 
-def _listed(names: tuple[str, ...]) -> str:
+def _few(names: tuple[str, ...]) -> str:
     shown = list(names[:8]) + ([f"{len(names) - 8} more"] if len(names) > 8 else [])
-    return " and ".join([", ".join(shown[:-1]), shown[-1]]) if len(shown) > 1 else shown[0]
+    return listed(shown)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,7 +53,7 @@ def _undetermined(result: Identifiability, c: Combination) -> str:
     if len(together) == 1:
         return f"{together[0]} changes nothing that was measured: fix it, or measure where it acts."
     return (
-        f"Moving {_listed(together)} together ({combination_text(result.names, c)}) changes nothing that was measured "
+        f"Moving {listed(together)} together ({combination_text(result.names, c)}) changes nothing that was measured "
         f"by more than {c.singular_value:.1g} of its uncertainty: fix one of them, tie two, or measure something else."
     )
 
@@ -63,5 +65,6 @@ def _weak(result: Identifiability, c: Combination) -> str:
     )
 
 
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]])
+def listed(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
