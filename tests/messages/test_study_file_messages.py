@@ -121,6 +121,22 @@ _OTHERS = (
           "no configuration"),
     _Case("study.hold-out", "[[parameter]]", 'use = "validation"\n[[hold_out]]\nconfiguration = "empty"\n'
           "above_hz = 9.0\n\n[[parameter]]", 16, "as a whole"),
+    _Case("study.hold-out", "[[parameter]]", '[[configuration]]\nname = "bench"\n\n[[hold_out]]\n'
+          'configuration = "bench"\nmodes = ["1"]\n\n[[parameter]]', 18, "has no test"),
+    _Case("study.value", "upper = 2.0", "upper = 2.0\nsd = 1e-300", 19, "another size than its bounds"),
+    _Case("study.value", "upper = 2.0", "upper = 2.0\nsd = 1e300", 19, "another size than its bounds"),
+    _Case("study.type", "[[parameter]]", '[update]\nregularisation = "distance"\nweight = "lcurve"\n\n[[parameter]]',
+          16, 'write a number, "l-curve" or "gcv"'),
+    _Case("study.value", "[[parameter]]", '[update]\nregularisation = "distance"\nweight = -1.0\n\n[[parameter]]', 16,
+          "between 0 and 1e+12"),
+    _Case("study.value", "[[parameter]]", '[update]\nregularisation = "identical"\nweight = 1.0\n'
+          'identical = [["EI"]]\n\n[[parameter]]', 17, "give it 2 at least"),
+    _Case("study.regularisation", "[[parameter]]", '[update]\nregularisation = "identical"\nweight = 1.0\n'
+          'identical = [["EI", "EI"]]\n\n[[parameter]]', 17, "name each once"),
+    _Case("study.regularisation", "[[parameter]]", '[update]\nregularisation = "prior"\n'
+          'correlations = [{ one = "EI", other = "EI", value = 0.5 }]\n\n[[parameter]]', 16, "correlated with itself"),
+    _Case("study.stage", "[[parameter]]", '[[stage]]\nname = "s"\nparameters = ["EI", "EI"]\n'
+          'residuals = ["frequency"]\n\n[[parameter]]', 16, "stands twice"),
     _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three unit vectors"),
     _Case("test.mirrored", '"2b"]', '"2b"]\nrotation = [[1,0,0],[0,1,0],[0,0,-1]]', 13, "change the sign of one row"),
 )  # fmt: skip

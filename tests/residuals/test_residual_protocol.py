@@ -21,13 +21,15 @@ class Corner:
     """The first diagonal entry of K against a given one."""
 
     wanted: float
+    sd: float = 1.0
     on_modes = False
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         point = state.full
         slopes = [d[0, 0] for d in point.stiffness_derivatives] if derivatives else []
-        values = np.array([(point.stiffness[0, 0] - self.wanted) / self.wanted])
-        return [ResidualBlock("corner", state.case.name, "K", values, np.array([slopes]) / self.wanted, 1.0)]
+        scale = self.wanted * self.sd
+        values = np.array([(point.stiffness[0, 0] - self.wanted) / scale])
+        return [ResidualBlock("corner", state.case.name, "K", values, np.array([slopes]) / scale, self.sd)]
 
 
 class Counting:
@@ -66,6 +68,15 @@ def test_own_residuals_come_after_those_of_the_modes():
     start = problem.start(np.zeros(2))
     assert [b.kind for b in start.blocks] == ["frequency", "shape", "frequency", "shape", "corner"]
     assert isinstance(case.residuals[0], Residual)
+
+
+@pytest.mark.parametrize("sd", [1e-200, 1e200])
+def test_numbers_that_overflow_are_refused_with_the_residual(sd: float):
+    problem = UpdateProblem((case_without_modes(MODEL, (Corner(1600.0, sd),)),), MODEL.model.parameters)
+    with pytest.raises(FemtuneError, match="corner: its numbers") as error:
+        problem.start(np.zeros(2))
+    assert error.value.code == "residual.out-of-range"
+    assert error.value.values["standard deviation"] == sd
 
 
 def test_modes_that_are_not_compared_need_no_partner():

@@ -239,6 +239,16 @@ def test_a_stage_without_functions_is_refused(folder: Path):
     assert "its test lacks FRFs" in str(caught.value)
 
 
+def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path):
+    text = (folder / "study.toml").read_text().replace('residuals = ["mass"]', 'residuals = ["shape"]', 1)
+    (folder / "silent.toml").write_text(text.replace("shape_sd = 1e-3", ""))
+    with pytest.raises(FemtuneError, match="stage left, mass compares nothing") as caught:
+        steps.update(folder / "silent.toml", folder / "silent")
+    assert caught.value.code == "study.stage"
+    assert caught.value.where is not None
+    assert caught.value.where.line == text.splitlines().index('residuals = ["shape"]') + 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

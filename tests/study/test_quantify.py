@@ -10,7 +10,9 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
+from femtune.files.study_file import QuantifyTable
 from femtune.report import build_report
+from femtune.study.quantify import in_words_of_the_study
 from femtune.study.results_quantify import QuantifyResults
 
 from .conftest import EI, Bench
@@ -190,6 +192,9 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n1,2,3\n"), "quantify.file", "3 values under 2 headings"),
         (_broken("1,2\n1,x\n"), "quantify.file", "'x' under '2' is no finite number"),
         (_broken("1,2\n1,inf\n"), "quantify.file", "'inf' under '2'"),
+        (_broken("1,2\n1,-5\n"), "quantify.file", "repeat 1 gives mode 2 -5 Hz"),
+        (_broken("1,2\n1,5\n0,5\n"), "quantify.file", "repeat 2 gives mode 1 0 Hz"),
+        (_broken("1,2\n1,1e300\n"), "quantify.file", "which is no natural frequency"),
         (_broken("1,2\n"), "quantify.file", "no line of values"),
         (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 does not scatter"),
         (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
@@ -201,6 +206,19 @@ def test_bad_repeats_are_a_sentence(beam: Bench, write: Callable[[Bench], Path],
     with pytest.raises(FemtuneError, match=words) as error:
         steps.quantify(write(beam))
     assert error.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("keys", "code", "way_out"),
+    [
+        ({"missing": "pairwise"}, "quantify.not-positive", 'missing = "em"'),
+        ({"method": "cross-covariance"}, "eigen.negative", 'method = "second-order"'),
+    ],
+)
+def test_what_fails_below_is_told_in_keys_of_the_study(keys: dict[str, str], code: str, way_out: str):
+    with pytest.raises(FemtuneError) as error, in_words_of_the_study(QuantifyTable(repeats=("r.csv",), **keys)):
+        raise FemtuneError(code, "no", hint="check its entries")
+    assert way_out in error.value.hint
 
 
 def test_repeats_that_do_not_do_stop_no_update(beam: Bench):

@@ -19,6 +19,9 @@ from femtune.residuals.state import CaseState, followed, paired_afresh, state_at
 
 Reals = NDArray[np.float64]
 
+_LARGEST = 1e200
+"""Of sums of squares: products of two stay within what numbers can be."""
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -50,9 +53,15 @@ class Evaluation:
         return 0.5 * float(self.residuals @ self.residuals)
 
     @property
+    def weights(self) -> float:
+        """Σ 1/σ² over all comparisons, infinite where it overflows."""
+        with np.errstate(over="ignore"):
+            return float(sum(np.float64(b.sd) ** -2 for b in self.blocks))
+
+    @property
     def mean_error(self) -> float:
         """√(Σ e²/σ² / Σ 1/σ²) over all comparisons: if every misfit e has one size, this is it."""
-        weights = sum(b.sd**-2 for b in self.blocks)
+        weights = self.weights
         return float(np.sqrt(2.0 * self.objective / weights)) if weights else float("nan")
 
 
@@ -99,7 +108,12 @@ class UpdateProblem:
         return self.rules.compare_modes or any(isinstance(r, OfPairs) for r in case.residuals)
 
     def check_compared(self, at: Evaluation) -> None:
-        """Refuse an evaluation without a single residual (error ``residual.nothing-compared``)."""
+        """Refuse an evaluation of no residual, or of some that cannot be squared.
+
+        Raises
+        ------
+        FemtuneError : ``residual.nothing-compared``, ``residual.out-of-range``
+        """
         if not len(at.residuals):
             names = ", ".join(case.name for case in self.cases)
             raise FemtuneError(
@@ -107,6 +121,8 @@ class UpdateProblem:
                 f"nothing is compared in any configuration: {names}",
                 hint="add a residual, or give frequency_sd or shape_sd a value above zero",
             )
+        if not (1.0 / _LARGEST < at.weights < _LARGEST and at.objective < _LARGEST):
+            raise _out_of_range(at)
 
     def follow(self, x: Reals, before: Evaluation, derivatives: bool = True) -> Evaluation:
         """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""
@@ -133,6 +149,21 @@ def _paired_again(state: CaseState) -> CaseState:
         return state
     fresh = paired_afresh(state)
     return replace(fresh, groups=keep_paired(state.groups, fresh.groups))
+
+
+def _out_of_range(at: Evaluation) -> FemtuneError:
+    """The error that squares of residuals or of their weights overflow, with the block that is at fault."""
+    worst = max(at.blocks, key=lambda b: max(_largest(b), 10.0 ** abs(np.log10(b.sd))))
+    return FemtuneError(
+        "residual.out-of-range",
+        f"{worst.label}: its numbers are too large or too small to reckon with",
+        values={"standard deviation": worst.sd, "largest residual in it": _largest(worst)},
+        hint="check the unit of what was measured, and of its standard deviation or covariance",
+    )
+
+
+def _largest(block: ResidualBlock) -> float:
+    return float(np.abs(block.values).max(initial=0.0))
 
 
 def _no_pairs(state: CaseState) -> FemtuneError:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.errors import FemtuneError
 from femtune.files.study_file import StageEntry
 from femtune.residuals import Evaluation, ModalCase, Residual, UpdateProblem, case_without_modes
 from femtune.status import Status
@@ -74,7 +75,20 @@ def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
         shape_sd=rules.shape_sd if "shape" in entry.residuals else 0.0,
     )
     cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, rules.compare_modes, x))
+    if not cases:
+        raise _nothing(study, i)
     return UpdateProblem(cases, study.parameters, rules)
+
+
+def _nothing(study: Study, i: int) -> FemtuneError:
+    entry = study.file.stage[i]
+    return FemtuneError(
+        "study.stage",
+        f"stage {entry.name} compares nothing: none of its configurations has data for its residuals",
+        where=study.file.where("stage", i, "residuals"),
+        values={"residuals": ", ".join(entry.residuals)},
+        hint="name configurations that were tested; frequency_sd and shape_sd stand in [residuals]",
+    )
 
 
 def stage_cases(study: Study, entry: StageEntry) -> tuple[StudyCase, ...]:

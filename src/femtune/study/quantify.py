@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +24,7 @@ from femtune.quantify import (
 from femtune.residuals import UpdateProblem
 from femtune.select import CosineDistances, cosine_distances
 from femtune.study.load import Study
+from femtune.study.located import located
 from femtune.study.progress import Progress
 from femtune.study.record_update import citations
 from femtune.study.repeats import Repeats, read_repeats
@@ -51,11 +54,25 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     assert table is not None
     progress.step("mean and covariance of the parameters", 0, None)
     start = np.asarray(study.parameters.denormalise(x))
-    outputs = _outputs(study, repeats, start)
-    found = _updated(study, table, outputs, repeats, start)
-    progress.step(f"forward check with {table.samples} samples", 0, None)
-    check = forward_check(outputs, found, table.samples, table.seed)
+    with located(study.file.where("quantify")), in_words_of_the_study(table):
+        outputs = _outputs(study, repeats, start)
+        found = _updated(study, table, outputs, repeats, start)
+        progress.step(f"forward check with {table.samples} samples", 0, None)
+        check = forward_check(outputs, found, table.samples, table.seed)
     return _record(study, table, repeats, found, check, arrays)
+
+
+@contextmanager
+def in_words_of_the_study(table: QuantifyTable) -> Iterator[None]:
+    """What the user can do is a key of [quantify]."""
+    try:
+        yield
+    except FemtuneError as error:
+        if error.code in ("quantify.not-positive", "quantify.singular") and table.missing == "pairwise":
+            error.hint = 'covariances of pairs need not fit together: take missing = "em"'
+        elif error.code.startswith("eigen.") and table.method in _CLOUDS:
+            error.hint = 'the cloud reaches values with which the model cannot be: take method = "second-order"'
+        raise
 
 
 def _outputs(study: Study, repeats: Repeats, start: Reals) -> FrequencyOutputs:

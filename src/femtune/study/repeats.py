@@ -22,6 +22,7 @@ from femtune.study.located import located
 from femtune.testdata.checks import real_modes
 from femtune.units import unit_system
 
+_HIGHEST_HZ = 1e12
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
 
 
@@ -91,8 +92,19 @@ def _of_table(study: Study, case: StudyCase, table: QuantifyTable, found: Repeat
     hz = np.full((len(found.values), len(labels)), np.nan)
     for column, head in enumerate(heads):
         if head:
+            _check_frequencies(found.values[:, column], head)
             hz[:, labels.index(head)] = found.values[:, column]
     return hz
+
+
+def _check_frequencies(hz: NDArray[np.float64], label: str) -> None:
+    """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
+    bad = np.flatnonzero((hz <= 0.0) | (hz > _HIGHEST_HZ))
+    if bad.size:
+        raise FemtuneError(
+            "quantify.file", f"repeat {bad[0] + 1} gives mode {label} {hz[bad[0]]:g} Hz, which is no natural frequency",
+            hint="leave the field empty for a gap; columns of other quantities are named \"\" in columns",
+        )  # fmt: skip
 
 
 def _check_columns(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, PlainValidator, StringConstraints
@@ -26,6 +26,7 @@ T = TypeVar("T")
 
 _MOST_SUPPORTS = 100_000
 _LEAST_SPREAD = 1e-12
+_LARGEST_WEIGHT = 1e12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
 _GROUP = r"[A-Z][A-Z0-9]{0,15}"
 _GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
@@ -159,6 +160,29 @@ def _frequency_sd(value: object) -> None:
     raise FemtuneError("study.type", "a number, or the word test, is wanted here", hint=hint)
 
 
+def _weight(value: object) -> None:
+    if value in ("l-curve", "gcv"):
+        return
+    if not is_number(value):
+        hint = 'write a number, "l-curve" or "gcv"'
+        raise FemtuneError("study.type", 'a number, or one of the words "l-curve" and "gcv", is wanted here', hint=hint)
+    if not 0 <= value <= _LARGEST_WEIGHT:  # type: ignore[operator]
+        what = f"a weight is a number between 0 and {_LARGEST_WEIGHT:g}"
+        raise FemtuneError("study.value", what, hint='weight = "l-curve" finds one')
+
+
+def _group_name(text: str) -> None:
+    if not re.fullmatch(_GROUP, text):
+        hint = 'capitals and digits, a capital first, 16 at most: "JOINT"'
+        raise FemtuneError("study.value", "this name cannot stand in the name of a field", hint=hint)
+
+
+def _components(text: str) -> None:
+    if not re.fullmatch("[1-6]{1,6}", text):
+        hint = 'write digits of 1 to 6: "126" for X, Y and the rotation about Z'
+        raise FemtuneError("study.value", "these are not components of a grid point", hint=hint)
+
+
 def _spread(value: float) -> None:
     """Squares of its reciprocal stay finite; no measurement is as good or as bad."""
     if value != 0 and not _LEAST_SPREAD <= value <= 1.0 / _LEAST_SPREAD:
@@ -207,9 +231,10 @@ Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
 ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
 Support = Annotated[str, checked(support)]
 FieldText = Annotated[str, checked(field_reference)]
-GroupName = Annotated[str, StringConstraints(pattern=rf"^{_GROUP}$")]
-Components = Annotated[str, StringConstraints(pattern=r"^[1-6]{1,6}$")]
+GroupName = Annotated[str, checked(_group_name)]
+Components = Annotated[str, checked(_components)]
 Expression = Annotated[str, checked(parse_expression)]
+Weight = Annotated[float | Literal["l-curve", "gcv"], read_by(_weight)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
 Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]

@@ -15,6 +15,8 @@ from femtune.parameters import parse_expression
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
+_LEAST_PRIOR = 1e-9
+"""Prior standard deviation over the width of the bounds, at least; its square stays clear of rounding."""
 _OF_FREE_ONES = ("lower", "upper", "nominal", "sd", "mean", "prior")
 
 
@@ -29,6 +31,7 @@ def parameter_rules(data: Data, source: Source) -> Problems:
             yield from _tied(place, entry, names, source)
         else:
             yield from _bounds(place, entry, source)
+            yield from _prior_sd(place, entry, source)
             yield from _catalogue(place, entry, source)
 
 
@@ -92,6 +95,18 @@ def _bounds(place: Place, entry: Data, source: Source) -> Problems:
         key = "nominal" if "nominal" in entry else "lower"
         what = f"parameter '{entry.get('name', '')}': the nominal value lies outside the bounds"
         yield source.error((*place, key), "parameter.bounds", what, shown, "widen the bounds, or change the nominal")
+
+
+def _prior_sd(place: Place, entry: Data, source: Source) -> Problems:
+    """A prior that is narrower or wider than numbers beside the bounds can tell is none."""
+    lower, upper, sd = (number(entry, key) for key in ("lower", "upper", "sd"))
+    if lower is None or upper is None or sd is None or not lower < upper or sd <= 0.0:
+        return
+    if not _LEAST_PRIOR <= sd / (upper - lower) <= 1.0 / _LEAST_PRIOR:
+        what = f"the prior's standard deviation of {entry.get('name', '')} is of another size than its bounds"
+        shown = {"sd": sd, "lower": lower, "upper": upper}
+        hint = "give what is known of the parameter, in its own unit; fix one that is known exactly"
+        yield source.error((*place, "sd"), "study.value", what, shown, hint)
 
 
 def _start(entry: Data) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -29,12 +29,15 @@ _WANTED = {
 
 def problems(findings: ValidationError, source: Source, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
-    return [_error(finding, source, model) for finding in findings.errors(include_url=False) if not _follows(finding)]
+    found = findings.errors(include_url=False)
+    return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
 
 
-def _follows(finding: ErrorDetails) -> bool:
+def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
     """True for a list that is too short only because its entries are at fault themselves."""
-    return finding["type"] == "too_short" and bool(finding["input"])
+    place = finding["loc"]
+    inside = any(other["loc"][: len(place)] == place and other is not finding for other in found)
+    return finding["type"] == "too_short" and inside
 
 
 def _error(finding: ErrorDetails, source: Source, model: type[BaseModel]) -> FemtuneError:
@@ -124,8 +127,14 @@ def _judgement(finding: ErrorDetails, page: str) -> tuple[str, str, str]:
     if kind == "literal_error":
         return _not_among(finding)
     if kind in ("too_short", "string_too_short"):
-        return "study.value", "is empty", "fill it, or leave the key out"
+        return _too_short(finding, context)
     return _out_of_range(finding, context, page)
+
+
+def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, str, str]:
+    if finding["input"]:
+        return "study.value", "has too few entries", f"give it {context['min_length']} at least"
+    return "study.value", "is empty", "fill it; a key that is not required may be left out"
 
 
 def _not_among(finding: ErrorDetails) -> tuple[str, str, str]:

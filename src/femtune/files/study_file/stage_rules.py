@@ -30,6 +30,7 @@ def stage_rules(data: Data, source: Source) -> Problems:
         yield from _names((*place, "configurations"), entry, _configurations(data), "configuration", source)
         yield from _names((*place, "parameters"), entry, _parameters(data), "free parameter", source)
         yield from _names((*place, "residuals"), entry, _kinds(data), "kind of residual of this study", source)
+        yield from _doubled((*place, "parameters"), entry, source)
         yield from _seeds(place, entry, data, source)
 
 
@@ -67,6 +68,12 @@ def _names(place: Place, entry: Data, known: list[str], what: str, source: Sourc
     for i, name in enumerate(texts(entry.get(str(place[-1])))):
         if name not in known:
             yield source.error((*place, i), "study.stage", f"'{name}' is no {what}", {}, did_you_mean(name, known))
+
+
+def _doubled(place: Place, entry: Data, source: Source) -> Problems:
+    names = texts(entry.get("parameters"))
+    for name in dict.fromkeys(n for n in names if names.count(n) > 1):
+        yield source.error(place, "study.stage", f"'{name}' stands twice in a stage", {}, "name each parameter once")
 
 
 def _seeds(place: Place, entry: Data, data: Data, source: Source) -> Problems:

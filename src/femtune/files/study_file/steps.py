@@ -17,6 +17,7 @@ from femtune.files.study_file.kinds import (
     Text,
     Units,
     Vector,
+    Weight,
 )
 from femtune.files.study_file.table import Table
 from femtune.units import UnitSystem, unit_system
@@ -135,7 +136,7 @@ class UpdateTable(Table):
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
-    weight: Annotated[float, Field(ge=0, le=1e12)] | Literal["l-curve", "gcv"] = 0.0
+    weight: Weight = 0.0
     adapt: bool = False
     identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
     correlations: tuple[CorrelationEntry, ...] = ()

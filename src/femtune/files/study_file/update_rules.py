@@ -24,6 +24,7 @@ def update_rules(data: Data, source: Source) -> Problems:
     yield from _weight(update, source)
     yield from _of_other_kinds(update, source)
     yield from _names(data, update, source)
+    yield from _doubled(update, source)
     if update.get("regularisation") == "prior":
         yield from _means(data, source)
     yield from _starts(data, update, source)
@@ -88,10 +89,36 @@ def _names(data: Data, update: Data, source: Source) -> Problems:
                     yield source.error(("update", key), "update.unknown-parameter", what, {}, hint)
 
 
-def _pairs(update: Data) -> tuple[object, ...]:
-    entries = update.get("correlations")
-    some = entries if isinstance(entries, tuple) else ()
-    return tuple((e.get("one"), e.get("other")) for e in some if isinstance(e, dict))
+def _pairs(update: Data) -> tuple[tuple[object, object], ...]:
+    entries = _tuple(update.get("correlations"))
+    return tuple((e.get("one"), e.get("other")) for e in entries if isinstance(e, dict))
+
+
+def _tuple(value: object) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else ()
+
+
+def _doubled(update: Data, source: Source) -> Problems:
+    """Names twice in a group of identical parameters; a correlation with itself, or of a pair that has one."""
+    for number_, group in enumerate(_tuple(update.get("identical"))):
+        if isinstance(group, tuple) and all(isinstance(n, str) for n in group) and len(set(group)) < len(group):
+            what, hint = "a group of identical parameters names one of them twice", "name each once"
+            yield source.error(("update", "identical", number_), "study.regularisation", what, {"group": group}, hint)
+    seen: set[frozenset[object]] = set()
+    for number_, (one, other) in enumerate(_pairs(update)):
+        if not (isinstance(one, str) and isinstance(other, str)):
+            continue
+        problem = _pair_problem(one, other, seen)
+        if problem:
+            shown, hint = {"one": one, "other": other}, "give each pair of two parameters one correlation"
+            yield source.error(("update", "correlations", number_), "study.regularisation", problem, shown, hint)
+        seen.add(frozenset((one, other)))
+
+
+def _pair_problem(one: str, other: str, seen: set[frozenset[object]]) -> str:
+    if one == other:
+        return f"'{one}' is fully correlated with itself, and takes no other number"
+    return f"the correlation of '{one}' and '{other}' is given twice" if frozenset((one, other)) in seen else ""
 
 
 def _means(data: Data, source: Source) -> Problems:

@@ -41,6 +41,9 @@ def _configuration(place: Place, entry: Data, known: dict[str, Data], source: So
         what = f"[[hold_out]] names '{name}', which is no configuration"
         hint = did_you_mean(name, known) or "remove the key: the study has one configuration only"
         yield source.error((*place, "configuration"), "study.hold-out", what, {}, hint)
+    elif "test" not in known[name]:
+        what = f"configuration {name} has no test, so that there is nothing to hold out"
+        yield source.error((*place, "configuration"), "study.hold-out", what, {}, 'give it test = "file.uff"')
     elif known[name].get("use") == "validation":
         what = f"configuration {name} is kept for validation as a whole, so that nothing is left to hold out"
         hint = 'remove this [[hold_out]], or use = "validation"'
