@@ -146,6 +146,21 @@ def test_residuals_that_are_noise_pass(bench: Bench) -> None:
     assert not [a for a in run.results.alerts if a.code == "update.misfit"]
 
 
+@pytest.mark.parametrize(
+    ("tail", "percent"),
+    [
+        ("sd = 0.004", 0.4),
+        ('sd = 0.004\nform = "eigenvalue"', 0.2),
+        ("sd = 0.004\n[residuals]\nfrequency_sd = 0.002", 0.2),
+    ],
+)
+def test_scatter_of_a_prediction_is_what_the_residuals_state(beam: Bench, tail: str, percent: float) -> None:
+    """Not the default of [residuals], by which such a study compares nothing."""
+    table = f'[[hold_out]]\nmodes = ["4"]\n[[residual]]\nkind = "frequency"\n{tail}\n'
+    found = _validation(steps.update(beam.study(beam.parameters + table)))
+    assert [p.test_sd_percent for p in found.predictions] == [pytest.approx(percent)]
+
+
 def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     """The real beam stands on a spring that the deck lacks."""
     sprung = bench.text.replace("CONM2", "CELAS2,77,3.+5,4,3\nCONM2")

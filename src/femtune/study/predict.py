@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.correlate import Correlation
+from femtune.files.study_file.residual import FrequencyResidualEntry
 from femtune.model import EigenSolution
 from femtune.residuals import state_at
 from femtune.study.cases import StudyCase
@@ -86,7 +87,7 @@ def predictions(study: Study, result: UpdateResult, sensitivities: Sensitivities
 
 
 def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
-    """Relative standard deviation of a measured frequency: of [validate], the test's own, or that of [residuals]."""
+    """Relative standard deviation of a measured frequency: of [validate], the test's own, or that of the residuals."""
     stated, residuals = study.file.validation.frequency_sd, study.file.residuals
     if stated is not None:
         return stated
@@ -94,6 +95,20 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
     known = case.modal.test.freq_sd_hz
     if known is not None and known[test] > 0.0:
         return float(known[test] / case.modal.test.freq_hz[test])
+    if study.file.residual and "frequency_sd" not in residuals.model_fields_set:
+        return _scatter_of_tables(study, case)
     if not isinstance(residuals.frequency_sd, float | int) or residuals.frequency_sd == 0:
         return None
-    return float(residuals.frequency_sd) / (2.0 if residuals.frequency_form == "eigenvalue" else 1.0)
+    return float(residuals.frequency_sd) / _power(residuals.frequency_form)
+
+
+def _scatter_of_tables(study: Study, case: StudyCase) -> float | None:
+    """What the [[residual]] tables of frequencies say: those of the configuration, else of the others; the largest."""
+    entries = [e for e in study.file.residual if isinstance(e, FrequencyResidualEntry)]
+    own = [e for e in entries if e.configuration in (None, case.name)]
+    return max((e.sd / _power(e.form) for e in own or entries if isinstance(e.sd, float | int)), default=None)
+
+
+def _power(form: str) -> float:
+    """A relative error of ω² is twice that of the frequency."""
+    return 2.0 if form == "eigenvalue" else 1.0

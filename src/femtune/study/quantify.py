@@ -184,8 +184,12 @@ def _output_records(check: ForwardCheck) -> tuple[ScatteringOutput, ...]:
     )
 
 
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."
+
+
 def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...]) -> list[str]:
-    out = [f"It {found.status.value}."] if found.status.name != "CONVERGED" else []
+    out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
     if len(found.names) >= len(found.measured.mean):
         out.append(
             f"{len(found.names)} parameters from {len(found.measured.mean)} frequencies: they meet the measured "
@@ -194,4 +198,4 @@ def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...
     outside = [p.parameter for p in parameters if p.outside_bounds]
     if outside:
         out.append(f"The mean of {', '.join(outside)} lies outside the bounds, which this step does not enforce.")
-    return [*out, *(f"{n.what[:1].upper()}{n.what[1:]}." for n in found.measured.notices)]
+    return [*out, *(_sentence(n.what) for n in found.measured.notices)]
