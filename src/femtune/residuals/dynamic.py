@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.equation import EquationError, equation_error
+from femtune.residuals.equation import LeastEquationError, equation_error
 from femtune.residuals.weights import Weights
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class DynamicResidual:
         inertia = value * float(np.linalg.norm(point.mass @ found.shape))
         return self._block(state, case.test.labels[i], found, inertia)
 
-    def _block(self, state: CaseState, label: str, found: EquationError, size: float) -> ResidualBlock:
+    def _block(self, state: CaseState, label: str, found: LeastEquationError, size: float) -> ResidualBlock:
         """The block, its error told beside the forces of inertia."""
         values, slopes = found.error / self.sd, found.gradient / self.sd
         return ResidualBlock("dynamic", state.case.name, label, values, slopes, self.sd / (size or 1.0))

@@ -23,7 +23,7 @@ _ACCURATE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class EquationError:
+class LeastEquationError:
     """The least equation error.
 
     Parameters
@@ -43,7 +43,7 @@ def equation_error(
     sensors: sp.csr_array,
     measured: Reals,
     force: Reals | None = None,
-) -> EquationError:
+) -> LeastEquationError:
     """The least |Aψ − f| of all ψ with Sψ = m.
 
     Parameters
@@ -66,7 +66,7 @@ def equation_error(
     scaled, shape = first[:n], first[n : 2 * n]
     loads = [np.concatenate([-(d @ shape), -(d @ scaled), np.zeros(s)]) for d in derivatives]
     slopes = _solved(saddle, factor, np.stack(loads, axis=1))[:n] if loads else np.zeros((n, 0))
-    return EquationError(size * scaled, size * slopes, shape)
+    return LeastEquationError(size * scaled, size * slopes, shape)
 
 
 def _saddle(matrix: sp.csr_array, sensors: sp.csr_array, size: float) -> sp.csc_array:
