@@ -12,7 +12,7 @@ from femtune.report.document import Figure, FigureRow, KeyNumbers, Listing, Para
 from femtune.report.sections.comac import comac
 from femtune.report.sections.compared import compared
 from femtune.report.sections.criteria import criteria
-from femtune.report.sections.mac import dropped_sensors
+from femtune.report.sections.mac import dropped_sensors, mac
 from femtune.report.sections.mode_shapes import mode_shapes
 from femtune.report.sections.modes import cluster_paragraphs, modes
 from femtune.report.sections.sturm import sturm
@@ -170,6 +170,18 @@ def test_the_lowest_five_of_comac_are_named(data: dict[str, Any]) -> None:
     values = [float(v) for v in re.findall(r"(0\.\d+) at", caption)]
     assert len(values) == 5
     assert values == sorted(values)
+
+
+def test_cross_orthogonality_has_the_paired_modes_only(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """The matrix has no values of the others, whose names would stand beside nothing."""
+    stages = [c for c in _source(data).results.correlations if c.cross_orthogonality_key and c.stage == "before"]
+    rows = [f for b in mac(_source(data, arrays)) if isinstance(b, FigureRow) for f in b.figures]
+    alts = [f.alt for f in rows if "Cross-orthogonality before" in f.alt]
+    assert stages
+    assert alts
+    for stage, alt in zip(stages, alts, strict=True):
+        assert len(stage.pairs) < len(stage.mac_model_numbers)
+        assert f"matrix of {len(stage.pairs)} by {len(stage.pairs)} modes" in alt
 
 
 def test_sensors_without_a_part_in_cross_orthogonality_are_named(data: dict[str, Any]) -> None:

@@ -35,14 +35,20 @@ def _rows(figures: list[Figure]) -> list[Block]:
     return list(figures) if any(f.wide for f in figures) else [FigureRow(tuple(figures))]
 
 
-def _figure(source: Source, stage: CorrelationResults, key: str | None, what: str) -> Figure | None:
-    values = source.array(key)
-    if values is None or values.size == 0:
+def _figure(
+    source: Source, stage: CorrelationResults, key: str | None, what: str, *, of_pairs: bool = False
+) -> Figure | None:
+    """A matrix of test modes by model modes; `of_pairs` leaves out those without a partner, which have no values."""
+    values, pairs = source.array(key), pair_places(stage)
+    if values is None or values.size == 0 or (of_pairs and not pairs):
         return None
-    rows, kept = _labels(stage.mac_test_labels, stage.mac_test_freq_hz), shown_columns(stage)
-    framed = tuple((i, kept.index(j)) for i, j in pair_places(stage))
-    title = f"{what} {STAGE_HEADS[stage.stage]}"
-    picture = MatrixPicture(values[:, kept], rows, _model_labels(stage, kept), "test", "model", title, framed)
+    names = _labels(stage.mac_test_labels, stage.mac_test_freq_hz)
+    rows = sorted({i for i, _ in pairs}) if of_pairs else list(range(len(names)))
+    kept = sorted({j for _, j in pairs}) if of_pairs else shown_columns(stage)
+    framed = tuple((rows.index(i), kept.index(j)) for i, j in pairs)
+    title, some = f"{what} {STAGE_HEADS[stage.stage]}", tuple(names[i] for i in rows)
+    shown, columns = values[np.ix_(rows, kept)], _model_labels(stage, kept)
+    picture = MatrixPicture(shown, some, columns, "test", "model", title, framed)
     return _shown(picture, f"{stage.configuration}, {title}")
 
 
@@ -109,9 +115,9 @@ def _square(values: NDArray[Any] | None, labels: tuple[str, ...], title: str, ke
 
 
 def _orthogonality(source: Source, stages: list[CorrelationResults]) -> list[Block]:
-    figures = [
-        f for s in stages if (f := _figure(source, s, s.cross_orthogonality_key, "Cross-orthogonality")) is not None
-    ]
+    keys = [(s, s.cross_orthogonality_key) for s in stages]
+    made = (_figure(source, s, key, "Cross-orthogonality", of_pairs=True) for s, key in keys)
+    figures = [f for f in made if f is not None]
     if figures:
         return [*_rows(figures), *dropped_sensors(stages[-1])]
     why = stages[-1].cross_orthogonality_reason
