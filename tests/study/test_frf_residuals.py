@@ -202,3 +202,13 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Benc
         load_study(study_of(bench, text)).problem().start(np.zeros(4))
     assert error.value.code == code
     assert error.value.hint
+
+
+def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, true_deck: Path) -> None:
+    measured(bench, functions(true_deck))
+    path = study_of(bench, 'kind = "frf"\nto_hz = 50.0\n\n[[residual]]\nkind = "frf"\nfrom_hz = 900.0')
+    with pytest.raises(FemtuneError, match="no line from 900 Hz on") as error:
+        load_study(path).problem().start(np.zeros(4))
+    tables = [i for i, line in enumerate(path.read_text().splitlines(), start=1) if line == "[[residual]]"]
+    assert error.value.where is not None
+    assert error.value.where.line == tables[-1]

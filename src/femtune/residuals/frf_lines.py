@@ -56,10 +56,15 @@ class Band:
         """One region without a label."""
         inside = np.flatnonzero((freq_hz >= self.from_hz) & (freq_hz <= self.to_hz) & (freq_hz > 0.0))
         if not inside.size:
-            raise _no_lines(freq_hz, f"between {self.from_hz:g} and {self.to_hz:g} Hz", "widen the band")
+            raise _no_lines(freq_hz, self._words, "widen the band")
         if self.most is not None and len(inside) > self.most:
             inside = inside[np.unique(np.linspace(0, len(inside) - 1, self.most).round().astype(int))]
         return [Region("", inside)]
+
+    @property
+    def _words(self) -> str:
+        open_ended = not np.isfinite(self.to_hz)
+        return f"from {self.from_hz:g} Hz on" if open_ended else f"between {self.from_hz:g} and {self.to_hz:g} Hz"
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from femtune.residuals.model_way import ModesWanted, full_modes
 from femtune.residuals.paired_resonances import PairedResonances
 from femtune.residuals.state import CaseState
 from femtune.study.cases import StudyCase
+from femtune.study.located import located
 from femtune.study.response_axes import sensor_axis
 
 Placer = Callable[..., Where]
@@ -54,7 +55,17 @@ def frf_comparison(
     relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
     scatter = FrfScatter(relative, entry.floor, entry.averages)
     way = ModelWay(_METHODS[entry.method], _wanted(entry), _damping(entry, deck_damping), entry.residual_vectors)
-    return AtFirstState(partial(_settled_functions, entry, measured, places, scatter, way, notices))
+    return _placed(partial(_settled_functions, entry, measured, places, scatter, way, notices), where)
+
+
+def _placed(settle: Callable[[CaseState], Settled], where: Placer) -> AtFirstState:
+    """What is settled at the start fails at its own table of the study, not at the first one."""
+
+    def at_its_place(state: CaseState) -> Settled:
+        with located(where()):
+            return settle(state)
+
+    return AtFirstState(at_its_place)
 
 
 def _settled_functions(
@@ -92,7 +103,7 @@ def antiresonance_comparison(entry: AntiresonanceResidualEntry, case: StudyCase,
         found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)  # type: ignore[arg-type]
         return found, (*notices, *left)
 
-    return AtFirstState(settle)
+    return _placed(settle, where)
 
 
 def _wanted(entry: MeasuredFunctionsTable) -> ModesWanted | None:
