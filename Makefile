@@ -9,6 +9,9 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
 PYTEST_ARGS ?= -n auto
+# One thread a process: tests share the cores among themselves, and small matrices gain nothing from more.
+ONE_THREAD := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} \
+	MKL_NUM_THREADS=$${MKL_NUM_THREADS:-1}
 EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
@@ -26,13 +29,13 @@ demo: $(VENV)/.stamp-test  ## update the benchmark building from its deck and te
 	@$(BIN)/femtune run examples/01_building/study.toml
 
 test: $(VENV)/.stamp-test  ## the quick tests
-	@$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+	@$(ONE_THREAD) $(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
 
 test-slow: $(VENV)/.stamp-test  ## the slow tests
-	@$(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
+	@$(ONE_THREAD) $(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
 
 check-all: $(VENV)/.stamp-test  ## all tests, quick and slow
-	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+	@$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: $(VENV)/.stamp-lint  ## ruff: rules and format
 	@$(BIN)/ruff check .
@@ -56,7 +59,7 @@ evidence: $(VENV)/.stamp-test  ## the full examples; they write the tables that 
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(BIN)/python $$example --evidence docs/evidence; done
 
 examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
-	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(BIN)/python $$example --quick; done
+	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done
 
 browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in headless Chromium and check the page
 	@$(BIN)/python .ci/check_page.py $(REPORT)
@@ -70,7 +73,7 @@ PEERS := pyOMA-2 koma-python sdypy-EMA pandas openpyxl et_xmlfile scikit-learn j
 
 bench-identification: $(VENV)/.stamp-test  ## modes from tests beside three peers, some minutes (BENCH_ARGS=--quick: two)
 	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
-	@OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONPATH=$(VENV)/peers \
+	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 readers: $(VENV)/.stamp-readers  ## the extras that read OP2, Ansys and HDF5 files, so that their tests run
