@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from femtune.report.document import Block, Figure, Paragraph, Table
+from femtune.report.sections.parameters import parameters
 from femtune.report.sections.starts import starts
 from femtune.report.sections.weight_choice import weight_choice
+from femtune.report.source import Source
 from femtune.study.results import Results
 
 
@@ -72,3 +74,17 @@ def test_nothing_to_tell(results: Results) -> None:
     assert results.update is not None
     assert weight_choice(results.update, results.parameters) == []
     assert starts(results.update, results.parameters) == []
+
+
+def test_an_interval_that_says_less_than_the_bounds_is_said_so(data: dict[str, Any]) -> None:
+    first, second = data["update"]["parameters"][:2]
+    facts = {p["name"]: p for p in data["parameters"]}
+    bounds = facts[first["name"]]
+    first["interval_95"] = [bounds["lower"] - bounds["nominal"], bounds["upper"] + bounds["nominal"]]
+    second["interval_95"] = [0.9 * second["value"], 1.1 * second["value"]]
+    source = Source(Results.model_validate(data), {})
+    table = next(b for b in parameters(source) if isinstance(b, Table) and b.title == "Values")
+    column = [c.title for c in table.columns].index("95 %")
+    cells = {cells[0].text: cells[column].text for cells in table.rows}
+    assert cells[first["name"]] == "wider than the bounds"
+    assert " … " in cells[second["name"]]

@@ -69,7 +69,7 @@ def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ..
         value(fact.nominal),
         value(result.value) if result else "not updated",
         _spread(result),
-        _interval(result),
+        _interval(fact, result),
         signed_percent(result.change_percent) if result else NONE,
         f"{value(fact.lower)} … {value(fact.upper)}" if fact.lower is not None else NONE,
         short(fact.prior_sd),
@@ -85,9 +85,13 @@ def _spread(result: ParameterResult | None) -> Cell:
     return Cell(short(result.sd))
 
 
-def _interval(result: ParameterResult | None) -> str:
+def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
     if result is None or result.interval_95 is None:
         return NONE
+    low, high = result.interval_95
+    # few data left over to estimate a scatter from: Student's t then says less than the bounds did
+    if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
+        return "wider than the bounds"
     return " … ".join(value(end) for end in result.interval_95)
 
 
