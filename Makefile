@@ -56,7 +56,7 @@ docs: $(VENV)/.stamp-docs  ## the documentation, warnings are errors
 	@echo "docs/_build/html/index.html"
 
 evidence: $(VENV)/.stamp-test  ## the full examples; they write the tables that the documentation shows
-	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(BIN)/python $$example --evidence docs/evidence; done
+	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done
 
 examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done

@@ -46,7 +46,7 @@ class Size:
     largest: int
 
 
-QUICK, FULL = Size(2, 120.0, 800, 40_000, 40), Size(12, 600.0, 3000, 480_000, 100)
+QUICK, FULL = Size(2, 120.0, 800, 40_000, 40), Size(6, 600.0, 3000, 480_000, 100)
 
 
 def of_table(table: PoleTable) -> Found:
