@@ -55,6 +55,19 @@ class Operational:
     limits: Limits = field(default_factory=Limits)
     rule: Rule = field(default_factory=Rule)
 
+    def reference_rows(self, record: TimeSeries) -> Sequence[int]:
+        """Positions of the channels whose past is used."""
+        if self.references is not None:
+            wanted = {(d.node, d.direction) for d in self.references}
+            return [i for i, c in enumerate(record.channels) if (c.dof.node, c.dof.direction) in wanted]
+        return record.positions("reference") or range(len(record))
+
+    def rows(self, record: TimeSeries) -> int:
+        """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
+        of_period = ceil(1.5 * record.even_hz / self.band_hz[0])
+        of_order = ceil(1.2 * self.largest_order / len(self.reference_rows(record)))
+        return max(self.block_rows or min(of_period, 40), of_order, 4)
+
 
 @dataclass(frozen=True, eq=False)
 class OperationalModes:
@@ -93,7 +106,12 @@ def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
         )
     if not 0.0 < asked.band_hz[0] < high <= 0.5 * rate:
         values = {"band": f"{asked.band_hz[0]:g} to {high:g} Hz", "half the sampling rate": f"{0.5 * rate:g} Hz"}
-        raise FemtuneError("identify.record-band", "the record does not reach the band", values=values)
+        raise FemtuneError(
+            "identify.record-band",
+            "the record does not reach the band" if asked.band_hz[0] < high else "the band is empty",
+            values=values,
+            hint="give 0 < from < to, in Hz, up to half the sampling rate",
+        )
     values = signal.detrend(record.values, axis=1)
     factor = int(rate // (2.5 * high))
     if factor > 1:
@@ -106,7 +124,7 @@ def by_covariances(record: TimeSeries, asked: Operational) -> OperationalModes:
     """SSI-cov, with standard deviations of frequencies, damping and shapes."""
     record = prepared(record, asked)
     model = covariance_driven(
-        record.values, 1.0 / record.even_hz, _references(record, asked), _rows(record, asked), asked.largest_order,
+        record.values, 1.0 / record.even_hz, asked.reference_rows(record), asked.rows(record), asked.largest_order,
         asked.pieces,
     )  # fmt: skip
     table, candidates = _chosen(model.observability, record, asked, "SSI-cov")
@@ -128,8 +146,8 @@ def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> 
 def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
     """SSI-data."""
     record = prepared(record, asked)
-    rows = max(ceil(_rows(record, asked) / 2), ceil(asked.largest_order / len(record)) + 1)
-    seen = data_driven(record.values, 1.0 / record.even_hz, _references(record, asked), rows, asked.largest_order)
+    rows = max(ceil(asked.rows(record) / 2), ceil(asked.largest_order / len(record)) + 1)
+    seen = data_driven(record.values, 1.0 / record.even_hz, asked.reference_rows(record), rows, asked.largest_order)
     table, candidates = _chosen(seen, record, asked, "SSI-data")
     return OperationalModes("SSI-data", _modes(table, candidates, {}), table, candidates)
 
@@ -137,7 +155,7 @@ def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
 def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
     """ERA on the correlation functions (NExT)."""
     record = prepared(record, asked)
-    references, rows = _references(record, asked), 2 * _rows(record, asked)
+    references, rows = asked.reference_rows(record), 2 * asked.rows(record)
     decays = correlations(record.values, references, 2 * rows)
     seen = era(decays, 1.0 / record.even_hz, rows, rows, asked.largest_order)
     table, candidates = _chosen(seen, record, asked, "ERA")
@@ -186,20 +204,6 @@ def real_shape(shape: NDArray) -> Reals:
     real = (shape * np.exp(-0.5j * np.angle((shape**2).sum()))).real
     real = real / np.linalg.norm(real)
     return np.asarray(real * (np.sign(real[np.abs(real).argmax()]) or 1.0))
-
-
-def _references(record: TimeSeries, asked: Operational) -> Sequence[int]:
-    if asked.references is not None:
-        wanted = {(d.node, d.direction) for d in asked.references}
-        return [i for i, c in enumerate(record.channels) if (c.dof.node, c.dof.direction) in wanted]
-    return record.positions("reference") or range(len(record))
-
-
-def _rows(record: TimeSeries, asked: Operational) -> int:
-    """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
-    of_period = ceil(1.5 * record.even_hz / asked.band_hz[0])
-    of_order = ceil(1.2 * asked.largest_order / len(_references(record, asked)))
-    return max(asked.block_rows or min(of_period, 40), of_order, 4)
 
 
 def _chosen(

@@ -33,6 +33,11 @@ def check_record(record: TimeSeries) -> tuple[Notice, ...]:
     return tuple(_checks(record))
 
 
+def dead_channels(record: TimeSeries) -> NDArray[np.bool_]:
+    """(channels,) True where a channel hardly moves; lost samples count as zero."""
+    return _dead(record, np.where(np.isnan(record.values), 0.0, record.values))
+
+
 def _checks(record: TimeSeries) -> Iterator[Notice]:
     values = record.values
     lost = np.isnan(values).sum(axis=1)
@@ -45,7 +50,7 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
     yield from _same(record, filled, dead)
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
-        first = record.time_s[-still - 1]
+        first = record.time_s[max(record.samples - still - 1, 0)]
         what = f"no channel changes after {first:g} s: the last {still} of {record.samples} samples are no measurement"
         yield Notice("record.cut-short", what)
 
@@ -59,7 +64,8 @@ def _told(record: TimeSeries, code: str, bad: NDArray[np.bool_], what: str) -> I
 def _dead(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:
     moving = values - values.mean(axis=1, keepdims=True)
     rms = np.sqrt(np.mean(moving**2, axis=1))
-    dead = rms == 0.0
+    # the mean of equal numbers is not quite that number
+    dead = rms <= 1e-13 * np.abs(values).max(axis=1, initial=0.0)
     for quantity in {(c.quantity, c.unit) for c in record.channels}:
         same = np.array([(c.quantity, c.unit) == quantity for c in record.channels])
         dead |= same & (rms < DEAD * np.median(rms[same]))

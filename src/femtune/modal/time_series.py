@@ -97,7 +97,12 @@ class TimeSeries:
             raise FemtuneError("record.shape", "wanted one row of samples for each channel", values=sizes)
         if np.isinf(self.values).any():
             bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
-            raise FemtuneError("record.values", "a record has infinite samples", values={"channels": " ".join(bad)})
+            raise FemtuneError(
+                "record.values",
+                "a record has infinite samples",
+                values={"channels": " ".join(bad)},
+                hint="look for an overflow in the export; write nan where samples were lost",
+            )
 
     def _check_clock(self) -> None:
         rate = self.sampling_hz
@@ -111,7 +116,9 @@ class TimeSeries:
     def _check_times(self, times: NDArray[np.float64]) -> None:
         if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
             what = "the times of a record must be one a sample, finite, and increase"
-            raise FemtuneError("record.times", what, values={"times": times.shape, "samples": self.values.shape[1]})
+            sizes = {"times": times.shape, "samples": self.values.shape[1]}
+            hint = "look for a clock that was set back, rows out of order, or an empty time"
+            raise FemtuneError("record.times", what, values=sizes, hint=hint)
         found = _even_rate(times)
         if self.sampling_hz is not None:
             _check_rate(self.sampling_hz, found, times)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -18,10 +21,11 @@ _RATES = ("fs", "sampling_hz", "sampling_rate", "sample_rate", "samplerate", "sr
 def read_npy(path: Path, variable: str | None = None) -> RecordTable:
     """One array, or that called `variable` of an .npz; Python objects in it are refused."""
     try:
-        with np.errstate(all="ignore"):
-            loaded: Any = np.load(path, allow_pickle=False)
+        # a stream of our own: numpy leaves the file of a broken archive open
+        with np.errstate(all="ignore"), path.open("rb") as stream:
+            loaded: Any = np.load(stream, allow_pickle=False)
             arrays = {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"": loaded}
-    except (ValueError, EOFError, OSError, KeyError) as bad:
+    except (ValueError, EOFError, OSError, KeyError, BadZipFile, zlib.error) as bad:
         hint = "a record cut short, or an array of Python objects: save plain numbers again"
         raise problem(path, "record.file", f"this is no readable NumPy file: {_first_line(bad)}", hint) from bad
     return _table(path, arrays, variable)
@@ -35,7 +39,16 @@ def read_mat(path: Path, variable: str | None = None) -> RecordTable:
         arrays = loadmat(path)
     except NotImplementedError:
         return read_hdf5(path, variable)
-    except (ValueError, TypeError, OSError, EOFError, KeyError, matlab.MatReadError) as bad:
+    except (
+        ValueError,
+        TypeError,
+        OSError,
+        EOFError,
+        LookupError,
+        struct.error,
+        zlib.error,
+        matlab.MatReadError,
+    ) as bad:
         hint = "it may be cut short: save it again"
         raise problem(path, "record.file", f"this is no readable MATLAB file: {_first_line(bad)}", hint) from bad
     return _table(path, {k: v for k, v in arrays.items() if not k.startswith("__")}, variable)

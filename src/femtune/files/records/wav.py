@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def read_wav(path: Path) -> RecordTable:
             warnings.filterwarnings("ignore")
             warnings.filterwarnings("error", message=".*prematurely.*")
             rate, data = wavfile.read(path)
-    except (ValueError, EOFError, OSError, wavfile.WavFileWarning) as bad:
+    except (ValueError, EOFError, OSError, struct.error, LookupError, wavfile.WavFileWarning) as bad:
         hint = "it may be cut short: export it again"
         raise problem(path, "record.file", f"this is no readable WAV file: {str(bad)[:120]}", hint) from bad
     values = np.atleast_2d(data.T).astype(float)

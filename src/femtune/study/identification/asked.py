@@ -36,7 +36,8 @@ def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
         return changed
     if not path.is_file():
         where = Where(str(path))
-        raise FemtuneError("record.missing", "there is no such file", where=where, hint="check the name")
+        what = "this is a folder, no file" if path.is_dir() else "there is no such file"
+        raise FemtuneError("record.missing", what, where=where, hint="name the record, the functions or a .toml file")
     made = _checked({"identify": {_kind_of(path): path.name, **given}}, path)
     made._path, made._source = path, Source(str(path))
     return made

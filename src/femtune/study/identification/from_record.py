@@ -20,6 +20,7 @@ from femtune.identify.spectra import cross_spectra
 from femtune.modal import ModeSet, TimeSeries
 from femtune.modal.mac import mac
 from femtune.study.identification.found import Curve, Found
+from femtune.study.identification.usable import check_length
 from femtune.study.progress import Progress
 
 DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
@@ -52,6 +53,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     """
     table, asked = file.identify, _asked(record, file)
     names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
+    check_length(record, asked, file)
     length = record.samples // table.fragments
     several: dict[tuple[str, int], OperationalModes] = {}
     for i in range(table.fragments):
@@ -79,7 +81,8 @@ def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
             values={"half the sampling rate": f"{half:g} Hz", "length": f"{record.duration_s:g} s"},
             hint="say it: band_hz = [2.0, 40.0], or --band 2 40",
         )
-    low = max(table.band_hz[0], 2.0 / record.duration_s)
+    # a line at zero belongs to no mode; a record of ten samples is told so before its band is raised
+    low = max(table.band_hz[0], min(2.0 / record.duration_s, 0.5 * table.band_hz[1]))
     return Operational((low, table.band_hz[1]), table.largest_order or DEFAULT_ORDER)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from femtune.study.identification.from_forces import found_from_forces, has_forc
 from femtune.study.identification.from_frfs import found_from_file
 from femtune.study.identification.from_record import found_from_record, read_asked
 from femtune.study.identification.records import Identification, identification
+from femtune.study.identification.usable import check_methods, check_usable
 from femtune.study.identification.write import write_found
 from femtune.study.progress import Progress, silent
 from femtune.study.results_base import InputFile
@@ -57,7 +59,8 @@ def identify(
     folder = Path(output) if output is not None else file.output_folder
     _check_folder(folder, file)
     progress.step("reading the measurement", 0, None)
-    found = _found(file, progress)
+    with _at_the_file(file):
+        found = _found(file, progress)
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
     record = identification(found, file.identify.title or file.measured_path.name, source, file.identify.units)
     names = write_found(folder, found, record)
@@ -69,9 +72,22 @@ def _found(file: IdentifyFile, progress: Progress) -> Found:
         progress.step("poles of every order", 0, None)
         return found_from_file(file)
     record = read_asked(file)
+    check_usable(record)
     notices = check_record(record)
+    check_methods(file, has_forces(record))
     found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
     return replace(found, notices=(*notices, *found.notices))
+
+
+@contextmanager
+def _at_the_file(file: IdentifyFile) -> Iterator[None]:
+    """Methods know arrays, no files: what they refuse is said of the measured file."""
+    try:
+        yield
+    except FemtuneError as error:
+        if not str(error.where or ""):
+            error.where = Where(str(file.measured_path))
+        raise
 
 
 def _check_folder(folder: Path, file: IdentifyFile) -> None:
