@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff, write_uff_frfs
+from femtune.identify.operational import METHODS
 from femtune.modal import StateSpace
 from femtune.steps import identify
 from femtune.testdata import ModalTest
@@ -76,6 +78,31 @@ def test_choices_by_hand_are_kept(record, tmp_path):
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=5e-3)
     # no channel was named, so no study could read the shapes
     assert "modes.uff" not in made.files
+
+
+def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, tmp_path, monkeypatch):
+    # in every other piece of work the mode that is dropped was not found at all
+    lowest, calls = float(PLANT.truth.freq_hz[0]), []
+    whole = METHODS["SSI-cov"]
+
+    def half(piece, asked):
+        calls.append(piece)
+        above = replace(asked, band_hz=(1.3 * lowest, 12.0))
+        return whole(piece, asked if len(calls) % 2 else above)
+
+    monkeypatch.setitem(METHODS, "SSI-cov", half)
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "fragments": 2, "methods": ("SSI-cov",)}
+    made = identify(record, tmp_path / "out", options={**asked, "largest_order": 20})
+    assert len(calls) == 2
+    assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=1e-2)
+
+
+@pytest.mark.parametrize("method", ["SSI-cov", "FDD"])
+def test_a_choice_that_the_first_method_cannot_make_is_refused(record, tmp_path, method):
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "take_hz": (2.0,), "methods": (method,), "largest_order": 20}
+    with pytest.raises(FemtuneError, match="no cluster of stable poles lies near 2 Hz") as caught:
+        identify(record, tmp_path / "out", options=asked)
+    assert "take_hz" in str(caught.value.where)
 
 
 def test_functions_become_modes_and_a_model(tmp_path):

@@ -95,6 +95,11 @@ def change_choice(
     return tuple(changed)
 
 
+def has_candidate(candidates: Sequence[Candidate], freq: float, within: float = 0.01) -> bool:
+    """True where a candidate lies within that relative distance of a frequency in Hz."""
+    return any(abs(c.freq_hz - freq) <= within * freq for c in candidates)
+
+
 def chosen_poles(candidates: Sequence[Candidate], table: PoleTable) -> PoleTable:
     """The representative poles of the chosen candidates."""
     return table.select([c.at for c in candidates if c.chosen])

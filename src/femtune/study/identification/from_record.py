@@ -11,7 +11,7 @@ from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
 from femtune.files.identify_file import OUTPUT_ONLY, ChannelEntry, IdentifyFile
 from femtune.files.records import Column, read_record
-from femtune.identify.choice import change_choice
+from femtune.identify.choice import change_choice, has_candidate
 from femtune.identify.combine import Estimate, combine
 from femtune.identify.fdd import decompose
 from femtune.identify.input_lines import judge_peaks
@@ -61,6 +61,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
         for j, name in enumerate(names):
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(METHODS[name](piece, asked), file)
+    _check_choice([several[names[0], i] for i in range(table.fragments)], file)
     found = _means(several, record) if table.fragments > 1 else _first(names, several)
     ready = prepared(record, asked)
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
@@ -87,10 +88,25 @@ def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
 
 
 def _by_hand(found: OperationalModes, file: IdentifyFile) -> OperationalModes:
-    take, drop = file.identify.take_hz, file.identify.drop_hz
-    if found.table is None or not (take or drop):
-        return found
-    return chosen_modes(found, change_choice(found.candidates, take, drop))
+    """The choice of the file, as far as this method has such clusters in this fragment."""
+    take, drop = (
+        tuple(f for f in asked if has_candidate(found.candidates, f))
+        for asked in (file.identify.take_hz, file.identify.drop_hz)
+    )
+    return chosen_modes(found, change_choice(found.candidates, take, drop)) if take or drop else found
+
+
+def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
+    """What is taken or dropped by hand is a cluster of the first method, in one fragment at least."""
+    for key, asked in (("take_hz", file.identify.take_hz), ("drop_hz", file.identify.drop_hz)):
+        for freq in asked:
+            if any(has_candidate(found.candidates, freq) for found in first):
+                continue
+            try:
+                change_choice(first[0].candidates, (freq,))
+            except FemtuneError as error:
+                error.where = file.where("identify", key)
+                raise
 
 
 def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
