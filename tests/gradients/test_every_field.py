@@ -27,7 +27,8 @@ from femtune.testing import check_matrix_derivatives
 
 from .field_decks import DECKS
 
-CARDS = [kind.name for kind in CATALOGUE.values() if kind.values]
+# the ends of bars are values only where a parameter names them: tests/fem/test_offsets.py moves them
+CARDS = [kind.name for kind in CATALOGUE.values() if kind.values and kind.name not in ("CBAR", "CBEAM")]
 KINDS = ("stiffness", "mass", "viscous", "hysteretic")
 # fields of a card that are parameters of one model, so that their mixed second derivatives are checked too
 TOGETHER = 3
@@ -121,7 +122,7 @@ REFUSED = {
     "PBAR 18 K1": ("parameter.without-effect", "changes no matrix"),
     "PBAR 99 A": ("parameter.touches-nothing", "no element's stiffness"),
     "PBAR 98 A": ("study.unknown-field", "the deck has no PBAR 98"),
-    "CBAR 1 W1A": ("study.unknown-field", "CBAR"),
+    "CBAR 1 W1A": ("parameter.touches-nothing", "CBAR 1"),
     "GRID 1 X1": ("study.unknown-field", "GRID"),
     "PSHELL 1 Z1": ("study.unknown-field", "no field 'Z1'"),
     "CQUAD4 1 T": ("parameter.derived-field", "mean of its corners"),

@@ -30,6 +30,8 @@ from .card_formats import COMMENTS, FORMATS
 from .card_samples import SAMPLES, Sample
 
 VALUES = (1 / 3, 1.23456789e-12, -4.5e101, 3.0, 12345678.0, -1e-5, 0.0, 98765.4321)
+ENDS_MOVE = ("CBAR", "CBEAM")
+"""Cards whose values are offsets of ends, which are values only where a parameter names them, and are tested there."""
 KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
 
 
@@ -173,6 +175,8 @@ def test_no_card_is_forgotten() -> None:
     most = max(shape.n for shape in SHAPES.values())
     no_shape_has = {f"DIM{i}{end}" for i in range(most + 1, 11) for end in ("", "B")}
     for kind in CATALOGUE.values():
+        if kind.name in ENDS_MOVE:
+            continue
         named = {name for sample in SAMPLES if sample.card == kind.name for name in sample.values}
         assert all(map(kind.holds, named)), kind.name
         if kind.name in PLY_CARDS:
