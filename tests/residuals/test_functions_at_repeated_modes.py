@@ -17,7 +17,7 @@ from femtune.residuals import (
     frf_residual,
     measured_antiresonances,
 )
-from femtune.residuals.residual import Residual
+from femtune.residuals.case import Residual
 from femtune.testing import check_residual
 from femtune.testing.springs import factor_model, spring_structure
 

@@ -12,9 +12,9 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.model import solve_modes
 from femtune.residuals import ModalCase, PairingRules, ResidualRules, UpdateProblem, describe_change, paired_count
-from femtune.residuals.case import keep_paired, track
 from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.mac import mac_residual
+from femtune.residuals.pairing import keep_paired, track
 from femtune.residuals.shape import shape_difference
 from femtune.testing import ResidualDerivativeChecks, check_residual
 from femtune.testing.springs import factor_model, sensor_rows, simulated_case, spring_structure

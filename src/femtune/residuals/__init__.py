@@ -2,16 +2,7 @@
 
 from femtune.residuals.antiresonance import AntiresonanceResidual, antiresonance_residual
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import (
-    ModalCase,
-    PairingRules,
-    case_without_modes,
-    describe_change,
-    groups_of,
-    modes_at_sensors,
-    pair_case,
-    solve_case,
-)
+from femtune.residuals.case import CaseState, ModalCase, PairedMode, PairingRules, Residual, case_without_modes
 from femtune.residuals.frf import FrfResidual
 from femtune.residuals.frf_choice import frf_residual
 from femtune.residuals.frf_forms import FrfForm
@@ -20,12 +11,12 @@ from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.frf_scatter import FrfScatter
 from femtune.residuals.measured_zeros import Antiresonance, ZeroSearch, measured_antiresonances
 from femtune.residuals.model_way import ModelWay
-from femtune.residuals.pair import OfModes, OfPairs, PairedMode, PairResidual
+from femtune.residuals.pair import OfModes, OfPairs, PairResidual
+from femtune.residuals.pairing import describe_change, groups_of, modes_at_sensors, pair_case, solve_case
 from femtune.residuals.problem import Evaluation, UpdateProblem
-from femtune.residuals.residual import Residual
 from femtune.residuals.rules import ResidualRules
 from femtune.residuals.solver import ModelSolver, direct
-from femtune.residuals.state import CaseState, paired_count, state_at
+from femtune.residuals.state import paired_count, state_at
 from femtune.residuals.zero_pairs import ZeroGates
 
 __all__ = [

@@ -18,11 +18,11 @@ from femtune.modal import FrfSet
 from femtune.model import EigenSolution
 from femtune.model.response import Ports, ZeroFinder, matrix_ports, zero_finder
 from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import CaseState
 from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.frf_places import Places, places_of
 from femtune.residuals.measured_zeros import Antiresonance
 from femtune.residuals.model_way import ModesWanted, full_modes
-from femtune.residuals.state import CaseState
 from femtune.residuals.zero_pairs import ZeroGates, candidates
 
 ZeroSd = float | Literal["test"]

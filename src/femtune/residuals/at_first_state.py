@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 
 from femtune.errors import Notice
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.residual import Residual
-from femtune.residuals.state import CaseState
+from femtune.residuals.case import CaseState, Residual
 
 Settled = tuple[Residual, tuple[Notice, ...]]
 

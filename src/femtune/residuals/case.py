@@ -1,21 +1,29 @@
-"""ModalCase: one configuration with its test, and its state at a parameter vector."""
+"""A configuration with its test, its state at a parameter vector, and what a residual of that state is.
+
+They stand together because each is said in terms of the others: a case has residuals, a residual is asked at a state,
+and a state is one of a case.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from femtune.correlate import Pairing, pair_modes
 from femtune.dofs import DofSet
 from femtune.modal import ModeSet
-from femtune.model import ConfiguredModel, EigenSolution
-from femtune.residuals.residual import Residual
+from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
+from femtune.residuals.aligned import AlignedModes, align
+from femtune.residuals.block import ResidualBlock
+from femtune.residuals.seen import seen_only
 from femtune.residuals.solver import ModelSolver, direct
+
+Reals = NDArray[np.float64]
 
 Group = tuple[tuple[int, ...], tuple[int, ...]]
 """Positions of test modes and of the model modes that span their subspace."""
@@ -28,6 +36,33 @@ class PairingRules:
     frequency_gate: float = 0.30
     mac_gate: float = 0.50
     relative_gap: float = 0.01
+
+
+@runtime_checkable
+class Residual(Protocol):
+    """One comparison in one configuration: data, weights and labels inside, no algorithm.
+
+    What it keeps belongs to the test, never to one model: it is asked on reduced models and on the written deck too.
+
+    Parameters
+    ----------
+    on_modes : True where it is made of modes or of a modal basis, so that a reduced model serves it
+    """
+
+    @property
+    def on_modes(self) -> bool:
+        """See above."""
+        ...
+
+    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
+        """Residuals at a state of the model.
+
+        Parameters
+        ----------
+        state : the model at one parameter vector; it solves for modes when they are asked for
+        derivatives : whether Jacobians are wanted; without them those of the blocks have no columns
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -82,70 +117,93 @@ def case_without_modes(configured: ConfiguredModel, residuals: tuple[Residual, .
     return ModalCase(configured, none, rows, residuals=residuals, **more)  # type: ignore[arg-type]
 
 
-def solve_case(case: ModalCase, x: NDArray) -> EigenSolution:
-    """Modes of the case at a normalised parameter vector."""
-    return case.solver.modes(case.configured.at(x), case.count, case.max_hz)
+@dataclass(frozen=True, eq=False)
+class PairedMode:
+    """One test mode and the model's aligned motion.
 
-
-def modes_at_sensors(case: ModalCase, solution: EigenSolution) -> ModeSet:
-    """The wanted model modes sampled at the sensors."""
-    shapes = case.sensors @ solution.shapes[:, : solution.wanted]
-    return ModeSet(solution.freq_hz, shapes, case.test.dofs, normalisation="mass", source="model")
-
-
-def pair_case(case: ModalCase, solution: EigenSolution) -> Pairing:
-    """Pair the test's modes with the model's."""
-    return pair_modes(
-        case.test,
-        modes_at_sensors(case, solution),
-        frequency_gate=case.rules.frequency_gate,
-        mac_gate=case.rules.mac_gate,
-        relative_gap=case.rules.relative_gap,
-        fixed=case.fixed,
-        left_out=case.left_out,
-    )
-
-
-def groups_of(pairing: Pairing) -> tuple[Group, ...]:
-    """Single pairs and whole clusters, by test position."""
-    singles: list[Group] = [((p.test,), (p.model,)) for p in pairing.pairs if p.cluster is None]
-    clusters: list[Group] = [(tuple(c.test), tuple(c.model)) for c in pairing.clusters]
-    return tuple(sorted(singles + clusters))
-
-
-def track(groups: tuple[Group, ...], old: EigenSolution, new: EigenSolution) -> tuple[Group, ...]:
-    """The same motions at another point: each old model mode is followed to the new one nearest to it (by M)."""
-    members = [j for _, models in groups for j in models]
-    if not members:
-        return groups
-    overlap = old.shapes[:, members].T @ (new.point.mass @ new.shapes)
-    followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
-    return tuple((tests, tuple(followed[j] for j in models)) for tests, models in groups)
-
-
-def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Group, ...]:
-    """Fresh groups, plus tracked ones whose test modes the gates would drop now and whose model modes are free.
-
-    A mode that left the residual would lower the objective without any gain.
+    Parameters
+    ----------
+    position : of the test mode in the case's test
+    eigenvalue, eigenvalue_gradient : λ in rad²/s² of the model, and ∂λ/∂x (k,)
+    shape, shape_gradient : (s,) and (s, k) model shape at the sensors, of unit modal mass
     """
-    tests = {i for group, _ in fresh for i in group}
-    models = {j for _, group in fresh for j in group}
-    kept = [g for g in before if not tests & set(g[0]) and not models & set(g[1])]
-    return tuple(sorted([*fresh, *kept]))
+
+    case: ModalCase
+    position: int
+    eigenvalue: float
+    eigenvalue_gradient: Reals
+    shape: Reals
+    shape_gradient: Reals
+
+    @property
+    def label(self) -> str:
+        """Label of the test mode."""
+        return self.case.test.labels[self.position]
+
+    @property
+    def test_hz(self) -> float:
+        """Test frequency."""
+        return float(self.case.test.freq_hz[self.position])
+
+    @property
+    def test_shape(self) -> Reals:
+        """(s,) test shape; NaN entries were not measured."""
+        return np.asarray(self.case.test.shapes[:, self.position])
 
 
-def describe_change(case: ModalCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:
-    """Sentences on test modes whose partners changed."""
-    old, new = ({i: models for tests, models in groups for i in tests} for groups in (before, after))
-    sentences = []
-    for i in sorted(old.keys() | new.keys()):
-        if old.get(i) != new.get(i):
-            partners = f"{_partner(old.get(i))} before, {_partner(new.get(i))} now"
-            sentences.append(f"{case.name}: test mode {case.test.labels[i]} {partners}")
-    return sentences
+@dataclass(frozen=True, eq=False)
+class CaseState:
+    """A case at one point.
 
+    Parameters
+    ----------
+    point : the model there, of the case's `configured` (a reduced model's where the case is reduced)
+    groups : frozen groups of paired modes; none where no test mode is paired
+    known : the modes there, where they have been solved; without them they are solved when they are asked for
+    """
 
-def _partner(models: tuple[int, ...] | None) -> str:
-    if not models:
-        return "without partner"
-    return "with model mode " + " and ".join(str(j + 1) for j in models)
+    case: ModalCase
+    point: ModelPoint
+    groups: tuple[Group, ...] = ()
+    known: EigenSolution | None = field(default=None, repr=False)
+
+    @cached_property
+    def solution(self) -> EigenSolution:
+        """The modes, solved once; errors as of `solve_modes`."""
+        return self.known or self.case.solver.modes(self.point, self.case.count, self.case.max_hz)
+
+    @property
+    def solved(self) -> EigenSolution | None:
+        """The modes where they have been solved, None where nothing asked for them."""
+        return self.__dict__.get("solution", self.known)
+
+    @property
+    def full(self) -> ModelPoint:
+        """The full model at this point, whatever model the modes come from."""
+        return self.case.on_full_model.configured.at(self.point.x)
+
+    @cached_property
+    def _kept(self) -> dict[tuple[Group, bool], AlignedModes]:
+        return {}
+
+    def aligned(self, group: Group, derivatives: bool) -> AlignedModes:
+        """A group's model vectors aligned with its test shapes, computed once."""
+        if (group, True) in self._kept:
+            return self._kept[group, True]
+        if (group, derivatives) not in self._kept:
+            self._kept[group, derivatives] = self._align(group, derivatives)
+        return self._kept[group, derivatives]
+
+    def _align(self, group: Group, derivatives: bool) -> AlignedModes:
+        tests, models = group
+        derivative = self.case.solver.derivative if derivatives else seen_only
+        found = derivative(self.solution, models, self.case.sensors)
+        return align(found, self.case.test.shapes[:, list(tests)])
+
+    def pairs(self, derivatives: bool) -> Iterator[PairedMode]:
+        """Every paired test mode with the model's motion that stands against it."""
+        for group in self.groups:
+            aligned = self.aligned(group, derivatives)
+            for a, i in enumerate(group[0]):
+                value, slope = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
+                yield PairedMode(self.case, i, value, slope, aligned.shapes[:, a], aligned.shape_gradients[:, a])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,11 +14,9 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import CaseState
 from femtune.residuals.equation import LeastEquationError, equation_error
 from femtune.residuals.weights import Weights
-
-if TYPE_CHECKING:
-    from femtune.residuals.state import CaseState
 
 Reals = NDArray[np.float64]
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.pair import OfPairs, PairedMode
+from femtune.residuals.case import PairedMode
+from femtune.residuals.pair import OfPairs
 from femtune.residuals.shape import check_mass_scaled
 from femtune.residuals.weights import Weights, weighted_block
 

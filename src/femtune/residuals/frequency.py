@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.pair import OfPairs, PairedMode, PairResidual
+from femtune.residuals.case import PairedMode
+from femtune.residuals.pair import OfPairs, PairResidual
 from femtune.residuals.weights import Weights
 
 Reals = NDArray[np.float64]

@@ -18,11 +18,11 @@ from femtune.modal.frf_set import KINDS
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.response import Ports, frf_gradient
 from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import CaseState
 from femtune.residuals.frf_forms import FORMS, FrfForm
 from femtune.residuals.frf_lines import Region
 from femtune.residuals.frf_places import Places
 from femtune.residuals.model_way import ModelWay
-from femtune.residuals.state import CaseState
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.pair import PairedMode, PairResidual
+from femtune.residuals.case import PairedMode
+from femtune.residuals.pair import PairResidual
 
 Reals = NDArray[np.float64]
 MacForm = Literal["root", "ratio", "difference"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from femtune.errors import FemtuneError
 from femtune.model.response import mass_response
 from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import CaseState
 from femtune.residuals.weights import Weights, weighted_block
-
-if TYPE_CHECKING:
-    from femtune.residuals.state import CaseState
 
 Reals = NDArray[np.float64]
 _AXES = "xyz"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.response import DampingRatios, Method
+from femtune.residuals.case import CaseState
 from femtune.residuals.solver import direct
-from femtune.residuals.state import CaseState
 
 ModesWanted = tuple[int | None, float | None]
 

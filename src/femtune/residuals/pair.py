@@ -1,64 +1,13 @@
-"""A test mode beside the model's motion that stands against it, and residuals that are made pair by pair."""
+"""Residuals that are made pair by pair of a test mode and the model's motion that stands against it."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from femtune.residuals.aligned import AlignedModes
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import Group, ModalCase
-
-if TYPE_CHECKING:
-    from femtune.residuals.state import CaseState
-
-Reals = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class PairedMode:
-    """One test mode and the model's aligned motion.
-
-    Parameters
-    ----------
-    position : of the test mode in the case's test
-    eigenvalue, eigenvalue_gradient : λ in rad²/s² of the model, and ∂λ/∂x (k,)
-    shape, shape_gradient : (s,) and (s, k) model shape at the sensors, of unit modal mass
-    """
-
-    case: ModalCase
-    position: int
-    eigenvalue: float
-    eigenvalue_gradient: Reals
-    shape: Reals
-    shape_gradient: Reals
-
-    @property
-    def label(self) -> str:
-        """Label of the test mode."""
-        return self.case.test.labels[self.position]
-
-    @property
-    def test_hz(self) -> float:
-        """Test frequency."""
-        return float(self.case.test.freq_hz[self.position])
-
-    @property
-    def test_shape(self) -> Reals:
-        """(s,) test shape; NaN entries were not measured."""
-        return np.asarray(self.case.test.shapes[:, self.position])
-
-
-def pairs_of_group(case: ModalCase, group: Group, aligned: AlignedModes) -> Iterator[PairedMode]:
-    """The pairs of one group, in the order of its test modes."""
-    for a, i in enumerate(group[0]):
-        value, slope = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
-        yield PairedMode(case, i, value, slope, aligned.shapes[:, a], aligned.shape_gradients[:, a])
+from femtune.residuals.case import CaseState, PairedMode
 
 
 class OfPairs(ABC):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, Notice
-from femtune.residuals.case import pair_case
+from femtune.residuals.case import CaseState
 from femtune.residuals.frf_lines import Resonance, Resonances
-from femtune.residuals.state import CaseState
+from femtune.residuals.pairing import pair_case
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,11 @@ from femtune.correlate import no_pairs
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import ModalCase, keep_paired, pair_case
+from femtune.residuals.case import CaseState, ModalCase
 from femtune.residuals.pair import OfPairs
+from femtune.residuals.pairing import keep_paired, pair_case
 from femtune.residuals.rules import ResidualRules
-from femtune.residuals.state import CaseState, followed, paired_afresh, state_at
+from femtune.residuals.state import followed, paired_afresh, state_at
 
 Reals = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.residuals.block import ResidualBlock
-from femtune.residuals.pair import PairedMode, PairResidual
+from femtune.residuals.case import PairedMode
+from femtune.residuals.pair import PairResidual
 from femtune.residuals.scaling import Scaling, scaled_difference
 from femtune.residuals.weights import Weights, as_weights, weighted_block
 

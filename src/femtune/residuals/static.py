@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,11 +14,9 @@ from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel
 from femtune.model.response import Ports, matrix_ports, static_response
 from femtune.residuals.block import ResidualBlock
+from femtune.residuals.case import CaseState
 from femtune.residuals.equation import equation_error
 from femtune.residuals.weights import Weights, weighted_block
-
-if TYPE_CHECKING:
-    from femtune.residuals.state import CaseState
 
 Reals = NDArray[np.float64]
 

@@ -27,10 +27,10 @@ from femtune.residuals import (
     measured_antiresonances,
 )
 from femtune.residuals.at_first_state import AtFirstState, Settled
+from femtune.residuals.case import CaseState
 from femtune.residuals.frf_lines import Lines
 from femtune.residuals.model_way import ModesWanted, full_modes
 from femtune.residuals.paired_resonances import PairedResonances
-from femtune.residuals.state import CaseState
 from femtune.study.cases import StudyCase
 from femtune.study.located import located
 from femtune.study.response_axes import sensor_axis

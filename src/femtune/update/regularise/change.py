@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femtune.update.regularise.choice import Weight
 from femtune.update.regularise.side import LinearModel, SideConstraint
-from femtune.update.regularise.weight import Weight, weighed
+from femtune.update.regularise.weight import weighed
 
 
 @dataclass(frozen=True)

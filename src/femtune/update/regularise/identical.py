@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.parameters import ParameterSet
+from femtune.update.regularise.choice import Weight
 from femtune.update.regularise.names import position
 from femtune.update.regularise.side import LinearModel, SideConstraint
-from femtune.update.regularise.weight import Weight, weighed
+from femtune.update.regularise.weight import weighed
 
 Reals = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.update.regularise.choice import Weight
 from femtune.update.regularise.side import LinearModel, SideConstraint
-from femtune.update.regularise.weight import Weight, weighed
+from femtune.update.regularise.weight import weighed
 
 Reals = NDArray[np.float64]
 

@@ -2,39 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from femtune.update.regularise.choice import RegularisationPath
 from femtune.update.regularise.side import LinearModel, SideConstraint
 
 Reals = NDArray[np.float64]
 
 POINTS = 301
 _BEYOND, _LEAST = 30.0, 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class RegularisationPath:
-    """What min |r + J d|² + μ²|R(x + d) − c|² gives for m weights, bounds left aside.
-
-    Parameters
-    ----------
-    weights : (m,) μ, rising
-    changes : (m, k) d of the parameters that move, zero for the others
-    residual_norms, constraint_norms : (m,) |r + J d| and |R(x + d) − c|
-    curvature : (m,) of the L-curve, log constraint norm over log residual norm; NaN where the curve stands still
-    cross_validation : (m,) |r + J d|²/(n − trace of the influence matrix)², the generalised cross-validation
-    """
-
-    weights: Reals
-    changes: Reals
-    residual_norms: Reals
-    constraint_norms: Reals
-    curvature: Reals
-    cross_validation: Reals
 
 
 def regularisation_path(side: SideConstraint, at: LinearModel, weights: Reals | None = None) -> RegularisationPath:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.parameters import ParameterSet
-
-if TYPE_CHECKING:
-    from femtune.update.regularise.weight import WeightChoice
+from femtune.update.regularise.choice import WeightChoice
 
 Reals = NDArray[np.float64]
 

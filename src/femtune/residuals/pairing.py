@@ -1,0 +1,80 @@
+"""Test modes and model modes of a case paired, followed from point to point, and changes of the pairing in words."""
+
+from __future__ import annotations
+
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from femtune.correlate import Pairing, pair_modes
+from femtune.modal import ModeSet
+from femtune.model import EigenSolution
+from femtune.residuals.case import Group, ModalCase
+
+
+def solve_case(case: ModalCase, x: NDArray) -> EigenSolution:
+    """Modes of the case at a normalised parameter vector."""
+    return case.solver.modes(case.configured.at(x), case.count, case.max_hz)
+
+
+def modes_at_sensors(case: ModalCase, solution: EigenSolution) -> ModeSet:
+    """The wanted model modes sampled at the sensors."""
+    shapes = case.sensors @ solution.shapes[:, : solution.wanted]
+    return ModeSet(solution.freq_hz, shapes, case.test.dofs, normalisation="mass", source="model")
+
+
+def pair_case(case: ModalCase, solution: EigenSolution) -> Pairing:
+    """Pair the test's modes with the model's."""
+    return pair_modes(
+        case.test,
+        modes_at_sensors(case, solution),
+        frequency_gate=case.rules.frequency_gate,
+        mac_gate=case.rules.mac_gate,
+        relative_gap=case.rules.relative_gap,
+        fixed=case.fixed,
+        left_out=case.left_out,
+    )
+
+
+def groups_of(pairing: Pairing) -> tuple[Group, ...]:
+    """Single pairs and whole clusters, by test position."""
+    singles: list[Group] = [((p.test,), (p.model,)) for p in pairing.pairs if p.cluster is None]
+    clusters: list[Group] = [(tuple(c.test), tuple(c.model)) for c in pairing.clusters]
+    return tuple(sorted(singles + clusters))
+
+
+def track(groups: tuple[Group, ...], old: EigenSolution, new: EigenSolution) -> tuple[Group, ...]:
+    """The same motions at another point: each old model mode is followed to the new one nearest to it (by M)."""
+    members = [j for _, models in groups for j in models]
+    if not members:
+        return groups
+    overlap = old.shapes[:, members].T @ (new.point.mass @ new.shapes)
+    followed = dict(zip(members, linear_sum_assignment(-(overlap**2))[1].tolist()))
+    return tuple((tests, tuple(followed[j] for j in models)) for tests, models in groups)
+
+
+def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Group, ...]:
+    """Fresh groups, plus tracked ones whose test modes the gates would drop now and whose model modes are free.
+
+    A mode that left the residual would lower the objective without any gain.
+    """
+    tests = {i for group, _ in fresh for i in group}
+    models = {j for _, group in fresh for j in group}
+    kept = [g for g in before if not tests & set(g[0]) and not models & set(g[1])]
+    return tuple(sorted([*fresh, *kept]))
+
+
+def describe_change(case: ModalCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:
+    """Sentences on test modes whose partners changed."""
+    old, new = ({i: models for tests, models in groups for i in tests} for groups in (before, after))
+    sentences = []
+    for i in sorted(old.keys() | new.keys()):
+        if old.get(i) != new.get(i):
+            partners = f"{_partner(old.get(i))} before, {_partner(new.get(i))} now"
+            sentences.append(f"{case.name}: test mode {case.test.labels[i]} {partners}")
+    return sentences
+
+
+def _partner(models: tuple[int, ...] | None) -> str:
+    if not models:
+        return "without partner"
+    return "with model mode " + " and ".join(str(j + 1) for j in models)
