@@ -56,7 +56,7 @@ def _study(bench: Bench, more: str = "", repeats: str = '"repeats.csv"', head: s
     return bench.study(f"{head}{EI}\n[quantify]\nrepeats = {repeats}\nsamples = 30\n{more}")
 
 
-def _near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> None:
+def assert_near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> None:
     np.testing.assert_allclose([p.mean for p in found.parameters], factors.mean(axis=0), rtol=rtol)
     np.testing.assert_allclose([p.sd for p in found.parameters], factors.std(axis=0, ddof=1), rtol=20 * rtol)
 
@@ -68,7 +68,7 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     found = steps.quantify(_study(bench), arrays=arrays)
     assert found.ok
     assert found.agrees
-    _near(found, factors, 5e-4)
+    assert_near(found, factors, 5e-4)
     correlation = np.corrcoef(factors.T)[0, 1]
     assert found.parameters[0].correlation[1] == pytest.approx(correlation, abs=0.01)
     assert found.unexplained_percent < 0.5
@@ -84,7 +84,7 @@ def test_every_method_of_a_study(repeated, method: str):
     _table(bench, hz)
     found = steps.quantify(_study(bench, f'method = "{method}"\n'))
     assert found.ok
-    _near(found, factors, 3e-3)
+    assert_near(found, factors, 3e-3)
     assert found.solutions > (60 if method != "perturbation" else 0)
 
 
@@ -102,7 +102,7 @@ def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
     found = steps.quantify(_study(bench, repeats=str(names)))
     assert [o.repeats for o in found.outputs] == [12, 11, 12]
     assert any("1 of 36 values were not measured" in s for s in found.sentences)
-    _near(found, factors, 3e-3)
+    assert_near(found, factors, 3e-3)
 
 
 def test_a_run_keeps_it_in_results_and_report(repeated):
@@ -110,7 +110,7 @@ def test_a_run_keeps_it_in_results_and_report(repeated):
     _table(bench, hz)
     run = steps.run(_study(bench))
     assert run.results.quantify is not None
-    _near(run.results.quantify, factors, 5e-4)
+    assert_near(run.results.quantify, factors, 5e-4)
     document = build_report(run.results, run.arrays)
     section = next(s for s in document.sections if s.id == "quantify")
     figures = [b for b in section.blocks if type(b).__name__ == "Figure"]
@@ -131,7 +131,7 @@ def test_columns_may_have_names_of_their_own(repeated):
     bench, factors, hz = repeated
     _table(bench, np.column_stack([np.arange(COUNT), hz]), "test,f1_Hz,f3_Hz,f5_Hz")
     found = steps.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n'))
-    _near(found, factors, 5e-4)
+    assert_near(found, factors, 5e-4)
 
 
 def test_the_wrong_parameter_is_told_by_the_covariance(repeated):

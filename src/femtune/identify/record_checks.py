@@ -58,7 +58,7 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
 def _told(record: TimeSeries, code: str, bad: NDArray[np.bool_], what: str) -> Iterator[Notice]:
     names = [str(record.channels[i]) for i in np.flatnonzero(bad)]
     if names:
-        yield Notice(code, f"{len(names)} channels {what}: {', '.join(names)}")
+        yield Notice(code, f"channels {what}: {', '.join(names)}")
 
 
 def _dead(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:
