@@ -11,6 +11,7 @@ from scipy.signal import get_window
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.identify.spectra import segment_starts, segment_transforms
 from femtune.modal import TimeSeries
 
 Reals = NDArray[np.float64]
@@ -118,7 +119,7 @@ def no_lost_samples(record: TimeSeries) -> None:
         names = ", ".join(f"{record.channels[i]}: {lost[i]}" for i in np.flatnonzero(lost)[:5])
         raise FemtuneError(
             "record.lost-samples",
-            f"{int((lost > 0).sum())} channels have samples that are no numbers",
+            "channels have samples that are no numbers",
             values={"samples lost": names},
             hint="leave the channel out, or use a part of the record without gaps",
         )
@@ -148,16 +149,13 @@ def _starts(record: TimeSeries, averaging: Averaging) -> range:
             values={"duration": f"{record.duration_s:g} s"},
             hint="take shorter segments, or look whether the record was cut",
         )
-    step = max(1, round(averaging.segment * (1.0 - averaging.overlap)))
-    return range(0, record.samples - averaging.segment + 1, step)
+    return segment_starts(record.samples, averaging.segment, averaging.overlap)
 
 
 def _transforms(record: TimeSeries, window: Reals, averaging: Averaging) -> Iterator[Complex]:
     """(channels, k) of each segment without its mean; a hit begins from rest, so its mean stays."""
     keep = averaging.exponential_s is not None or averaging.window == "boxcar"
-    for begin in _starts(record, averaging):
-        piece = record.values[:, begin : begin + averaging.segment]
-        yield np.fft.rfft((piece if keep else piece - piece.mean(axis=1, keepdims=True)) * window)
+    return segment_transforms(record.values, _starts(record, averaging), window, keep)
 
 
 def _sums(

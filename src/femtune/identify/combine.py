@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial.distance import squareform
 
 from femtune.errors import FemtuneError
+from femtune.identify.stabilisation import joined_by_average
 from femtune.modal import ModeSet
 from femtune.modal.mac import mac
 
@@ -112,9 +111,7 @@ class _Pool:
         unlike = (1.0 - mac(self.shapes, self.shapes)) / (1.0 - least_mac)
         distance = np.maximum(apart, unlike)
         np.fill_diagonal(distance, 0.0)
-        tree = linkage(squareform(distance, checks=False), "average")
-        labels = fcluster(tree, 1.0, "distance")
-        return [self._one_each(np.flatnonzero(labels == i)) for i in np.unique(labels)]
+        return [self._one_each(group) for group in joined_by_average(distance, 1.0)]
 
     def _one_each(self, group: NDArray[np.int64]) -> NDArray[np.int64]:
         away = np.abs(self.freq_hz[group] - np.median(self.freq_hz[group]))

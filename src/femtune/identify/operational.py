@@ -12,6 +12,7 @@ from scipy import signal
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.identify.averaging import no_lost_samples
 from femtune.identify.choice import Candidate, Rule, choose
 from femtune.identify.era import era
 from femtune.identify.fdd import decompose, enhanced, peaks
@@ -24,6 +25,7 @@ from femtune.identify.ssi_scatter import PoleScatter, scatter_of_order
 from femtune.identify.stabilisation import Limits
 from femtune.identify.tfie import mode_at, phase_scatter, steady_lines
 from femtune.modal import ModeSet, TimeSeries
+from femtune.modal.real_axis import turn_to_real_axis
 
 Reals = NDArray[np.float64]
 
@@ -93,17 +95,12 @@ def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
 
     Raises
     ------
-    FemtuneError : ``record.uneven``, ``identify.lost-samples`` where samples are NaN, ``identify.record-band`` where
+    FemtuneError : ``record.uneven``, ``record.lost-samples`` where samples are NaN, ``identify.record-band`` where
         the record does not reach the band
     """
     record = record.select_channels([*record.positions("reference"), *record.positions("response")])
     rate, high = record.even_hz, asked.band_hz[1]
-    lost = np.isnan(record.values).any(axis=1)
-    if lost.any():
-        names = ", ".join(str(record.channels[i]) for i in np.flatnonzero(lost)[:5])
-        raise FemtuneError(
-            "identify.lost-samples", f"samples of {names} are missing (NaN)", hint="cut the record, or drop the channel"
-        )
+    no_lost_samples(record)
     if not 0.0 < asked.band_hz[0] < high <= 0.5 * rate:
         values = {"band": f"{asked.band_hz[0]:g} to {high:g} Hz", "half the sampling rate": f"{0.5 * rate:g} Hz"}
         raise FemtuneError(
@@ -201,7 +198,7 @@ def segment_of(record: TimeSeries, asked: Operational) -> int:
 
 def real_shape(shape: NDArray) -> Reals:
     """Unit norm, turned so that the imaginary part is as small as it can be, largest entry positive."""
-    real = (shape * np.exp(-0.5j * np.angle((shape**2).sum()))).real
+    real = (shape * turn_to_real_axis(shape)).real
     real = real / np.linalg.norm(real)
     return np.asarray(real * (np.sign(real[np.abs(real).argmax()]) or 1.0))
 

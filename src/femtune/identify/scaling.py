@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.dofs import DofSet
 from femtune.identify.modal_fit import ModalFit
 from femtune.modal import FrfSet
+from femtune.modal.real_axis import turn_to_real_axis
 from femtune.modal.subspace import mostly_real
 
 Reals = NDArray[np.float64]
@@ -83,7 +84,7 @@ def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool
 
 def _scaled(residue: Complex, pole: complex, points: Sequence[DrivingPoint], real: bool) -> NDArray:
     u = np.linalg.svd(residue, full_matrices=False)[0][:, 0]
-    u = mostly_real(u) if real else u * np.exp(-0.5j * np.angle(np.sum(u**2)))
+    u = mostly_real(u) if real else u * turn_to_real_axis(u)
     if not points:
         return u / u[np.argmax(np.abs(u))]
     square = _square_of_scale(u, residue, pole, points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,18 +30,29 @@ class CrossSpectra:
     window: Reals
 
 
+def segment_starts(samples: int, segment: int, overlap: float) -> range:
+    """First samples of all whole segments that overlap by a part."""
+    return range(0, samples - segment + 1, max(1, round(segment * (1.0 - overlap))))
+
+
+def segment_transforms(
+    values: Reals, starts: Iterable[int], window: Reals, keep_mean: bool = False
+) -> Iterator[NDArray[np.complex128]]:
+    """(channels, k) Fourier transforms of each windowed segment, without its mean unless that is kept."""
+    for begin in starts:
+        piece = values[:, begin : begin + len(window)]
+        yield np.fft.rfft((piece if keep_mean else piece - piece.mean(axis=1, keepdims=True)) * window)
+
+
 def cross_spectra(
     values: Reals, rate_hz: float, segment: int, overlap: float = 0.5, window: str = "hann"
 ) -> CrossSpectra:
     """Spectra of channels (s, n) from segments of `segment` samples, each without its mean."""
-    step = max(1, round(segment * (1.0 - overlap)))
     weights = np.asarray(signal.get_window(window, segment), dtype=np.float64)
-    starts = range(0, values.shape[1] - segment + 1, step)
+    starts = segment_starts(values.shape[1], segment, overlap)
     total = np.zeros((segment // 2 + 1, len(values), len(values)), dtype=complex)
-    for begin in starts:
-        piece = values[:, begin : begin + segment]
-        lines = np.fft.rfft((piece - piece.mean(axis=1, keepdims=True)) * weights).T
-        total += lines[:, :, None] * lines[:, None, :].conj()
+    for lines in segment_transforms(values, starts, weights):
+        total += lines.T[:, :, None] * lines.T[:, None, :].conj()
     scale = 2.0 / (rate_hz * (weights**2).sum() * len(starts))
     freq_hz = np.asarray(np.fft.rfftfreq(segment, 1.0 / rate_hz), dtype=np.float64)
     return CrossSpectra(freq_hz, scale * total, len(starts), weights)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from femtune.identify.realisation import Poles
 from femtune.identify.ssi import CovarianceModel
+from femtune.modal.real_axis import turn_to_real_axis
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -61,7 +62,7 @@ def _root_sum(moves: Reals) -> Reals:
 
 def _real_parts(shapes: Complexes, moves: Complexes) -> tuple[Reals, Reals]:
     """Real parts, unit norm, of shapes turned to the real axis, and their movements."""
-    phase = np.exp(-0.5j * np.angle((shapes**2).sum(axis=0)))
+    phase = turn_to_real_axis(shapes)
     real = (shapes * phase).real
     length = np.linalg.norm(real, axis=0)
     return real / length, (moves * phase).real / length

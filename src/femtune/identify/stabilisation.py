@@ -107,5 +107,10 @@ def _joined(table: PoleTable, chain: NDArray, farthest: float) -> list[NDArray[n
         distance += 1.0 - np.nan_to_num(mac_where_defined(table.shapes[:, chain], table.shapes[:, chain]))
     distance = np.clip(0.5 * (distance + distance.T), 0.0, None)
     np.fill_diagonal(distance, 0.0)
+    return [chain[group] for group in joined_by_average(distance, farthest)]
+
+
+def joined_by_average(distance: Reals, farthest: float) -> list[NDArray[np.int64]]:
+    """Groups of positions whose mean distance (n, n), symmetric with n ≥ 2, is within a limit."""
     labels = fcluster(linkage(squareform(distance, checks=False), "average"), farthest, "distance")
-    return [chain[labels == label] for label in np.unique(labels)]
+    return [np.flatnonzero(labels == label) for label in np.unique(labels)]

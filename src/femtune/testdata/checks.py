@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice
 from femtune.modal import ModeSet
+from femtune.modal.real_axis import turn_to_real_axis
 from femtune.testdata.modal_test import ModalTest
 
 _LARGEST = 1e30
@@ -195,9 +196,9 @@ def real_modes(modes: ModeSet) -> RealModes:
     """
     if not np.iscomplexobj(modes.shapes):
         return RealModes(modes, np.zeros(len(modes)), np.zeros(len(modes)))
-    phase = 0.5 * np.angle(np.nansum(modes.shapes**2, axis=0))
-    turned = modes.shapes * np.exp(-1j * phase)
+    turn = turn_to_real_axis(modes.shapes)
+    phase, turned = -np.angle(turn), modes.shapes * turn
     size = np.sqrt(np.nansum(np.abs(turned) ** 2, axis=0))
     residual = np.sqrt(np.nansum(turned.imag**2, axis=0)) / np.where(size > 0, size, 1.0)
-    modal_a = None if modes.modal_a is None else modes.modal_a * np.exp(-2j * phase)
+    modal_a = None if modes.modal_a is None else modes.modal_a * turn**2
     return RealModes(replace(modes, shapes=turned.real.copy(), modal_a=modal_a), phase, residual)
