@@ -157,6 +157,14 @@ def test_a_resolution_that_the_record_has_not_is_refused(tmp_path):
         identify(forced(tmp_path, force, clock, "resolution_hz = 0.001"))
 
 
+def test_a_period_between_samples_is_refused(tmp_path):
+    clock = Clock(60.0, 50.0, 0.0)
+    force = white_noise(np.random.default_rng(1), 1, clock.fine_samples)[0]
+    with pytest.raises(FemtuneError, match="no whole number of samples") as caught:
+        identify(forced(tmp_path, force, clock, "period_s = 13.33"))
+    assert caught.value.where.line
+
+
 def test_a_dead_channel_is_named(record, tmp_path):
     values = np.loadtxt(record, delimiter=",")
     values[:, 1] = 0.0

@@ -21,6 +21,10 @@ LINES = 400
 """Lines of a band where no resolution is asked for, as far as the record allows with eight segments."""
 
 
+WHOLE = 1e-3
+"""A period may miss a whole number of samples by so much, for it is written with few digits."""
+
+
 def has_forces(record: TimeSeries) -> bool:
     """True where every input is a force: the ground's motion is no force."""
     quantities = {record.channels[i].quantity for i in record.positions("input")}
@@ -46,10 +50,25 @@ def functions_of(record: TimeSeries, file: IdentifyFile) -> tuple[FrfSet, NDArra
     """The functions and √E|error|² of each, (n, u, k)."""
     table = file.identify
     if table.period_s is not None:
-        periodic = periodic_frfs([record], round(table.period_s * record.even_hz))
+        periodic = periodic_frfs([record], _period(record, file))
         return periodic.frfs, periodic.sd
     estimate = estimate_frfs(input_output_spectra([record], Averaging(_segment(record, file))), table.estimator)
     return replace(estimate.frfs, source=record.source), estimate.sd
+
+
+def _period(record: TimeSeries, file: IdentifyFile) -> int:
+    """Samples of the period that is stated, which must be whole: a fraction would leak into every line."""
+    period_s = file.identify.period_s or 0.0
+    samples = period_s * record.even_hz
+    if abs(samples - round(samples)) > WHOLE:
+        raise FemtuneError(
+            "identify.period",
+            "the period is no whole number of samples",
+            where=file.where("identify", "period_s"),
+            values={"period_s": period_s, "sampling rate": f"{record.even_hz:g} Hz", "samples": f"{samples:.6g}"},
+            hint="correct the period; for a signal without one leave period_s out",
+        )
+    return round(samples)
 
 
 def _segment(record: TimeSeries, file: IdentifyFile) -> int:
