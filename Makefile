@@ -8,10 +8,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CANDIDATES := python3.13 python3.12 python3.11 python3 python
-PYTEST_ARGS ?= -n auto
+# Neighbours in a file stay with one process where they can, and share what their fixtures have made.
+PYTEST_ARGS ?= -n auto --dist worksteal
 # One thread a process: tests share the cores among themselves, and small matrices gain nothing from more.
 ONE_THREAD := OMP_NUM_THREADS=$${OMP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=$${OPENBLAS_NUM_THREADS:-1} \
 	MKL_NUM_THREADS=$${MKL_NUM_THREADS:-1}
+# Modules are compiled once, also where the environment forbids it: tests start Python many times.
+PYTEST := $(ONE_THREAD) PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run.py))
 
 # The first candidate that starts and is new enough. A name on the path may be a launcher without a Python
@@ -19,7 +22,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence examples-quick browser bench bench-identification readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification readers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -28,14 +31,15 @@ demo: $(VENV)/.stamp-test  ## update the benchmark building from its deck and te
 	@$(BIN)/python examples/01_building/make_inputs.py
 	@$(BIN)/femtune run examples/01_building/study.toml
 
-test: $(VENV)/.stamp-test  ## the quick tests
-	@$(ONE_THREAD) $(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+# More than four processes would spend more time on the import of the tests than they save.
+test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; needs Python and make only
+	@HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick} $(PYTEST) -m "not slow" --maxprocesses 4 $(PYTEST_ARGS)
 
-test-slow: $(VENV)/.stamp-test  ## the slow tests
-	@$(ONE_THREAD) $(BIN)/python -m pytest -m slow $(PYTEST_ARGS)
+test-slow: $(VENV)/.stamp-test  ## what the quick tests leave out: the other cases, long updates, statistics
+	@$(PYTEST) -m slow $(PYTEST_ARGS)
 
-check-all: $(VENV)/.stamp-test  ## all tests, quick and slow
-	@$(ONE_THREAD) $(BIN)/python -m pytest $(PYTEST_ARGS)
+check-all: $(VENV)/.stamp-test  ## all tests, with every case of every family
+	@$(PYTEST) $(PYTEST_ARGS)
 
 lint: $(VENV)/.stamp-lint  ## ruff: rules and format
 	@$(BIN)/ruff check .
@@ -57,6 +61,9 @@ docs: $(VENV)/.stamp-docs  ## the documentation, warnings are errors
 
 evidence: $(VENV)/.stamp-test  ## the full examples; they write the tables that the documentation shows
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done
+
+notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
+	@$(ONE_THREAD) $(BIN)/python examples/notebooks/execute.py
 
 examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done
@@ -104,6 +111,11 @@ $(VENV)/.stamp-lint: pyproject.toml $(VENV)/.stamp-test
 $(VENV)/.stamp-readers: pyproject.toml $(VENV)/.stamp-test
 	@echo "installing the libraries that read OP2, Ansys and HDF5 files into $(VENV)"
 	@$(PIP) -e '.[op2,ansys,hdf5]'
+	@touch $@
+
+$(VENV)/.stamp-notebooks: pyproject.toml $(VENV)/.stamp-test
+	@echo "installing what executes notebooks, pandas and xarray into $(VENV)"
+	@$(PIP) -e '.[notebooks,xarray]'
 	@touch $@
 
 $(VENV)/.stamp-docs: pyproject.toml $(VENV)/.stamp-test

@@ -8,6 +8,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
+from error_pages import write_error_pages
+
 import femtune
 
 project = "femtune"
@@ -33,7 +35,8 @@ toc_object_entries = False
 # A class is documented where it lives and named again where it is imported from.
 suppress_warnings = ["ref.python", "toc.empty_glob"]
 
-_API = Path(__file__).parent / "api"
+_DOCS = Path(__file__).parent
+_API = _DOCS / "api"
 
 
 def _modules() -> dict[str, bool]:
@@ -66,3 +69,8 @@ def _section(name: str, is_package: bool) -> str:
 
 
 _write_api_pages()
+write_error_pages(
+    _DOCS / "errors",
+    Path(femtune.__file__).parent / "messages",
+    _DOCS.parent / "tests" / "messages" / "shown",
+)

@@ -1,18 +1,28 @@
-"""Fixtures that every part of the suite shares."""
+"""Fixtures that every part of the suite shares, and which cases of a family belong to the quick suite."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter, defaultdict
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# a gate must say the same of the same code; HYPOTHESIS_PROFILE=default searches at random
-settings.register_profile("repeatable", derandomize=True)
+# A gate must say the same of the same code, on a slow machine too; HYPOTHESIS_PROFILE=default searches at random.
+settings.register_profile(
+    "repeatable",
+    derandomize=True,
+    deadline=None,
+    max_examples=300,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=25)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 _ROOT = Path(__file__).resolve().parents[1]
+_GOLDEN = 0.6180339887498949
 
 
 @pytest.fixture(scope="session")
@@ -22,3 +32,37 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"the shared measurements are not here: {folder} (set FEMTUNE_SHARED_DATA)")
     return folder
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of a family marked ``quick(count)``, mark all cases slow except `count` of them."""
+    families: dict[tuple[str, int], list[Any]] = defaultdict(list)
+    for item in items:
+        mark = item.get_closest_marker("quick")
+        if mark is not None and item.get_closest_marker("slow") is None:
+            families[item.nodeid.partition("[")[0], mark.args[0]].append(item)
+    for (_, count), cases in families.items():
+        chosen = spread([case.callspec.indices for case in cases], count)
+        for number, case in enumerate(cases):
+            if number not in chosen:
+                case.add_marker("slow")
+
+
+def spread(cases: list[dict[str, int]], count: int) -> set[int]:
+    """Numbers of `count` cases in which as many different values of every argument occur as possible.
+
+    Parameters
+    ----------
+    cases : the position of the value of each argument
+    """
+    # multiples of the golden ratio visit a range evenly, however many of them are taken
+    left = sorted(range(len(cases)), key=lambda i: i * _GOLDEN % 1.0)
+    used: Counter[tuple[str, int]] = Counter()
+    chosen: set[int] = set()
+    while left and len(chosen) < count:
+        best = min(left, key=lambda i: sum(used[value] for value in cases[i].items()))
+        left.remove(best)
+        used.update(cases[best].items())
+        chosen.add(best)
+    return chosen

@@ -1,83 +1,104 @@
-"""Every code of an error or notice has a page in docs/errors, and every page has a code."""
+"""The registry of messages: every code is explained, every template can be filled, every snapshot has its wording."""
 
 from __future__ import annotations
 
-import ast
 import re
+import string
+import tomllib
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+from tests.messages.shown import shown_areas, shown_messages
 
-_ROOT = Path(__file__).resolve().parents[1]
-_CODE = re.compile(r"[a-z][a-z0-9]*\.[a-z][a-z0-9]*(-[a-z0-9]+)*")
-_RAISERS = ("FemtuneError", "Notice")
-# area.problem looks like file.suffix: these are files
-_SUFFIXES = ("json", "npz", "npy", "bdf", "html", "toml", "csv", "md", "txt", "css", "uff", "bib", "log", "js")
+import femtune
+from femtune.errors import FemtuneError, wording
 
-
-def _trees() -> Iterator[ast.Module]:
-    for path in sorted((_ROOT / "src").rglob("*.py")):
-        yield ast.parse(path.read_text(encoding="utf-8"))
-
-
-def _code_argument(call: ast.Call) -> ast.expr | None:
-    named = [k.value for k in call.keywords if k.arg == "code"]
-    return next(iter([*call.args[:1], *named]), None)
+_REGISTRY = {
+    path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
+    for path in sorted((Path(femtune.__file__).parent / "messages").glob("*.toml"))
+}
+_ENTRIES = {f"{area}.{problem}": entry for area, problems in _REGISTRY.items() for problem, entry in problems.items()}
+_NAME = re.compile(r"[a-z][a-z0-9-]*\.[a-z][a-z0-9-]*")
+_FIELD = re.compile(r"[a-z][a-z0-9_]*(\.[a-z_]+|\[\d\])*")
+_TEXTS = ("what", "hint", "page", "fix")
 
 
-def _raised() -> list[ast.expr]:
-    """The code argument of each direct call of FemtuneError or Notice."""
-    calls = (node for tree in _trees() for node in ast.walk(tree) if isinstance(node, ast.Call))
-    direct = (c for c in calls if isinstance(c.func, ast.Name) and c.func.id in _RAISERS)
-    return [argument for c in direct if (argument := _code_argument(c)) is not None]
+class _AnyFact:
+    """A fact that any template can show."""
+
+    def __format__(self, spec: str) -> str:
+        return "…"
+
+    def __getattr__(self, name: str) -> _AnyFact:
+        return self
+
+    def __getitem__(self, key: object) -> _AnyFact:
+        return self
 
 
-@lru_cache
-def _codes() -> frozenset[str]:
-    """Codes given to FemtuneError or Notice, and all other constants of the same areas that look like one."""
-    constants = {
-        node.value
-        for tree in _trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and _CODE.fullmatch(node.value)
-    }
-    areas = {a.value.split(".")[0] for a in _raised() if isinstance(a, ast.Constant)} | {
-        p.split(".")[0] for p in _pages()
-    }
-    return frozenset(c for c in constants if c.split(".")[0] in areas and c.split(".")[1] not in _SUFFIXES)
+class _AllFacts(dict[str, _AnyFact]):
+    def __missing__(self, key: str) -> _AnyFact:
+        return _AnyFact()
 
 
-def _pages() -> set[str]:
-    return {p.stem for p in (_ROOT / "docs" / "errors").glob("*.md")} - {"index"}
+def _wordings(entry: dict[str, Any]) -> Iterator[dict[str, str]]:
+    """The wording of a code and those of its variants."""
+    yield from (one for one in (entry, *(v for v in entry.values() if isinstance(v, dict))) if "what" in one)
 
 
-def test_the_scan_finds_codes() -> None:
-    assert {"dof.syntax", "tie.value", "parameter.bounds", "install.missing"} <= _codes()
+def _templates() -> Iterator[tuple[str, str]]:
+    for code, entry in _ENTRIES.items():
+        for one in _wordings(entry):
+            yield from ((code, one[key]) for key in ("what", "hint") if key in one)
 
 
-def test_codes_are_written_out() -> None:
-    """A code that is put together while running could not be looked up."""
-    assert not [ast.unparse(a) for a in _raised() if isinstance(a, ast.JoinedStr | ast.BinOp)]
+def _pattern(template: str) -> str:
+    parts = string.Formatter().parse(template)
+    return "".join(re.escape(text) + ("" if field is None else r"[\s\S]*?") for text, field, *_ in parts)
 
 
-def test_codes_are_area_and_problem() -> None:
-    given = [a.value for a in _raised() if isinstance(a, ast.Constant)]
-    assert not [code for code in given if not _CODE.fullmatch(str(code))]
+@pytest.mark.parametrize("code", _ENTRIES)
+def test_a_code_is_explained(code: str) -> None:
+    entry = _ENTRIES[code]
+    assert _NAME.fullmatch(code)
+    assert entry["page"].strip()
+    assert entry["fix"].strip()
+    assert all(isinstance(value, dict) or key in _TEXTS for key, value in entry.items())
+    assert list(_wordings(entry))
+    assert all(set(v) <= {"what", "hint"} and v["what"] for v in entry.values() if isinstance(v, dict))
 
 
-def test_each_code_has_a_page() -> None:
-    assert sorted(_codes() - _pages()) == []
+def test_templates_can_be_filled_and_name_plain_facts() -> None:
+    for code, template in _templates():
+        assert template.format_map(_AllFacts()), code
+        fields = [field for _, field, *_ in string.Formatter().parse(template) if field is not None]
+        assert all(_FIELD.fullmatch(field) for field in fields), (code, fields)
 
 
-def test_each_page_has_a_code() -> None:
-    assert sorted(_pages() - _codes()) == []
+def test_an_unknown_code_is_a_mistake_of_the_program() -> None:
+    with pytest.raises(KeyError):
+        FemtuneError("deck.no-such-problem")
+    with pytest.raises(KeyError):
+        wording("deck.list/no-such-variant")
 
 
-@pytest.mark.parametrize("code", sorted(_pages()))
-def test_a_page_is_headed_by_its_code_and_shows_a_message(code: str) -> None:
-    text = (_ROOT / "docs" / "errors" / f"{code}.md").read_text(encoding="utf-8")
-    assert text.startswith(f"# `{code}`\n")
-    assert f"[{code}]" in text
-    assert len(text.splitlines()) >= 8
+@pytest.mark.parametrize("area", shown_areas())
+def test_what_is_shown_has_the_wording_of_the_registry(area: str) -> None:
+    for name, text in shown_messages(area).items():
+        code = name.partition(",")[0]
+        # a study names the key before what its own checks say
+        said = [rf"\[{code}\] (.*: )?{_pattern(one['what'])}(\n| at |$)" for one in _wordings(_ENTRIES[code])]
+        assert any(re.match(pattern, text) for pattern in said), text
+
+
+@pytest.mark.parametrize("code", _ENTRIES)
+def test_a_code_has_an_example(code: str) -> None:
+    names = shown_messages(code.partition(".")[0])
+    assert any(name.partition(",")[0] == code for name in names)
+
+
+def test_the_index_names_every_area() -> None:
+    index = (Path(__file__).resolve().parents[1] / "docs" / "errors" / "index.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| \[([a-z]+)\]\(\1\.md\) \|", index, re.MULTILINE)) == sorted(_REGISTRY)

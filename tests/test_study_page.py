@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from femtune.files.identify_file.tables import IdentifyFile
+from femtune.files.identification_file import IdentifyFile
 from femtune.files.study_file.reading import study_from_text
 from femtune.files.study_file.study import StudyFile
 

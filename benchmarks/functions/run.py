@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from femtune.dofs import DofSet
-from femtune.identify import InputKnown, identify_frfs
+from femtune.identification import InputKnown, identify_frfs
 from femtune.modal import FrfSet, ModeSet, mac, pole_of
 
 LINES = np.linspace(5.0, 105.0, 3000)

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.identify.pole_table import PoleTable, table_of
+from femtune.identification.pole_table import PoleTable, table_of
 from femtune.modal import FrfSet, TimeSeries
 
 

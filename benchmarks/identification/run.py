@@ -8,24 +8,27 @@ of all by the same rule. Peers that are not installed are left out; `make bench-
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))  # where structures/ lies
+
 import numpy as np
 import peers
-import structures
+import plates
 from numpy.typing import NDArray
 
-from femtune.identify import InputKnown, Limits, choose, chosen_poles, identify_frfs
-from femtune.identify.n4sid import n4sid_poles, subspace
-from femtune.identify.operational import Operational, by_covariances
-from femtune.identify.plscf import normal_equations, plscf_poles
-from femtune.identify.pole_table import PoleTable
-from femtune.identify.ssi import covariance_driven
+from femtune.identification import InputKnown, Limits, choose, chosen_poles, identify_frfs
+from femtune.identification.n4sid import n4sid_poles, subspace
+from femtune.identification.operational import Operational, by_covariances
+from femtune.identification.plscf import normal_equations, plscf_poles
+from femtune.identification.pole_table import PoleTable
+from femtune.identification.ssi import covariance_driven
 from femtune.modal import FrfSet, ModeSet, TimeSeries
-from femtune.modal.mac import mac
+from femtune.modal.shape_criteria import mac
 
 BAND = (4.0, 60.0)
 REFERENCES = [0, 11, 26, 41]
@@ -143,11 +146,11 @@ def _worst(values: NDArray) -> float:
 def accuracy(size: Size) -> list[str]:
     """Rows of the table, functions and records at three levels of noise."""
     rows = []
-    truth = structures.plate().truth
+    truth = plates.plate().truth
     for noise in (20.0, 40.0, 60.0):
-        tests = [structures.measured_functions(noise, seed, size.lines) for seed in range(size.seeds)]
+        tests = [plates.measured_functions(noise, seed, size.lines) for seed in range(size.seeds)]
         rows += _rows(f"functions, {noise:.0f} dB", truth, ways_of_functions(), tests)
-        records = [structures.ambient_record(56, size.ambient_s, noise, seed) for seed in range(size.seeds)]
+        records = [plates.ambient_record(56, size.ambient_s, noise, seed) for seed in range(size.seeds)]
         rows += _rows(f"ambient {size.ambient_s:.0f} s, {noise:.0f} dB", truth, ways_of_records(), records)
     return rows
 
@@ -165,8 +168,8 @@ def _rows(what: str, truth: ModeSet, ways: dict[str, Callable[..., Found]], test
 
 def speed(size: Size) -> list[str]:
     """Seconds of each way in this run, and as parts of femtune's."""
-    frfs = structures.measured_functions(40.0, 0, size.lines)
-    record = structures.ambient_record(8, size.long_samples / 150.0, 40.0, 0)
+    frfs = plates.measured_functions(40.0, 0, size.lines)
+    record = plates.ambient_record(8, size.long_samples / 150.0, 40.0, 0)
     all_orders = range(2, size.largest + 1, 2)
     four = [0, 1, 2, 3]
     jobs: list[tuple[str, dict[str, Callable[[], object]]]] = [

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from femtune.fem import FieldRef, Structure
 from femtune.model import Assignment, ConfiguredModel, ParametricModel, parametric_model
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.subframe import subframe, subframe_study_parameters
-from femtune.testing.subframe_bracket import solid_bracket, solid_bracket_parameters
-from femtune.testing.subframe_deck import write_structure
-from femtune.testing.subframe_structure import MeshedStructure
+from structures.bracket import solid_bracket, solid_bracket_parameters
+from structures.meshed import MeshedStructure, write_structure
+from structures.subframe import subframe, subframe_study_parameters
 
 MODES, SENSORS, CHANGE = 50, 60, 0.1
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.model.factorise import factorise
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.factorise import factorise
 
 Reals = NDArray[np.float64]
 

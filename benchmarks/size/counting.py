@@ -10,9 +10,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from femtune.model import pencil
-from femtune.model.factorise import Factor, factorise
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.eigen import pencil
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import Factor
 
 
 @dataclass

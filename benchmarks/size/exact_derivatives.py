@@ -6,12 +6,12 @@ Nothing is shared with femtune's own derivatives but the assembly of K and M and
 from __future__ import annotations
 
 import numpy as np
-from cases import sensor_rows
 from numpy.typing import NDArray
 
+from cases import sensor_rows
 from femtune.model import EigenSolution, SubspaceDerivative
-from femtune.model.factorise import factorise
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.factorise import factorise
 
 Reals = NDArray[np.float64]
 

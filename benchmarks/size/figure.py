@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib as mpl
-from cases import CASES
 from summary import exponent
 from tables import Found, curves
+
+from cases import CASES
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

@@ -12,7 +12,7 @@ import scipy
 import way_calculix
 
 import femtune
-from femtune.model.solver_list import solver_list
+from femtune.model.solvers.listing import solver_list
 
 _ROOT = Path(__file__).resolve().parents[2]
 

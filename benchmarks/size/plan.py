@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import way_calculix
-from cases import CASES, Case
 from checks import DERIVATIVE, FREQUENCY, frequency_difference
 from journal import Journal, Row, Run
 from process import Limits, run_within
 from workspace import Workspace, prepare
 
+from cases import CASES, Case
 from femtune.errors import FemtuneError
 from femtune.model.distributed import launch
-from femtune.model.factorise import available_solvers
+from femtune.model.solvers.factorise import available_solvers
 
 QUICK = ((CASES["subframe"], 20_000), (CASES["bracket"], 5_000))
 EVERYWHERE = ("femtune", "eigsh-pardiso")

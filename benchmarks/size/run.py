@@ -9,10 +9,12 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
-from cases import CASES, Case
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))  # where structures/ lies
+
 from figure import write_figure
 from journal import Journal
 from machine import described
@@ -21,6 +23,7 @@ from process import Limits
 from summary import summaries
 from tables import page, short
 
+from cases import CASES, Case
 from femtune.model.distributed import launch
 
 _FOLDER = Path("build/benchmark_size")

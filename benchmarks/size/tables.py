@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from statistics import median
 
-from cases import CASES, CHANGE, SENSORS
 from goals import goals, times
 from summary import CHANGED, MODES, Summary, exponent, ratio
+
+from cases import CASES, CHANGE, SENSORS
 
 Found = Mapping[tuple[str, int], Mapping[str, Summary]]
 
@@ -21,7 +22,7 @@ NAMES = {
 }
 _INTRODUCTION = f"""# Speed and memory against size
 
-Two generated structures without supports: the shell subframe of `femtune.testing.subframe` (a welded car subframe with
+Two generated structures without supports: the shell subframe of `structures.subframe` (a welded car subframe with
 rubber bushings of solids, 15 parameters: 12 thicknesses, 3 moduli) and the solid bracket (6 parameters: moduli and
 densities of its three parts). Each run is a process of its own; times are medians of the runs; memory is the largest
 resident memory of the process, that of its children added. All ways but CalculiX have the same matrices, and eigsh and

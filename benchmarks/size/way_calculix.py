@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cases import MODES
 from numpy.typing import NDArray
 from stages import Stages
 from workspace import Workspace
 
-from femtune.testing.subframe_structure import MeshedStructure
+from cases import MODES
+from structures.meshed import MeshedStructure
 
 _ROW = re.compile(r"^\s+\d+\s+(\S+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.M)
 

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from cases import MODES
 from checks import check_modes, hertz
 from numpy.typing import NDArray
 from stages import Stages
 from workspace import Workspace
 
-from femtune.model.factorise import Analysis, analyse
-from femtune.model.symmetric import SymmetricMatrix
+from cases import MODES
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.factorise import analyse
+from femtune.model.solvers.interface import Analysis
 
 Pair = tuple[NDArray, NDArray]
 _TOLERANCE = 0.0  # eigsh's own: rounding

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cases import MODES, changed, compiled, sensor_rows
 from checks import check_modes, hertz
 from counting import counted
 from exact_derivatives import derivative_error
@@ -15,6 +14,7 @@ from stages import Stages
 from summary import CHANGED
 from workspace import Workspace
 
+from cases import MODES, changed, compiled, sensor_rows
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import (
     Configuration,
@@ -26,10 +26,10 @@ from femtune.model import (
     solve_modes,
     subspace_derivative,
 )
-from femtune.model.factorise import analyse
-from femtune.model.reduce.basis import orthonormal
+from femtune.model.reduce.estimate import orthonormal
+from femtune.model.reduce.modes_in_basis import reduced_modes
 from femtune.model.reduce.reduced_model import reduce_model
-from femtune.model.reduce.reduced_modes import reduced_modes
+from femtune.model.solvers.factorise import analyse
 
 _TOGETHER = 1e-6
 

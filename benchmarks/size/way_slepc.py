@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from cases import MODES
 from checks import check_modes, hertz
 from stages import Stages
 from workspace import Workspace
 
+from cases import MODES
 from femtune.model.distributed import slepc_modes
 
 

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))  # where structures/ lies
+
 import way_calculix
 import way_eigsh
 import way_femtune

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from cases import CASES, Case, changed, compiled, write_case
 from numpy.typing import NDArray
 
+from cases import CASES, Case, changed, compiled, write_case
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, ConfiguredModel, configure
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-
 import published as p
+
 from femtune.dofs import DofSet
-from femtune.files.nastran.reals import format_real
+from femtune.files.nastran.lines import format_real
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
 from femtune.testdata import ModalTest, WireFrame

@@ -43,7 +43,7 @@ DECKS = (
     Reference("satk.dat", "CBAR, CONM2", (89.5607, 89.5607, 1044.76)),
     Reference(
         "cbush.dat", "CBAR, CBUSH, CONM2", (63.8038, 63.8038, 750.561),
-        "five more listed values lie beyond the 2000 Hz that the deck asks for: they are residual vectors, not modes",
+        "five more listed values are above the 2000 Hz requested in the deck: they are residual vectors, not modes",
     ),
     Reference("actuator_tf_modeling.bdf", "CELAS2, CONM2, MPC", (0.0795775, 0.275664)),
     Reference(
@@ -66,13 +66,13 @@ DECKS = (
     ),
     Reference(
         "plate_py.dat", "CQUAD4", (6333.01, 7495.47, 16238.5, 17161.5),
-        "the difference is the element's formulation: see the page about element matrices",
+        "the difference is due to the element formulation: see the page on element matrices",
     ),
     Reference(
         "solid_shell_bar/mode_solid_shell_bar.bdf", "CHEXA, CPENTA, CTETRA, CQUAD4, CTRIA3, PCOMP, CBEAM, CBAR, CROD",
         (71.26832, 75.95746, 125.7872),
-        "one element of each kind: with the commercial stiffness of shells and CPENTA all digits come out, see the page"
-        " about element matrices",
+        "one element of each kind: with the commercial stiffness of shells and CPENTA all digits agree, see the "
+        "page on element matrices",
     ),
 )  # fmt: skip
 
@@ -94,9 +94,9 @@ def _lowest(structure: Structure, count: int) -> np.ndarray:
 ELSEWHERE = """
 Not in the table:
 
-- `random_test_bar_plus_tri.bdf` (one CQUAD4, one CTRIA3, four CBAR): on the page about element matrices.
-- `trunc_cyl_shell.nas`: a mesh of 2679 CTETRA whose PSOLID names no material, which is an error at that card.
-- `bah_plane.bdf`: its three INCLUDEs are absent, which is an error that names them.
+- `random_test_bar_plus_tri.bdf` (one CQUAD4, one CTRIA3, four CBAR): see the page on element matrices.
+- `trunc_cyl_shell.nas`: a mesh of 2679 CTETRA whose PSOLID has no material, which is an error at that card.
+- `bah_plane.bdf`: its three INCLUDE files are missing, which is an error that names them.
 - The decks with reductions and superelements (Guyan, dynamic, Craig-Bampton): femtune solves the full model."""
 
 
@@ -145,9 +145,9 @@ def main() -> None:
         return
     text = "\n".join(
         [
-            "# Decks of others: listed and found\n",
-            "Lowest elastic mode and largest difference over all modes that commercial Nastran lists.\n",
-            "| deck | elements | listed Hz | found Hz | largest difference % | remark |",
+            "# Reference decks: listed and computed frequencies\n",
+            "Lowest elastic mode, and largest difference over all modes listed by commercial Nastran.\n",
+            "| deck | elements | listed Hz | computed Hz | largest difference % | remarks |",
             "|---|---|---|---|---|---|",
             *(row(folder, reference) for reference in DECKS),
             ELSEWHERE,

@@ -7,7 +7,7 @@ from closed_forms import cylinder_between_diaphragms, free_ring_modes, sphere
 from numpy.typing import NDArray
 from page import numbers, section, table
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,

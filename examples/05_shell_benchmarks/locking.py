@@ -8,7 +8,7 @@ from page import numbers, section, table
 from plates import NU, RHO, E, held
 from ritz import KAPPA
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellPart,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from page import numbers, section, table
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,

@@ -8,7 +8,7 @@ from page import numbers, section, table
 from plates import NU, Reals, frequency_numbers
 from ritz import membrane, thin
 
-from femtune.testing.shells import ShellMesh, dofs_of, rectangle, shell_mesh
+from structures.shells import ShellMesh, dofs_of, rectangle, shell_mesh
 
 THIN = 1e-3
 KINDS = {"quad": "quads", "union": "triangles"}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from ritz import thick, thin
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,

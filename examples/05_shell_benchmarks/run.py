@@ -8,8 +8,11 @@ absent the page says so.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from time import perf_counter
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures/ lies
 
 from curved import curved
 from locking import locking
@@ -21,7 +24,7 @@ from stiffened import stiffened
 from twisted import twisted_modes
 
 SECTIONS = (square_plates, other_plates, curved, twisted_modes, statics, stiffened, nafems, locking)
-TITLE = "# Shells: closed forms, published tests and measured orders\n"
+TITLE = "# Shells: closed-form solutions, published tests and measured orders of convergence\n"
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.testing.shells import ShellMesh, rectangle, shell_mesh
+from structures.shells import ShellMesh, rectangle, shell_mesh
 
 Reals = NDArray[np.float64]
 

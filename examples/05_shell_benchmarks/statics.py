@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from page import section, table
 from shapes import edge_force, hemisphere, quarter_curve, roof, strip, twisted
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,

@@ -12,7 +12,8 @@ from page import numbers, section, table
 
 from femtune import steps
 from femtune.fem.structure import Structure
-from femtune.testing.shells import (
+from structures.frames import bars
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,
@@ -24,7 +25,6 @@ from femtune.testing.shells import (
     shell_structure,
     static_displacements,
 )
-from femtune.testing.structures import bars
 
 Reals = NDArray[np.float64]
 E, RHO = 70e9, 2700.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from page import numbers, section, table
 from shapes import twist, twisted
 
-from femtune.testing.shells import Isotropic, Section, ShellPart, dofs_of, natural_frequencies, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, dofs_of, natural_frequencies, shell_structure
 
 Reals = NDArray[np.float64]
 E, NU, RHO, MODES = 2.0e11, 0.3, 7800.0, 6

@@ -10,8 +10,8 @@ from mesh import read_mesh
 
 from femtune import steps
 from femtune.files.uff import read_uff, write_uff_modes
-from femtune.identify import IdentifiedModes, InputKnown, Rule, identify_frfs
-from femtune.study.results_correlation import CorrelationResults
+from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_frfs
+from femtune.results.correlation import CorrelationResults
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 

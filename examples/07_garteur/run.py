@@ -17,7 +17,7 @@ from measured import table as compared_table
 from mesh import read_mesh
 
 from femtune import steps
-from femtune.study.results_model import ModelFacts
+from femtune.results.model import ModelFacts
 
 HERE = Path(__file__).resolve().parent
 MASS_KG, STRAIN_FREE = 42.858, 1e-8
@@ -47,7 +47,7 @@ def aeroplane(folder: Path, mesh_file: Path, clamped: bool) -> Aeroplane:
     deck = folder / f"garteur_{name}.bdf"
     deck.write_text(deck_text(read_mesh(mesh_file), clamped))
     page = deck.with_suffix(".html")
-    found = steps.modes_report(deck, page)
+    found = steps.modes(deck, report=page).results
     assert found.model is not None
     return Aeroplane(name, deck, page, found.model, found.modes[0].freq_hz)
 
@@ -97,12 +97,13 @@ def main() -> None:
     text = "\n".join(
         [
             "# The GARTEUR aeroplane: shells, links and masses\n",
-            f"Mass {facts.mass:.4f} kg ({MASS_KG} kg stated). The six rigid motions of the free aeroplane are free of "
-            f"strain: relative strain energy at most {worst:.1e}. Twenty modes a state; rigid-body modes left out.\n",
+            f"Mass {facts.mass:.4f} kg ({MASS_KG} kg stated). The six rigid-body motions of the free aeroplane are "
+            f"free of strain: relative strain energy at most {worst:.1e}. Twenty modes per configuration; "
+            "rigid-body modes are not listed.\n",
             table(states),
-            "\n## Beside the modes of its measured functions\n",
-            "24 accelerances of a test of 1995, identified without picking by hand: nine elastic modes to 65 Hz, all "
-            "of them paired by shape. Nothing is updated.\n",
+            "\n## Comparison with the modes of its measured FRFs\n",
+            "24 accelerances of a test of 1995, identified without manual selection: nine elastic modes up to 65 "
+            "Hz, all of them paired by shape. No parameter is updated.\n",
             compared_table(found, correlation),
         ]
     )

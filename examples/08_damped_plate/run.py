@@ -66,11 +66,8 @@ def deck(n: int, damping: str) -> str:
 def functions(path: Path, n: int, **options: object) -> NDArray[np.complex128]:
     """Accelerance (outputs, inputs, lines) of the plate's free corners and of a point inside."""
     corner, other, inside = (f"{m}Z+" for m in (node(n, n), node(n, 0), node(n // 2, n // 2)))
-    arrays: dict[str, NDArray] = {}
     asked = {"inputs": (corner, inside), "outputs": (corner, other, inside), **_LINES, **options}
-    (found,) = steps.respond(path, arrays=arrays, options=asked)
-    assert found.frfs is not None
-    return np.asarray(arrays[found.frfs.values_key])
+    return np.asarray(steps.respond(path, **asked).frfs.values)
 
 
 def distance(a: NDArray, b: NDArray) -> float:
@@ -115,18 +112,19 @@ def evidence(quick: bool) -> str:
         truncated = truncation(folder, n, counts)
     lines = f"{_LINES['from_hz']:g} to {_LINES['to_hz']:g} Hz"
     return "\n".join([
-        "# A damped plate: frequency responses by three ways\n",
-        "An aluminium plate of 400 × 400 × 3 mm, clamped at one edge; the middle of the opposite edge stands on a "
-        f"rubber bush (loss factor .2), one corner on a dashpot. Accelerance at three points by two forces, {lines}.\n",
+        "# A damped plate: FRFs by three methods\n",
+        "An aluminium plate of 400 × 400 × 3 mm, clamped at one edge; the middle of the opposite edge is supported "
+        "by a rubber bush (loss factor .2), one corner by a dashpot. Accelerance at three points for two forces, "
+        f"{lines}.\n",
         "## All modes\n",
-        "4 × 4 shells, every mode kept; each grid point has a little rotary inertia, so that no motion "
-        "lacks mass. Largest difference from the direct solution, relative to its largest value; "
+        "4 × 4 shells, all modes retained; each grid point has a small rotary inertia, so that there are no "
+        "massless motions. Largest difference from the direct solution, relative to its largest value; "
         f"{_AGREE:.0e} is asserted.\n",
         "| damping | real modes | complex modes |", "|---|---|---|", *rows,
         "\n## Few modes\n",
-        f"{n} × {n} shells, loss factors, bush and dashpot. Largest error relative to the largest value, without and "
-        "with residual vectors (the static response to the forces and to the damping of dashpot and bush). Five modes "
-        "lie below 150 Hz.\n",
+        f"{n} × {n} shells, loss factors, bush and dashpot. Largest error relative to the largest value, without "
+        "and with residual vectors (the static response to the forces and to the damping forces of dashpot and "
+        "bush). There are five modes below 150 Hz.\n",
         "| modes | real modes | with residual vectors | complex modes | with residual vectors |",
         "|---|---|---|---|---|",
         *truncated,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from op2 import ElementMatrix
 
 from femtune.fem.assemble import assemble, nominal_matrices
-from femtune.fem.contribution import MatrixKind
 from femtune.fem.elements import contributions
+from femtune.fem.fields import MatrixKind
 from femtune.fem.structure import ElementBatch, Structure
 
 Reals = NDArray[np.float64]

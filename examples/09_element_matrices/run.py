@@ -53,17 +53,17 @@ THICKNESS = {**dict.fromkeys(range(6, 12), 0.25), 16: 1.0, 17: 1.5, 18: 1.0, 19:
 
 SAME = "to rounding"
 ROTARY = (
-    "mass: this version gives a CBEAM ρ I L/2 of rotary inertia at each end; those that list the modes of "
-    "002_svanberg_beam and beam_modes do not (with it they would be up to 22 % lower), and we follow these"
+    "mass: this version gives a CBEAM a rotary inertia of ρ I L/2 at each end; the versions that list the modes of "
+    "002_svanberg_beam and beam_modes do not (with it they would be up to 22 % lower), and femtune follows these"
 )
 REMARKS = {
     ("CBEAM", "mass"): ROTARY,
-    ("CQUAD4", "stiffness"): "stiffness: transverse shear, bending that varies, drilling: below",
+    ("CQUAD4", "stiffness"): "stiffness: transverse shear, varying bending, drilling: see below",
     ("CPENTA", "stiffness"): (
-        "stiffness: constant strains have the same energy; theirs ties transverse shear to sides of the triangle, "
-        "which depends on the corner that comes first and does not pass the patch test"
+        "stiffness: constant strains have the same energy; the commercial element interpolates the transverse shear "
+        "from the sides of the triangle, which depends on the first corner and does not pass the patch test"
     ),
-    ("CTRIA3", "stiffness"): "stiffness: transverse shear, drilling: below",
+    ("CTRIA3", "stiffness"): "stiffness: transverse shear, drilling: see below",
 }
 
 
@@ -86,7 +86,7 @@ def main() -> None:
             *sheet(source, Path(folder), meshes),
             *plate(source, Path(folder)),
         ]
-    text = "\n".join(["# Element matrices beside commercial Nastran's\n", *lines, ""])
+    text = "\n".join(["# Element matrices: comparison with commercial Nastran\n", *lines, ""])
     print(text)
     if arguments.evidence:
         (arguments.evidence / "09_element_matrices.md").write_text(text)
@@ -96,7 +96,10 @@ def matrices(source: Path) -> Iterator[str]:
     """Every element of the deck of all elements, and what the shells' matrices are made of."""
     file = source / SOLID_DECK.replace(".bdf", ".op2")
     structure = build_structure(read_deck(source / SOLID_DECK)).structure
-    yield f"`{SOLID_DECK}` with its KELM and MELM: the norm of the difference over the norm of the commercial matrix.\n"
+    yield (
+        f"`{SOLID_DECK}` with its KELM and MELM: the norm of the difference relative to the norm of the commercial "
+        "matrix.\n"
+    )
     yield "| elements | stiffness | mass | remark |"
     yield "|---|---|---|---|"
     yield from compared(structure, *(element_matrices(file, kind) for kind in "KM"))
@@ -164,26 +167,28 @@ three rigid ones of each part, which are zero to rounding in both programs:
 """
 
 REASONS = """
-What differs, found by taking the commercial matrices apart (`commercial.py` has the formulas; they give the bending and
-the drilling of all twelve shells of the file, PCOMP of one material among them, thickness .25, 1 and 1.5, within
-{rebuilt}):
+Differences, determined by decomposing the commercial matrices (`commercial.py` has the formulas; they reproduce the
+bending and the drilling of all twelve shells of the file, including PCOMP of one material, thickness .25, 1 and 1.5,
+within {rebuilt}):
 
-- **Membrane**: none. Both squares bend in their plane as the hybrid element does; constant strains are the same.
+- **Membrane**: none. Both squares have the in-plane bending of the hybrid element; constant strains are the same.
 - **In-plane shear modulus**: none. The card has E, NU and a G that is .14 % too large for them. The matrices show
-  E/2(1+ν) in the plane and in twisting, G in transverse shear alone, and so do ours.
+  E/2(1+ν) for in-plane shear and twisting, and G for transverse shear only; femtune does the same.
 - **Constant curvature**: none.
-- **Drilling**: theirs is a spring 1e-6 K6ROT G t at each corner, against the turn of the displacements there; ours is
-  the integral over the area against the turn of the element, 4 (square) and 6 times (half) less where the element
-  turns, and up to 36 times less where the corners turn against each other.
-- **Transverse shear of the square**: theirs has MacNeal's residual bending flexibility, h²/12D beside 1/κGt, which is
-  5.5 times softer here, and more on the shear that alternates. Ours is κGt times a constant matrix, so that
-  derivatives by thickness are short sums; it does not lock for it.
-- **Bending that varies across the square**: theirs meets uniaxial stress, E t³/36; ours is that of bilinear rotations,
-  (D + D33 t³/12)/3.
-- **Transverse shear of the half**: both have residual bending flexibility on the three side shears; of 1/D theirs has
-  1/3 on the legs and 5/6 on the long side, ours a mean over the sides.
+- **Drilling**: the commercial element has a spring 1e-6 K6ROT G t at each corner, for the rotation relative to the
+  displacements there. femtune uses the integral over the area for the rotation relative to that of the element,
+  which is smaller by a factor of 4 (square) and 6 (half) if the element rotates, and by up to 36 if the corners
+  rotate in opposite directions.
+- **Transverse shear of the square**: the commercial element has MacNeal's residual bending flexibility, h²/12D in
+  addition to 1/κGt, which makes it 5.5 times softer here, and more for the alternating shear. femtune uses κGt times
+  a constant matrix, so that derivatives by thickness are short sums; the element does not lock.
+- **Bending that varies across the square**: the commercial element has uniaxial stress, E t³/36; femtune has
+  bilinear rotations, (D + D33 t³/12)/3.
+- **Transverse shear of the half**: both have residual bending flexibility for the three side shears; the commercial
+  element has 1/3 of 1/D on the legs and 5/6 on the long side, femtune a mean over the sides.
 
-The last three vanish with the square of the elements' size; drilling matters where bars turn with a sheet in its plane.
+The last three differences decrease with the square of the element size; drilling matters if bars rotate with a sheet
+in its plane.
 """
 
 
@@ -220,9 +225,10 @@ def with_commercial(structure: Structure, theirs: dict[int, ElementMatrix], card
 
 
 KINDS_CONCLUSION = """
-With the commercial stiffness of shells and CPENTA in the place of ours all listed digits come out: laminates, masses,
-solids, bars and supports are the same. (No rotary inertia of the CBEAM: with that of its written mass matrix mode 3
-would be .001 % lower than listed.) Our squares are stiffer, our triangles and CPENTA softer than the commercial ones.
+With the commercial stiffness of shells and CPENTA instead of ours all listed digits are reproduced: laminates,
+masses, solids, bars and constraints are the same. (Without rotary inertia of the CBEAM: with that of its written
+mass matrix mode 3 would be .001 % lower than listed.) Our squares are stiffer, our triangles and CPENTA softer than
+the commercial ones.
 """
 
 
@@ -301,17 +307,18 @@ def line(label: str, values: Reals) -> str:
 
 
 CONCLUSION = """
-With drilling, bending and transverse shear of the two commercial elements in the place of ours, all listed digits come
-out: masses, membranes, bars and the rest are the same. Modes 1 and 4 move in the plane, where a row of bars is joined
-to the turning of the sheet by drilling alone; the others bend, and depend on what one element makes of a curvature that
-varies in it. One element with its mass lumped at its corners is the larger error by far: the refined meshes are up to
-60 % away from the single elements of either program.
+With drilling, bending and transverse shear of the two commercial elements instead of ours, all listed digits are
+reproduced: masses, membranes, bars and everything else are the same. Modes 1 and 4 are in-plane modes, for which a
+row of bars is connected to the rotation of the sheet by drilling stiffness only; the others are bending modes, and
+depend on how one element represents a varying curvature. Using one element with its mass lumped at its corners
+causes a much larger error: the results for refined meshes differ by up to 60 % from the single elements of either
+program.
 """
 
 PLATE_CONCLUSION = """
-All of the difference is the square's transverse shear and the bending that varies across it: with the commercial ones
-in their place six digits come out. With finer meshes our frequencies rise further from the listed ones and settle: on
-the mesh as it is, ours are the nearer ones to that limit."""
+The difference is entirely due to the square's transverse shear and to the bending that varies across it: with those
+of the commercial element six digits are reproduced. With finer meshes our frequencies increase further above the
+listed ones and converge: on the original mesh, ours are closer to this limit."""
 
 
 if __name__ == "__main__":

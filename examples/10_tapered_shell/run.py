@@ -63,7 +63,7 @@ def tables(source: Path, program: str, folder: Path, quick: bool) -> Iterator[st
     yield from converged(program, shell, folder, quick, 1)
     yield from table_head("\nWithout Poisson's ratio:\n\n")
     yield from converged(program, replace(shell, poisson=0.0), folder, quick, 4)
-    yield from table_head("\nThe same plate .02 thick everywhere:\n\n")
+    yield from table_head("\nThe same plate with a uniform thickness of .02:\n\n")
     yield from uniform(replace(shell, thickness=np.full_like(shell.thickness, 0.02)), folder)
 
 
@@ -124,30 +124,30 @@ def row(label: str, values: Reals) -> str:
 INTRODUCTION = """\
 # A shell of strongly varying thickness
 
-`shellf.inp` of CalculiX's own tests: a square plate of side 1, clamped at one side, .01 thick there, .03 at mid-length
-and .02 at the free end, linear between, as four eight-node shells S8 with nodal thickness. The same plate with CQUAD4
-on the corners and with CQUAD8 on all nodes, their thickness T1 … T4 by the same functions, coupled mass. Frequencies in
-Hz for the units of the deck.
+`shellf.inp` of CalculiX's own tests: a square plate with side length 1, clamped at one side, thickness .01 there,
+.03 at mid-length and .02 at the free end, linear between them, modelled by four eight-node shells S8 with nodal
+thickness. The same plate with CQUAD4 on the corners and with CQUAD8 on all nodes, with the thicknesses T1 … T4 from
+the same functions, and coupled mass. Frequencies in Hz in the units of the deck.
 """
 
 CONCLUSION = """
-- **The listed values** are those of four elements, up to 2.3 times too high: S8 integrates bending and shear of plates
-  as thin as a fiftieth of its side in full, and locks. CalculiX gives the same digits here; with the reduced
-  integration of S8R, or with finer meshes, the frequencies fall to the limit.
-- **CalculiX's S8R tends to its limit with the first order only** while Poisson's ratio is .3: it makes solids of
-  shells, clamped nodes hold their thickness, and that reaches into the plate as far as one element does. Without
-  Poisson's ratio the same meshes converge with the fourth order.
-- **CQUAD8**, whose thickness varies within the element as CalculiX's does, is within .3 % of both limits with 256
-  elements; without Poisson's ratio the same meshes of both programs differ by .25 % at the most, rotary inertia
-  included.
-- **CQUAD4** tends to the same limits within .2 %, with the second order; what is left has the size of rotary inertia
-  that solids have and shells of Nastran decks do not, ω t √(12 ρ/E) / 24. A CQUAD4 has the mean of its corners'
-  thicknesses, and at the clamped side, where moments are largest, the thickness doubles over a quarter of the plate's
-  length. With 8 elements a side mode 1 is 5.9 % too high for it (the uniform plate has .3 %); the higher modes have
-  most of their error from the mesh as such (mode 7: 12 of 16 %). With 32 a side all modes are within 1.1 %, with 64
-  within .4 %.
-- CalculiX's other decks beside it are solids (C3D8, C3D20R, CPE8; read in a later round) and beams of numerically
-  integrated sections (B32R): nothing in them is a shell."""
+- **The listed values** are those of four elements, up to 2.3 times too high: S8 uses full integration for bending
+  and shear of plates as thin as a fiftieth of their side, and locks. CalculiX gives the same digits here; with the
+  reduced integration of S8R, or with finer meshes, the frequencies decrease to the limit.
+- **CalculiX's S8R converges with first order only** if Poisson's ratio is .3: it expands shells to solids, the
+  clamped nodes constrain the thickness change, and the effect extends into the plate by one element. Without
+  Poisson's ratio the same meshes converge with fourth order.
+- **CQUAD8**, whose thickness varies within the element as in CalculiX, is within .3 % of both limits with 256
+  elements; without Poisson's ratio the same meshes of both programs differ by at most .25 %, including the effect of
+  rotary inertia.
+- **CQUAD4** converges to the same limits within .2 %, with second order; the remaining difference has the magnitude
+  of the rotary inertia that solids have and shells of Nastran decks do not, ω t √(12 ρ/E) / 24. A CQUAD4 uses the
+  mean of its corner thicknesses, and at the clamped side, where moments are largest, the thickness doubles over a
+  quarter of the plate's length. With 8 elements per side mode 1 is therefore 5.9 % too high (.3 % for the uniform
+  plate); for the higher modes most of the error is that of the mesh itself (mode 7: 12 of 16 %). With 32 per side
+  all modes are within 1.1 %, with 64 within .4 %.
+- The other decks in the same folder of CalculiX contain solids (C3D8, C3D20R, CPE8) and beams with numerically
+  integrated sections (B32R), but no shells."""
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.testing.solids import SolidMesh
+from structures.solids import SolidMesh
 
 YOUNG, POISSON, DENSITY = 210e9, 0.3, 7850.0
 

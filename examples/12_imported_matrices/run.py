@@ -109,7 +109,7 @@ def simulate(folder: Path, n: int) -> None:
         "half_left": node(0, n // 2, n), "half_right": node(n, n // 2, n),
     }  # fmt: skip
     sensors = DofSet.parse([text.format(**names) for text in _SENSORS])
-    modes = steps.mode_sets(folder / "true.bdf")["as the deck"].select_dofs(sensors).select_modes(range(_MODES))
+    modes = steps.modes(folder / "true.bdf").mode_sets["as the deck"].select_dofs(sensors).select_modes(range(_MODES))
     points = build_structure(read_deck(folder / "true.bdf")).structure.nodes
     at = [points.position(number) for number in sorted(set(map(int, sensors.nodes)))]
     frame = WireFrame(points.ids[at], points.xyz[at], points.frames[at])
@@ -212,12 +212,12 @@ def evidence(folder: Path, n: int) -> str:
     assert "matrices.modes-differ" in message
     assert "factor of 1000" in message.partition("likely cause 1")[2].partition("\n")[0]
     return "\n".join([
-        "# Imported matrices beside their deck", "",
-        f"A portal with a panel of {n} × {n} shells, by its deck and by matrices (those of the panel at five "
-        "thicknesses, as a polynomial of degree 3), updated against a simulated test.", "",
-        "| parameter | true | by the deck | by the matrices |", "| --- | --- | --- | --- |", *rows, "",
+        "# Imported matrices compared with their deck", "",
+        f"A portal frame with a panel of {n} × {n} shells, as a deck and as matrices (those of the panel at five "
+        "thicknesses, as a polynomial of degree 3), updated with a simulated test.", "",
+        "| parameter | true | with the deck | with the matrices |", "| --- | --- | --- | --- |", *rows, "",
         f"Largest difference of a frequency after both updates: {difference:.1e}.", "",
-        "With masses in grams the matrices are refused:", "", "```text", message, "```", "",
+        "With masses in grams the matrices are rejected:", "", "```text", message, "```", "",
     ])  # fmt: skip
 
 

@@ -8,10 +8,13 @@ minutes.
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures/ lies
 
 import numpy as np
 
@@ -27,10 +30,10 @@ from femtune.model.reduce import (
     reduce_model,
     reduced_modes,
 )
-from femtune.model.reduce.basis import extend
+from femtune.model.reduce.estimate import extend
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.subframe_deck import write_structure
-from femtune.testing.subframe_frame import shell_frame, shell_frame_parameters
+from structures.ladder_frame import shell_frame, shell_frame_parameters
+from structures.meshed import write_structure
 
 RIGID, WIDTH = 6, 0.25
 NOTHING = 1e-5
@@ -180,16 +183,18 @@ def head(size: Size, trained: Trained, trained_s: float) -> list[str]:
         for i, c in enumerate(trained.certified[1:], start=2)
     ]
     return [
-        "# A reduced model beside the full one", "",
+        "# A reduced model compared with the full model", "",
         f"A welded frame of shells with {trained.model.configured.n_free:,} free DOFs, thickness and Young's modulus "
         f"of six regions each within ±{100 * WIDTH:.0f} % (12 parameters); the first {size.elastic} elastic modes of "
         "the free frame.", "", "## Training", "",
-        f"The nominal model starts the basis (order {trained.certified[0].order}). Estimate and true error are the "
-        "worst of all modes at the point that was solved next, before its modes were added.", "",
+        f"The nominal model gives the initial basis (order {trained.certified[0].order}). Estimate and true error "
+        "are the largest of all modes at the next point that was solved, before its modes were added.", "",
         "| full solutions | order | estimate % | true error % | estimate / true |", "| --- | --- | --- | --- | --- |",
-        *rows, "", f"It ended: {trained.status.value} (an estimate of {100 * size.tolerance:.2g} % was asked for, at "
-        f"{size.inner} candidates); {len(trained.certified)} full solutions, order {trained.model.order}, "
-        f"{trained_s:.0f} s of CPU after the nominal solution.", "",
+        *rows, "", (
+            f"Training ended: {trained.status.value} (required estimate {100 * size.tolerance:.2g} %, {size.inner} "
+            f"candidates); {len(trained.certified)} full solutions, order {trained.model.order}, {trained_s:.0f} s "
+            "of CPU time after the nominal solution."
+        ), "",
     ]  # fmt: skip
 
 
@@ -201,9 +206,9 @@ def stage_table(trained: Trained, found: Compared) -> list[str]:
     ]
     return [
         "## Random points", "",
-        f"{found.errors.shape[1]} points drawn uniformly in the box, none of them a candidate of the training; "
-        "estimate / true is that of the worst frequency of each point.", "",
-        "| full solutions | order | worst error % | mean error % | estimate / true, least | median |",
+        f"{found.errors.shape[1]} random points, uniformly distributed within the bounds, none of them a candidate "
+        "of the training; estimate / true is that of the frequency with the largest error at each point.", "",
+        "| full solutions | order | largest error % | mean error % | estimate / true, smallest | median |",
         "| --- | --- | --- | --- | --- | --- |", *rows, "",
     ]  # fmt: skip
 
@@ -212,13 +217,13 @@ def goals(size: Size, found: Compared, certified: float) -> list[str]:
     """What was measured beside what was asked for."""
     last, ratio, modes = found.errors[-1], found.effectivity, found.of_single_modes
     return [
-        "| at the end | measured | goal |", "| --- | --- | --- |",
-        f"| worst frequency error % | {100 * last.max():.4f} | {100 * size.worst:.2g} |",
+        "| at the end | measured | required |", "| --- | --- | --- |",
+        f"| largest frequency error % | {100 * last.max():.4f} | {100 * size.worst:.2g} |",
         f"| mean frequency error % | {100 * last.mean():.4f} | {100 * size.mean:.2g} |",
-        f"| error at the certified points, worst % | {100 * certified:.5f} | 0.01 |",
-        f"| estimate / true error of all stages, least | {ratio.min():.2f} | 0.1 |",
-        f"| estimate / true error of all stages, most | {ratio.max():.2f} | |",
-        f"| the same of single modes in error by more than {100 * NOTHING:g} %, least | {modes.min():.3f} | |", "",
+        f"| error at the certified points, largest % | {100 * certified:.5f} | 0.01 |",
+        f"| estimate / true error of all stages, smallest | {ratio.min():.2f} | 0.1 |",
+        f"| estimate / true error of all stages, largest | {ratio.max():.2f} | |",
+        f"| the same for single modes with errors above {100 * NOTHING:g} %, smallest | {modes.min():.3f} | |", "",
     ]  # fmt: skip
 
 
@@ -226,11 +231,12 @@ def remarks(found: Compared, other_order: int) -> list[str]:
     """What it costs, and what derivative vectors do."""
     other = [f"{100 * v:.3f}" for v in (found.others.max(), found.others.mean())]
     return [
-        f"Modes of a reduced model take {found.reduced_s:.3f} s of CPU, an estimate {found.estimate_s:.2f} s, the "
-        f"modes of the full model {found.full_s:.2f} s: {found.full_s / found.reduced_s:.0f} times as long as those of "
-        "the reduced ones.", "",
-        "In place of other points, the first derivatives of the nominal modes by all parameters (one full solution, "
-        f"order {other_order}) err by {other[0]} % at worst and {other[1]} % on the average at the same points.", "",
+        f"Modes of a reduced model take {found.reduced_s:.3f} s of CPU time, an error estimate "
+        f"{found.estimate_s:.2f} s, the modes of the full model {found.full_s:.2f} s: "
+        f"{found.full_s / found.reduced_s:.0f} times as long as those of the reduced model.", "",
+        "With the first derivatives of the nominal modes by all parameters instead of other points (one full "
+        f"solution, order {other_order}), the errors at the same points are at most {other[0]} % and {other[1]} % "
+        "on average.", "",
     ]  # fmt: skip
 
 

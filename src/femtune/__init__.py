@@ -1,3 +1,116 @@
-"""femtune: finite element model updating. The words of the command line are functions of `femtune.steps`."""
+"""femtune: finite element model updating, from a deck and a vibration test to an updated deck with its uncertainty.
+
+``import femtune as ft`` has all that a script or a notebook needs. A name is imported when it is first used, so that
+the import itself takes no time. docs/guide/python.md has an example from deck to result.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune import plot, testing
+    from femtune.assembly.described import Model, Study
+    from femtune.dofs import Dof, DofSet
+    from femtune.errors import FemtuneError
+    from femtune.files.study_file.objects import (
+        AntiresonanceResidual,
+        CentreOfGravityResidual,
+        Configuration,
+        DynamicResidual,
+        FlexibilityResidual,
+        FrequencyResidual,
+        FrfResidual,
+        InertiaResidual,
+        MacResidual,
+        MassResidual,
+        Parameter,
+        ShapeResidual,
+        StaticDisplacementResidual,
+        StaticForceResidual,
+        StrainResidual,
+    )
+    from femtune.labelled import to_xarray
+    from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
+    from femtune.results.step_results import (
+        CorrelateResult,
+        InfoResult,
+        ModesResult,
+        QuantifyResult,
+        RespondResult,
+        RunResult,
+        SelectResult,
+    )
+    from femtune.status import Status
+    from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.of_model import info, modes, respond, simulate
+    from femtune.steps.of_record import identify
+    from femtune.steps.of_run import read_results, run, update, validate
+    from femtune.steps.of_study import correlate, quantify, select
+    from femtune.steps.pages import report
+    from femtune.study.identification.run import IdentifyResult
+    from femtune.testdata import ModalTest
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "AntiresonanceResidual",
+    "CentreOfGravityResidual",
+    "Configuration",
+    "CorrelateResult",
+    "Dof",
+    "DofSet",
+    "DynamicResidual",
+    "FemtuneError",
+    "FlexibilityResidual",
+    "FrequencyResidual",
+    "FrfResidual",
+    "FrfSet",
+    "IdentifyResult",
+    "InertiaResidual",
+    "InfoResult",
+    "MacResidual",
+    "MassResidual",
+    "ModalTest",
+    "ModeSet",
+    "Model",
+    "ModesResult",
+    "Parameter",
+    "QuantifyResult",
+    "RespondResult",
+    "RunResult",
+    "SelectResult",
+    "ShapeResidual",
+    "StaticDisplacementResidual",
+    "StaticForceResidual",
+    "Status",
+    "StrainResidual",
+    "Study",
+    "TimeSeries",
+    "correlate",
+    "identify",
+    "info",
+    "mac",
+    "modes",
+    "plot",
+    "quantify",
+    "read_deck",
+    "read_matrices",
+    "read_results",
+    "read_test",
+    "report",
+    "respond",
+    "run",
+    "select",
+    "simulate",
+    "testing",
+    "to_xarray",
+    "update",
+    "validate",
+    "write_deck",
+    "write_test",
+]

@@ -6,11 +6,12 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import total_ordering
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from femtune.errors import FemtuneError
+
+if TYPE_CHECKING:
+    from femtune.arrays import Integers, Reals
 
 DIRECTIONS = ("S", "X", "Y", "Z", "RX", "RY", "RZ")
 """Code 0 is a scalar point; 1 to 6 are the components of Nastran."""
@@ -25,6 +26,16 @@ class Dof:
     """One degree of freedom: `node` > 0, `direction` one of DIRECTIONS, `sign` +1 or −1.
 
     DOFs sort by node, then by component (X Y Z RX RY RZ), then by sign.
+
+    Raises
+    ------
+    FemtuneError : ``dof.syntax``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> str(ft.Dof(101, "Z"))
+    '101Z+'
     """
 
     node: int
@@ -48,12 +59,7 @@ class Dof:
 
 
 def _bad_dof(text: object, sign: object = "") -> FemtuneError:
-    return FemtuneError(
-        "dof.syntax",
-        f"'{text}' is not a degree of freedom",
-        values={} if sign == "" else {"sign": sign},
-        hint="write node, direction (X Y Z RX RY RZ, or S for a scalar point) and sign: 101Z+ or 7RZ-",
-    )
+    return FemtuneError("dof.syntax", values={} if sign == "" else {"sign": sign}, text=text)
 
 
 def parse_dof(text: str) -> Dof:
@@ -75,17 +81,19 @@ class DofSet:
     Raises
     ------
     FemtuneError : ``dof.duplicate`` when a node and direction stand twice, whatever their signs
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.DofSet.parse(["101Z+", "102Z-"]).nodes
+    array([101, 102])
     """
 
     def __init__(self, dofs: Iterable[Dof]) -> None:
         self._dofs = tuple(dofs)
         self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
         if len(self._index) != len(self._dofs):
-            raise FemtuneError(
-                "dof.duplicate",
-                f"{self._first_repeated()} stands twice in a set of DOFs",
-                hint="keep one of the two; a node's direction counts once, whatever its sign",
-            )
+            raise FemtuneError("dof.duplicate", first_repeated=self._first_repeated())
 
     def _first_repeated(self) -> Dof:
         return next(d for i, d in enumerate(self._dofs) if self._index[(d.node, d.direction)] != i)
@@ -117,18 +125,24 @@ class DofSet:
         return (dof.node, dof.direction) in self._index
 
     @property
-    def nodes(self) -> NDArray[np.int64]:
+    def nodes(self) -> Integers:
         """Node numbers, one a DOF."""
+        import numpy as np  # noqa: PLC0415  a study file is checked before numpy is imported
+
         return np.array([d.node for d in self._dofs], dtype=np.int64)
 
     @property
-    def components(self) -> NDArray[np.int64]:
+    def components(self) -> Integers:
         """Components 0 to 6, one a DOF."""
+        import numpy as np  # noqa: PLC0415
+
         return np.array([d.component for d in self._dofs], dtype=np.int64)
 
     @property
-    def signs(self) -> NDArray[np.float64]:
+    def signs(self) -> Reals:
         """+1 or −1, one a DOF."""
+        import numpy as np  # noqa: PLC0415
+
         return np.array([d.sign for d in self._dofs], dtype=float)
 
     def labels(self) -> list[str]:
@@ -139,20 +153,22 @@ class DofSet:
         """The DOFs at the given positions, in that order."""
         return DofSet(self._dofs[i] for i in keep)
 
-    def align(self, other: DofSet) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def align(self, other: DofSet) -> tuple[Integers, Reals]:
         """Positions in `other` of each DOF of this set, and the sign that turns one into the other.
 
         Raises
         ------
         FemtuneError : ``dof.missing`` where `other` lacks one
         """
+        import numpy as np  # noqa: PLC0415
+
         missing = [str(d) for d in self._dofs if d not in other]
         if missing:
             raise FemtuneError(
                 "dof.missing",
-                f"{len(missing)} of {len(self)} DOFs are not in the other set",
                 values={"missing": " ".join(missing[:5]) + (" …" if len(missing) > 5 else "")},
-                hint="take the DOFs that both sets have in common, or add the missing ones",
+                n_missing=len(missing),
+                n_self=len(self),
             )
         at = np.array([other._index[(d.node, d.direction)] for d in self._dofs], dtype=np.int64)
         return at, self.signs * other.signs[at]

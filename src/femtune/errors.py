@@ -1,14 +1,18 @@
 """Errors and notices: what, where, the values, and the smallest fix, each with a stable code.
 
-A code is ``area.problem`` (``deck.missing-include``); ``docs/errors/`` has a page for each.
+A code is ``area.problem`` (``deck.missing-include``). The wording of each code stands once, in the registry
+``messages/``, from which the pages of ``docs/errors/`` are made.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
+from copy import copy
 from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 
@@ -25,30 +29,111 @@ class Where:
         return f"{place} ({self.record})" if place and self.record else place or self.record
 
 
+@dataclass(frozen=True)
+class Wording:
+    """What the registry says of a code: the sentence and the hint, with ``{names}`` of the facts that fill them."""
+
+    what: str
+    hint: str = ""
+
+
+def wording(code: str) -> tuple[str, Wording]:
+    """The code without its variant, and its wording.
+
+    The wording stands in ``messages/<area>.toml``, once for each ``area.problem``; a code that has several wordings
+    names one of them as ``area.problem/variant``.
+
+    Raises
+    ------
+    KeyError : the registry does not have the code or the variant
+    """
+    plain, _, variant = code.partition("/")
+    area, _, problem = plain.partition(".")
+    entry = _registry(area)[problem]
+    entry = entry[variant] if variant else entry
+    return plain, Wording(entry["what"], entry.get("hint", ""))
+
+
+@lru_cache
+def _registry(area: str) -> dict[str, Any]:
+    """The messages of an area, none where there is no such area; read when the first of them is needed."""
+    import tomllib  # noqa: PLC0415 only a message needs it
+
+    path = Path(__file__).with_name("messages") / f"{area}.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def codes() -> list[str]:
+    """All codes of the registry, ``area.problem``, sorted."""
+    areas = sorted(path.stem for path in Path(__file__).with_name("messages").glob("*.toml"))
+    return [f"{area}.{problem}" for area in areas for problem in sorted(_registry(area))]
+
+
+def explanation(code: str) -> str:
+    """What a code means and how to fix it, as the page of its area in docs/errors says it.
+
+    Raises
+    ------
+    KeyError : the registry does not have the code
+
+    Examples
+    --------
+    >>> from femtune.errors import explanation
+    >>> explanation("units.unknown").startswith("A deck has no units")
+    True
+    """
+    area, _, problem = code.partition(".")
+    entry = _registry(area)[problem]
+    return f"{entry['page'].strip()}\n\nTo fix it: {entry['fix'].strip()}"
+
+
 class FemtuneError(Exception):
-    """A problem that the user can mend.
+    """A problem that the user can fix.
 
     Parameters
     ----------
-    code : stable code, ``area.problem``
-    what : one sentence that says what is wrong
+    code : stable code, ``area.problem``; ``area.problem/variant`` where the registry has several wordings of it
+    what : one sentence that says what is wrong, for codes that the registry does not have
     where : file, line and record
     values : the values at fault, by name
-    hint : the smallest fix
+    hint : the smallest fix, where it is computed; otherwise it is that of the registry
+    facts : what fills the wording of the registry, by name; they stay with the error as data
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> try:
+    ...     ft.Dof(0, "Z")
+    ... except ft.FemtuneError as error:
+    ...     print(error.code)
+    dof.syntax
     """
 
     def __init__(
         self,
         code: str,
-        what: str,
+        what: str | None = None,
         *,
         where: Where | None = None,
-        values: dict[str, Any] | None = None,
-        hint: str = "",
+        values: Mapping[str, Any] | None = None,
+        hint: str | None = None,
+        **facts: Any,
     ) -> None:
-        super().__init__(what)
-        self.code, self.what, self.where = code, what, where
-        self.values, self.hint = dict(values or {}), hint
+        self.code, said = (code, Wording(what)) if what is not None else wording(code)
+        self.what = said.what if what is not None else said.what.format_map(facts)
+        self.where, self.values, self.facts = where, dict(values or {}), facts
+        self.hint = said.hint.format_map(facts) if hint is None else hint
+        super().__init__(self.what)
+
+    def at(self, where: Where | None) -> FemtuneError:
+        """The same error at another place."""
+        other = copy(self)
+        other.where = where
+        return other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies, also those that go to another process, are not worded again."""
+        return _copied, (type(self), self.args, self.__dict__)
 
     def __str__(self) -> str:
         lines = [f"[{self.code}] {self.what}"]
@@ -58,6 +143,12 @@ class FemtuneError(Exception):
         if self.hint:
             lines += ["", f"hint: {self.hint}"]
         return printable("\n".join(lines))
+
+
+def _copied(kind: type[FemtuneError], args: tuple[Any, ...], state: dict[str, Any]) -> FemtuneError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(state)
+    return error
 
 
 class FemtuneErrors(FemtuneError):  # noqa: N818
@@ -107,17 +198,32 @@ class ErrorCollector:
             raise FemtuneErrors(self.errors)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Notice:
     """Something that the user should know and that does not stop the work.
 
-    `level` is "info" or "warning".
+    `level` is "info" or "warning"; the wording is that of the registry, filled with `facts`, or `what` as it is given.
     """
 
     code: str
     what: str
     where: Where | None = None
     level: str = "warning"
+    facts: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __init__(
+        self, code: str, what: str | None = None, where: Where | None = None, level: str = "warning", **facts: Any
+    ) -> None:
+        plain, said = (code, Wording(what)) if what is not None else wording(code)
+        given = {
+            "code": plain,
+            "what": said.what if what is not None else said.what.format_map(facts),
+            "where": where,
+            "level": level,
+            "facts": facts,
+        }
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
 
     def __str__(self) -> str:
         place = f" at {self.where}" if str(self.where or "") else ""

@@ -6,7 +6,14 @@ from enum import Enum
 
 
 class Status(Enum):
-    """Outcome of an iteration; `ok` says whether the result may be used as an optimum."""
+    """Outcome of an iteration; `ok` says whether the result may be used as an optimum.
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.Status["CONVERGED_AT_BOUNDS"].ok
+    True
+    """
 
     CONVERGED = "converged: neither the parameters nor the objective change any more"
     CONVERGED_AT_BOUNDS = "converged, with at least one parameter at its bound"

@@ -42,6 +42,17 @@ class UnitSystem:
         """Factor that turns a mass of `other` into one of this system."""
         return other.mass / self.mass
 
+    @property
+    def word(self) -> str:
+        """length-mass-s; the name where it is none of the systems that have a word."""
+        lengths = [name for name, size in _LENGTHS.items() if _same(size, self.length)]
+        masses = [name for name, size in _MASSES.items() if _same(size, self.mass)]
+        return f"{lengths[0]}-{masses[0]}-s" if lengths and masses else self.name
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) <= 1e-6 * abs(b)
+
 
 SI = UnitSystem("m-kg-s", 1.0, 1.0)
 
@@ -59,7 +70,7 @@ def unit_system(name: str) -> UnitSystem:
     known = [f"{length}-{mass}-s" for length in _LENGTHS for mass in _MASSES]
     raise FemtuneError(
         "units.unknown",
-        f"'{name}' is not a unit system of the form length-mass-s",
         values={"lengths": ", ".join(_LENGTHS), "masses": ", ".join(_MASSES)},
         hint=did_you_mean(name, known) if len(parts) == 3 else 'write for example units = "m-kg-s"',
+        name=name,
     )

@@ -16,7 +16,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from femtune.model.symmetric import SymmetricMatrix, symmetric
+from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "size"
 NAMES = ("checks", "goals", "journal", "plan", "process", "summary", "tables")
@@ -81,6 +81,7 @@ def test_a_journal_that_was_cut_goes_on(bench: dict[str, ModuleType], tmp_path: 
     assert [r["status"] for r in journal.rows] == ["ok", "ok"]
 
 
+@pytest.mark.slow
 def test_a_run_beyond_its_limit_is_ended_with_its_children(bench: dict[str, ModuleType], tmp_path: Path) -> None:
     parent = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
     run, limits = bench["process"].run_within, bench["process"].Limits

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -12,10 +11,10 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from femtune.cli import main, output
+from femtune.cli import main, output, running
 from femtune.files.study_file import read_study_file
-from femtune.study.results_model import CardCount
-from femtune.study.run_folder import check_writable
+from femtune.results.folder import check_writable
+from femtune.results.model import UsedCard
 
 STUDY = '[study]\ntitle = "Frame"\ndeck = "frame.bdf"\nunits = "m-kg-s"\n'
 
@@ -32,7 +31,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
-    module: Any = ModuleType("femtune.steps")
+    module: Any = ModuleType("steps")
     module.calls, module.outcome, module.verdicts = [], None, ()
     for name in ("info", "modes", "respond", "identify", "correlate", "select", "quantify"):
         setattr(module, name, _single(module, name))
@@ -41,19 +40,26 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     judge = _whole(module, "validate")
     module.validate = lambda path, output, fresh, progress: judge(path, output, None, fresh, progress)
     module.report = lambda path, progress: Path(path) / "report.html"
-    monkeypatch.setitem(sys.modules, "femtune.steps", module)
-    monkeypatch.setattr(output, "document_of", lambda run, progress: run.results.name)
-    monkeypatch.setattr(output, "document_of_step", lambda step, path, result, arrays: result.name)
-    monkeypatch.setattr(output, "show_document", click.echo)
+    monkeypatch.setattr(running, "load", lambda name: getattr(module, name.partition(":")[2]))
+    monkeypatch.setattr(output, "load", _tables)
+    monkeypatch.setattr(output, "document_of", lambda run, progress: run.results)
     return module
 
 
-def _single(module: Any, name: str) -> Callable[..., CardCount]:
-    def step(path: Path, progress: Any, **_: Any) -> CardCount:
+def _tables(name: str) -> Callable[..., Any]:
+    """In place of the subject, of the document of a step, and of printing it."""
+    if name.endswith(":print_terminal"):
+        return lambda document, console: click.echo(document.name)
+    return lambda *arguments: arguments[-1]
+
+
+def _single(module: Any, name: str) -> Callable[..., SimpleNamespace]:
+    def step(path: Path, progress: Any, **_: Any) -> SimpleNamespace:
         module.calls.append((name, Path(path), {}))
         read_study_file(path)
         progress.step(f"{name} of [red]configuration[/red]", 1, 2)
-        return CardCount(name="CBAR", count=7)
+        found = UsedCard(name="CBAR", count=7)
+        return SimpleNamespace(record=found, records=found, arrays=found, remarks=(), report=None)
 
     return step
 
@@ -66,16 +72,15 @@ def _whole(module: Any, name: str) -> Callable[..., SimpleNamespace]:
         (folder / "results.json").write_text("{}")
         results = Outcome(name="CBAR", count=7, update=module.outcome)
         results = results.model_copy(update={"validation": SimpleNamespace(verdicts=module.verdicts)})
-        return SimpleNamespace(folder=folder, results=results, report=folder / "report.html")
+        return SimpleNamespace(folder=folder, results=results, report=folder / "report.html", remarks=())
 
     return step
 
 
-class Outcome(CardCount):
+class Outcome(UsedCard):
     """Results as far as the command line looks at them."""
 
     update: Any = None
-    journal: Any = None
     validation: Any = None
 
 

@@ -15,7 +15,6 @@ import pytest
 from click.testing import Result
 
 import femtune
-from femtune.study.results_journal import JournalResults
 
 Invoke = Callable[..., Result]
 
@@ -31,6 +30,7 @@ _COMMANDS = [
     "validate",
     "run",
     "report",
+    "explain",
 ]
 
 
@@ -125,7 +125,7 @@ def test_report_takes_a_run_folder(invoke: Invoke, steps: Any, tmp_path: Path) -
     assert invoke("report", tmp_path).stdout == f"report: {tmp_path / 'report.html'}\n"
 
 
-@pytest.mark.parametrize("command", [c for c in _COMMANDS if c != "report"])
+@pytest.mark.parametrize("command", [c for c in _COMMANDS if c not in ("report", "explain")])
 def test_missing_study(invoke: Invoke, steps: Any, tmp_path: Path, command: str) -> None:
     result = invoke(command, tmp_path / "none.toml")
     assert result.exit_code == 2
@@ -170,10 +170,9 @@ def test_what_came_from_the_journal_is_said_beside_the_result(
     asked: list[bool] = []
     given = getattr(steps, name)
 
-    def step(path: Path, fresh: bool, remarks: list[str], **options: Any) -> Any:
+    def step(path: Path, fresh: bool, **options: Any) -> Any:
         asked.append(fresh)
-        remarks.append("12 of 30 \x1b solutions")
-        return given(path, **options)
+        return SimpleNamespace(**{**vars(given(path, **options)), "remarks": ("12 of 30 \x1b solutions",)})
 
     setattr(steps, name, step)
     result = invoke(name, study, "--json")
@@ -189,8 +188,8 @@ def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study
 
     def step(path: Path, **options: Any) -> Any:
         found = given(path, **options)
-        counts = JournalResults(solved=18, recalled=0 if options["fresh"] else 12, kinds=())
-        return SimpleNamespace(**{**vars(found), "results": found.results.model_copy(update={"journal": counts})})
+        text = "12 of 30 solutions from the journal of an earlier run"
+        return SimpleNamespace(**{**vars(found), "remarks": () if options["fresh"] else (text,)})
 
     setattr(steps, name, step)
     assert invoke(name, study).stderr == "12 of 30 solutions from the journal of an earlier run\n"
@@ -203,15 +202,14 @@ def test_a_run_says_what_came_from_the_journal(invoke: Invoke, steps: Any, study
 def test_modes_on_a_page(invoke: Invoke, steps: Any, study: Path, options: tuple[str, ...]) -> None:
     """The page is named where it disturbs nothing: after the JSON on standard error."""
     asked: list[tuple[Path, bool]] = []
+    given = steps.modes
 
-    def modes_report(
-        path: Path, page: Path, progress: Any, fresh: bool, remarks: list[str], **limits: Any
-    ) -> SimpleNamespace:
-        assert limits == {"count": None, "max_hz": None}
-        asked.append((page, fresh))
-        return SimpleNamespace(modes=steps.modes(path, progress))
+    def modes(path: Path, report: Path, fresh: bool, **limits: Any) -> Any:
+        assert limits.keys() == {"count", "max_hz", "simulate", "progress"}
+        asked.append((report, fresh))
+        return given(path, **limits)
 
-    steps.modes_report = modes_report
+    steps.modes = modes
     result = invoke("modes", study, "--report", "page.html", *options)
     assert result.exit_code == 0
     assert asked == [(Path("page.html"), "--fresh" in options)]
@@ -250,3 +248,22 @@ def test_the_eigen_solver_is_chosen_for_one_command(
     assert seen == ["slepc"]
     assert os.environ.get("FEMTUNE_EIGENSOLVER") == before
     assert invoke("modes", study, "--eigensolver", "hal").exit_code == 2
+
+
+@pytest.mark.parametrize("code", ["units.unknown", "[units.unknown]"])
+def test_a_code_is_explained_with_its_fix(invoke: Invoke, code: str) -> None:
+    result = invoke("explain", code)
+    assert result.exit_code == 0
+    explained, _, fix = result.stdout.partition("To fix it: ")
+    assert explained.startswith("[units.unknown]\n\nA deck has no units")
+    assert 'units = "m-kg-s"' in fix
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"),
+    [("units.unknwon", "did you mean 'units.unknown'?"), ("../errors", "deck.missing-include"), ("", "have the form")],
+)
+def test_an_unknown_code_is_told(invoke: Invoke, code: str, hint: str) -> None:
+    result = invoke("explain", code)
+    assert result.exit_code == 2
+    assert hint in " ".join(result.stderr.split())

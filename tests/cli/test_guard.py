@@ -11,6 +11,7 @@ import click
 import pytest
 from click.testing import Result
 
+from femtune.cli import running
 from femtune.cli.guard import CRASH_FILE, coloured
 from femtune.errors import FemtuneError
 
@@ -115,3 +116,14 @@ def test_ctrl_c_before_anything_was_written(invoke: Invoke, steps: Any, study: P
     result = invoke("modes", study)
     assert result.exit_code == 130
     assert result.stderr == "stopped by Ctrl-C; nothing was written\n"
+
+
+def test_ctrl_c_before_the_file_was_read(
+    invoke: Invoke, steps: Any, study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing more is imported or read to find the run folder, which an earlier run may have left."""
+    (study.parent / "run").mkdir()
+    (study.parent / "run" / "results.json").touch()
+    monkeypatch.setattr(running, "load", _raise(KeyboardInterrupt()))
+    monkeypatch.setattr("femtune.files.study_file.reading.read_study_file", _raise(KeyboardInterrupt()))
+    assert invoke("run", study).stderr == "stopped by Ctrl-C; nothing was written\n"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from femtune.fem.assemble import assemble
-from femtune.fem.elements.hexa8 import CORNERS as HEXA
-from femtune.fem.elements.penta6 import CORNERS as PENTA
-from femtune.fem.elements.tetra4 import CORNERS as TETRA
-from femtune.testing.shells import Isotropic
-from femtune.testing.solids import Law, SolidPart, solid_structure
+from femtune.fem.elements.solids.hexa8 import CORNERS as HEXA
+from femtune.fem.elements.solids.penta6 import CORNERS as PENTA
+from femtune.fem.elements.solids.tetra4 import CORNERS as TETRA
+from structures.shells import Isotropic
+from structures.solids import Law, SolidPart, solid_structure
 
 PYRAMID = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 1.5]])
 CORNERS = {"hexa8": HEXA, "penta6": PENTA, "tetra4": TETRA, "pyram5": PYRAMID}

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femtune.testing.structures import Part, bars
+from structures.frames import Part, bars
 
 NAMES = ("A", "I1", "I2", "I12", "J", "K1", "K2", "NSM", "NSI", "N1", "N2", "M1", "M2")
 

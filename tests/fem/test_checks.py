@@ -7,7 +7,7 @@ import pytest
 
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import grounding_elements, mass_properties, rigid_body_modes, rigid_motion_checks
-from femtune.testing.structures import bars, bushes, make_structure, masses, scalars
+from structures.frames import bars, bushes, make_structure, masses, scalars
 
 SECTION = {"E": 200.0, "G": 80.0, "A": 3.0, "I1": 0.7, "I2": 0.4, "J": 0.9, "rho": 2.0}
 XYZ = np.array([[0.0, 0.0, 0.0], [2.0, 0.5, 0.0], [2.0, 3.0, 1.0]])

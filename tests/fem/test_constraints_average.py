@@ -10,8 +10,7 @@ import scipy.optimize
 
 from femtune.errors import FemtuneError
 from femtune.fem.checks import rigid_body_modes
-from femtune.fem.constraints import Components
-from femtune.fem.constraints_average import WeightedPoints, average_rows
+from femtune.fem.constraints import Components, WeightedPoints, average_rows
 from femtune.fem.elimination import eliminate
 from femtune.fem.structure import NodeTable
 

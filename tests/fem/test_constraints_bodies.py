@@ -7,13 +7,7 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.fem.checks import rigid_body_modes
-from femtune.fem.constraints import (
-    Components,
-    rigid_body_rows,
-    rigid_element_rows,
-    rigid_plate_rows,
-    rigid_rod_rows,
-)
+from femtune.fem.constraints import Components, rigid_body_rows, rigid_element_rows, rigid_plate_rows, rigid_rod_rows
 from femtune.fem.elimination import eliminate
 from femtune.fem.structure import ConstraintRows, NodeTable
 

@@ -9,7 +9,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.testing.structures import Part, bars, bushes, dense_matrices, make_structure, masses, rods, scalars
+from structures.frames import Part, bars, bushes, dense_matrices, make_structure, masses, rods, scalars
 
 SECTION = {"E": 200.0, "G": 80.0, "A": 3.0, "I1": 0.7, "I2": 0.4, "J": 0.9, "rho": 2.0}
 SHEAR = {"K1": 0.8, "K2": 0.6}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.dofs import Dof
@@ -30,7 +30,6 @@ def equations(
     )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10**6), n=st.integers(4, 30), loops=st.booleans())
 def test_every_equation_is_fulfilled(seed: int, n: int, loops: bool):
     rng = np.random.default_rng(seed)

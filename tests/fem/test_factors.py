@@ -8,10 +8,11 @@ import pytest
 from femtune.errors import FemtuneError
 from femtune.fem import Structure
 from femtune.fem.assemble import assemble
-from femtune.fem.factors import factor_ref, with_factors
+from femtune.fem.factors import with_factors
+from femtune.fem.fields import factor_ref
 from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.structures import bars, make_structure, scalars
+from structures.frames import bars, make_structure, scalars
 
 SECTION = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J": 1.1e-8, "rho": 7850.0, "GE": 0.02}
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]

@@ -11,11 +11,12 @@ from femtune.errors import FemtuneError
 from femtune.fem import FieldRef, Structure
 from femtune.fem.assemble import assemble
 from femtune.fem.elements import contributions
-from femtune.fem.generic import GenericGroup, generic_modes, generic_ref, with_generic
+from femtune.fem.fields import generic_ref
+from femtune.fem.generic import GenericGroup, generic_modes, with_generic
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_contribution
-from femtune.testing.structures import bars, make_structure
+from structures.frames import bars, make_structure
 
 SECTION = {"E": 1.0, "G": 0.4, "A": 3.0, "I1": 1.0, "I2": 0.7, "J": 0.5, "rho": 1.0}
 LINE = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]

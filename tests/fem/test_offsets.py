@@ -17,7 +17,7 @@ from femtune.fem.offsets import settled, with_offsets
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_contribution
-from femtune.testing.structures import bars, make_structure
+from structures.frames import bars, make_structure
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
 PAIRS = [[0, 1], [1, 2]]
@@ -64,6 +64,7 @@ def _refs(card: str, element: int) -> list[FieldRef]:
     return [FieldRef(card, element, f"W{c}{end}") for end in "AB" for c in (1, 2, 3)]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("arms", [ARMS, ALIKE])
 @pytest.mark.parametrize("name", [*PARTS, *SKEW])
@@ -81,6 +82,7 @@ def plain_samples(structure: Structure) -> np.ndarray:
     return structure.values.values[None]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", PARTS)
 def test_other_offsets_give_the_matrices_of_a_deck_with_these(name: str, consistent: bool):
@@ -98,6 +100,7 @@ def test_other_offsets_give_the_matrices_of_a_deck_with_these(name: str, consist
         np.testing.assert_allclose(assemble(moved, kind).toarray(), expected, atol=2e-12 * np.abs(expected).max())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", [*PARTS, *SKEW])
 def test_offsets_that_move_both_ends_alike_are_polynomials(name: str):
     """Contributions of the axis that stays, at other offsets, against a plain element with these."""
@@ -114,6 +117,7 @@ def test_offsets_that_move_both_ends_alike_are_polynomials(name: str):
         np.testing.assert_allclose(assemble(moved, kind).toarray(), expected, atol=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("name", "still"),
     [*((name, True) for name in (*PARTS, *SKEW)), ("bar, shear and pins", False), ("beam", False)],
@@ -132,6 +136,7 @@ def test_derivatives(name: str, still: bool):
         check_contribution(part, {r: values[batch.roles[r][part.at]] for r in part.roles})
 
 
+@pytest.mark.slow
 def test_derivatives_of_many_parameters_are_those_of_few():
     """Beyond as many variables as values the chain rule takes over."""
     structure = with_offsets(_structure(PARTS["bar, shear"](ARMS)), [1])

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from femtune.fem.assemble import assemble
 from femtune.fem.singularities import singular_dofs
 from femtune.fem.structure import NodeTable
-from femtune.testing.structures import bars, make_structure, rods, scalars
+from structures.frames import bars, make_structure, rods, scalars
 
 SECTION = {"E": 200.0, "G": 80.0, "A": 3.0, "I1": 0.7, "I2": 0.4, "J": 0.9, "rho": 2.0}
 

@@ -9,7 +9,7 @@ from femtune.fem.assemble import assemble
 from femtune.fem.elements import contributions
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
-from femtune.testing.structures import bars, dense_matrices, dense_modes, make_structure
+from structures.frames import bars, dense_matrices, dense_modes, make_structure
 
 from .tapered_parts import tapered
 
@@ -26,6 +26,7 @@ def one_value(values: dict[str, float]) -> dict[str, list[float]]:
     return {name: [x] for name, x in values.items()}
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize(
     ("I12", "pins"), [(0.0, ()), (0.0, (5,)), (0.0, (5, 10)), (0.0, (1, 4, 9)), (0.0, (0, 1, 7)), (2e-9, ())]
@@ -153,6 +154,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_derivatives_by_every_role(name: str):
     values = {"A": [2e-4, 3e-4], "I1": [1e-8, 3e-8], "I2": [6e-9, 9e-9], "J": [1e-8, 2e-8], "NSM": [0.1, 0.2],

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError, FemtuneErrors
@@ -36,7 +36,6 @@ def test_what_is_written_is_read_back(tmp_path: Path):
     assert look_up(path, "b").value == 3.0
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.text(max_size=60), st.floats(1e-300, 1e300))
 def test_any_text_and_number_survive(tmp_path_factory: pytest.TempPathFactory, text: str, value: float):
     try:
@@ -60,14 +59,14 @@ def test_any_text_and_number_survive(tmp_path_factory: pytest.TempPathFactory, t
         ("value = 0.0045", 'value = "0.0045"', "'value' is not a finite number"),
         ("value = 0.0045\n", "", "it lacks 'value'"),
         ('of = "material"', 'of = "steel"', "of is 'steel'"),
-        ('name = "eta"', 'name = "a b"', "is no name"),
-        ('name = "eta"', "name = 3", "'name' is no text"),
-        ('date = "2026-11-22"', 'date = "yesterday"', "is no date"),
-        ('date = "2026-11-22"', "date = 2026-11-22", "'date' is no text"),
-        ('fields = ["MAT1 1 GE"]', "fields = []", "fields is no list of texts"),
-        ('fields = ["MAT1 1 GE"]', 'fields = "MAT1 1 GE"', "fields is no list of texts"),
+        ('name = "eta"', 'name = "a b"', "is not a name"),
+        ('name = "eta"', "name = 3", "'name' is not a text"),
+        ('date = "2026-11-22"', 'date = "yesterday"', "is not a date"),
+        ('date = "2026-11-22"', "date = 2026-11-22", "'date' is not a text"),
+        ('fields = ["MAT1 1 GE"]', "fields = []", "fields is not a list of texts"),
+        ('fields = ["MAT1 1 GE"]', 'fields = "MAT1 1 GE"', "fields is not a list of texts"),
         ('unit = ""', 'unti = ""', "did you mean 'unit'?"),
-        ('study = "Frame"', f'study = "{"x" * 501}"', "no text of up to 500 letters"),
+        ('study = "Frame"', f'study = "{"x" * 501}"', "not a text of up to 500 letters"),
     ],
 )
 def test_entries_that_have_no_meaning_are_refused(tmp_path: Path, old: str, new: str, says: str):

@@ -8,12 +8,12 @@ from tests.fem.solid_parts import ANISO, lean
 from tests.fem.tapered_parts import tapered
 
 from femtune.fem.contribution import Contribution
-from femtune.fem.elements import KERNELS, contributions
+from femtune.fem.elements import KINDS, contributions
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
-from femtune.testing.shells import Anisotropic, Isotropic, Section, ShellPart, shell_structure
-from femtune.testing.solids import CARDS, solid_mesh, solid_model
-from femtune.testing.structures import Part, bars, bushes, make_structure, masses, rods, scalars
+from structures.frames import Part, bars, bushes, make_structure, masses, rods, scalars
+from structures.shells import Anisotropic, Isotropic, Section, ShellPart, shell_structure
+from structures.solids import CARDS, solid_mesh, solid_model
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
 PAIRS = [[0, 1], [1, 2]]
@@ -102,9 +102,10 @@ def test_every_kernel_has_a_case():
     kinds = {part.kind for part in CASES.values()} | {_shell(name, False).batches[0].kind for name in SHELLS}
     # tests/fem/elements: test_shear_panel, test_curved_shell; tests/fem/test_generic
     elsewhere = {"shear-panel", "shell-quad8", "shell-tri6", "generic"}
-    assert kinds | set(CARDS) | elsewhere == set(KERNELS)
+    assert kinds | set(CARDS) | elsewhere == set(KINDS)
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", CASES)
 def test_terms(name: str, consistent: bool):
@@ -114,6 +115,7 @@ def test_terms(name: str, consistent: bool):
         check_contribution(term, values)
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("name", SHELLS)
 def test_terms_of_shells(name: str, consistent: bool):
@@ -125,6 +127,7 @@ def test_terms_of_shells(name: str, consistent: bool):
     assert ("z0" in {role for term, _ in terms for role in term.roles}) == (SECTIONS[SHELLS[name][2]].z0 is not None)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("material", [STEEL, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", CARDS)
 def test_terms_of_solids(kind: str, material):

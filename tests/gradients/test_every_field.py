@@ -29,6 +29,8 @@ from .field_decks import DECKS
 
 # the ends of bars are values only where a parameter names them: tests/fem/test_offsets.py moves them
 CARDS = [kind.name for kind in CATALOGUE.values() if kind.values and kind.name not in ("CBAR", "CBEAM")]
+# their many stations take a third of the time of all cards
+TAPERED = ("PBEAM", "PBEAML", "PBCOMP")
 KINDS = ("stiffness", "mass", "viscous", "hysteretic")
 # fields of a card that are parameters of one model, so that their mixed second derivatives are checked too
 TOGETHER = 3
@@ -84,8 +86,11 @@ def point_of(built: BuiltModel, refs: list[FieldRef], relative: bool) -> ModelPo
     return model.at(X[: len(refs)])
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("relative", [True, False])
-@pytest.mark.parametrize("card", [*CARDS, "PARAM"])
+@pytest.mark.parametrize(
+    "card", [*(pytest.param(c, marks=pytest.mark.slow) if c in TAPERED else c for c in CARDS), "PARAM"]
+)
 def test_derivatives_of_every_field(card: str, relative: bool, built: dict[str, BuiltModel]):
     fields = {"lines": [FieldRef("PARAM", 0, "G")]} if card == "PARAM" else fields_of(card, built)
     for deck, refs in fields.items():
@@ -97,6 +102,7 @@ def test_derivatives_of_every_field(card: str, relative: bool, built: dict[str, 
                 assert max(sizes) > 0.0, f"nothing depends on {ref}"
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("card", CARDS)
 def test_a_deck_written_at_other_values_has_the_matrices_of_the_parameters(
     card: str, built: dict[str, BuiltModel], tmp_path: Path

@@ -45,6 +45,7 @@ def built(folder: Path, section: str) -> BuiltModel:
     return build_structure(read_deck(path))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", CASES)
 def test_matrices(name: str, tmp_path: Path):
     section, fields = CASES[name]
@@ -59,6 +60,7 @@ def test_matrices(name: str, tmp_path: Path):
     check_matrix_derivatives(point)
 
 
+@pytest.mark.slow
 def test_terms_stay_few(tmp_path: Path):
     """Thirty plies make as many terms as five: those of the laws' entries."""
     counts = []

@@ -25,8 +25,8 @@ from femtune.testing import (
     check_model,
     check_simple_mode,
 )
-from femtune.testing.springs import factor_model, spring_structure
-from femtune.testing.structures import bars, make_structure, masses
+from structures.frames import bars, make_structure, masses
+from structures.springs import factor_model, spring_structure
 
 SECTION = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J": 1.1e-8, "rho": 7850.0}
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (0, 2, 150.0)]

@@ -8,7 +8,7 @@ from femtune.fem import FieldRef
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_matrix_derivatives
-from femtune.testing.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
 
 FIELDS = {
     "E": ("MAT1", "E"), "nu": ("MAT1", "NU"), "rho": ("MAT1", "RHO"),

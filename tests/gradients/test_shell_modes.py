@@ -23,16 +23,7 @@ from femtune.model import (
 )
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_derivative_equation, check_directional, check_simple_mode, check_taylor_slope
-from femtune.testing.shells import (
-    Isotropic,
-    Section,
-    ShellPart,
-    cylinder,
-    dofs_of,
-    rectangle,
-    shell_mesh,
-    shell_structure,
-)
+from structures.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, rectangle, shell_mesh, shell_structure
 
 from .field_decks import DECKS
 
@@ -111,11 +102,13 @@ def plate(tmp_path_factory: pytest.TempPathFactory) -> tuple[ConfiguredModel, Ei
     return model, solve_modes(model.at(at(model)), 10)
 
 
+@pytest.mark.slow
 def test_the_derivative_equation_holds_on_a_stiffened_plate(plate: tuple[ConfiguredModel, EigenSolution]):
     for j in range(8):
         check_derivative_equation(plate[1], [j])
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_stiffened_plate_follow_their_gradients(plate: tuple[ConfiguredModel, EigenSolution]):
     model, solution = plate
     slopes = np.array([subspace_derivative(solution, [j]).eigenvalue_gradient for j in range(8)])
@@ -166,6 +159,7 @@ def branches(solution: EigenSolution, pair: list[int], x: np.ndarray) -> np.ndar
 DIRECTIONS = [np.array(d) for d in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, -0.5, 0.8])]
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=str)
 def test_the_branches_of_a_double_mode_have_the_slopes_of_the_small_matrix(
     repeated: tuple[EigenSolution, list[int]], direction: np.ndarray
@@ -180,6 +174,7 @@ def test_the_branches_of_a_double_mode_have_the_slopes_of_the_small_matrix(
     np.testing.assert_allclose(found, slopes, atol=1e-6 * abs(slopes).max())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("direction", DIRECTIONS, ids=str)
 def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolution, list[int]], direction: np.ndarray):
     """Φ Φᵀf of some forces f, and the sum of both eigenvalues: neither depends on the choice of vectors."""
@@ -202,6 +197,7 @@ def test_functions_of_the_subspace_of_a_double_mode(repeated: tuple[EigenSolutio
     )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("field", ["PSHELL 1 T", "CQUAD4 1 ZOFFS", "PBARL 2 DIM2", "PBUSH 4 K1", "MAT1 1 NU"])
 def test_a_written_deck_has_the_frequencies_that_the_derivatives_foretell(field: str, tmp_path: Path):
     """The field as it was written, read and solved again: the change is that of the derivative, with slope 2."""
@@ -225,6 +221,7 @@ def test_a_written_deck_has_the_frequencies_that_the_derivatives_foretell(field:
     assert np.allclose(np.log2(rest[0][clear] / rest[1][clear]), 2.0, atol=0.1)
 
 
+@pytest.mark.slow
 def test_simple_modes_of_curved_shells(tmp_path: Path):
     """CQUAD8 and CTRIA6 with corner thicknesses, an offset, a coupling law and plies, by complex steps."""
     path = tmp_path / "curved.bdf"

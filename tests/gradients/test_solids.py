@@ -11,8 +11,8 @@ from femtune.model import Configuration, configure, parametric_model, solve_mode
 from femtune.model.parametric import Assignment
 from femtune.model.products import derivative_energies
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, dofs_of
-from femtune.testing.solids import Law, solid_mesh, solid_model
+from structures.shells import Isotropic, dofs_of
+from structures.solids import Law, solid_mesh, solid_model
 
 PLY_LAW = np.diag([200.0, 120.0, 90.0, 50.0, 40.0, 30.0]) + 35.0 * np.kron([[1, 0], [0, 0]], 1.0 - np.eye(3))
 FIELDS = {
@@ -21,6 +21,7 @@ FIELDS = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("law", FIELDS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_of_eigenvalues(kind: str, law: str):

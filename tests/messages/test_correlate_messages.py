@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
-from femtune.correlate import GeneralisedSensor, correlate, map_sensors, no_pairs, pair_modes, rigid_motion_sensor
+from femtune.correlation import GeneralisedSensor, correlate, map_sensors, no_pairs, pair_modes, rigid_motion_sensor
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable, Structure
@@ -18,7 +17,6 @@ from femtune.modal import ModeSet, cross_orthogonality, mac, rotate_to
 from femtune.testdata import ModalTest, Sensor
 from femtune.units import SI
 
-_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
 _EYE = np.eye(4)
 _UP = (0.0, 0.0, 1.0)
 
@@ -104,10 +102,7 @@ def _said(case: Callable[[], object]) -> str:
 
 @pytest.mark.parametrize("code", sorted(_CASES))
 def test_the_page_shows_the_message(code: str) -> None:
-    page = (_PAGES / f"{code}.md").read_text(encoding="utf-8")
-    example = re.search(r"```text\n(.*?)\n```", page, re.DOTALL)
-    assert example is not None
-    assert example[1] == _said(_CASES[code])
+    check_shown(code, _said(_CASES[code]))
 
 
 def test_a_unit_mistake_is_guessed() -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.study.journal import open_journal
-from femtune.study.journal_entry import Entry
+from femtune.journal.entry import Entry
+from femtune.journal.journal import open_journal
 from femtune.study.run_lock import LOCK_FILE, locked
 
 ENTRY = Entry({"shapes": np.zeros(1000)}, {})
@@ -30,15 +31,7 @@ def test_a_lock_of_another_machine(tmp_path: Path) -> None:
     (tmp_path / LOCK_FILE).write_text(json.dumps(signed))
     with pytest.raises(FemtuneError) as caught, locked(tmp_path):
         pass
-    assert str(caught.value).replace(str(tmp_path), "RUN") == (
-        "[run.locked] another run is at work in this run folder\n"
-        "  at RUN/running.lock\n"
-        "  process = 4711\n"
-        "  host = node12\n"
-        "  since = 2026-03-02T08:15:00+00:00\n\n"
-        "hint: wait for it to end, or choose another folder with --output; "
-        "if that run on node12 has ended, remove running.lock"
-    )
+    check_shown("run.locked", str(caught.value).replace(str(tmp_path), "RUN"))
 
 
 def test_a_lock_of_this_machine(tmp_path: Path) -> None:
@@ -49,25 +42,14 @@ def test_a_lock_of_this_machine(tmp_path: Path) -> None:
 
 
 def test_damaged_entries(tmp_path: Path) -> None:
-    assert _notices(tmp_path, 1.0, "01") == (
-        "[journal.damaged] an entry of the journal was damaged and has been solved again; "
-        "modes-01.npz: File is not a zip file at RUN/journal"
-    )
-    assert _notices(tmp_path, 1.0, "01", "02") == (
-        "[journal.damaged] 2 entries of the journal were damaged and have been solved again; "
-        "the first, modes-01.npz: File is not a zip file at RUN/journal"
-    )
+    check_shown("journal.damaged, damaged entries", _notices(tmp_path, 1.0, "01"))
+    check_shown("journal.damaged, damaged entries 2", _notices(tmp_path, 1.0, "01", "02"))
 
 
 def test_a_full_journal(tmp_path: Path) -> None:
-    assert _notices(tmp_path, 1e-6) == (
-        "[journal.full] the journal has reached its 9.99e-07 GiB; what was solved afterwards is not kept. "
-        "--fresh empties it, journal_gib in [study] lets it grow at RUN/journal"
-    )
+    check_shown("journal.full", _notices(tmp_path, 1e-6))
 
 
 def test_a_journal_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "journal").touch()
-    assert _notices(tmp_path) == (
-        "[journal.unwritable] the journal cannot be written (File exists); the run went on without it at RUN/journal"
-    )
+    check_shown("journal.unwritable", _notices(tmp_path))

@@ -47,8 +47,8 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ('[response]\ninputs = ["2Z+"]\n', "response.no-lines", 8, "frequency lines of the responses are not given"),
         (f'[response]\ninputs = ["3Z+"]\n{_LINES}', "model.unknown-node", 9, "grid point 3 does not exist"),
         (f'[response]\ninputs = ["2S+"]\n{_LINES}', "model.component", 9, "has no component 0"),
-        (f'[response]\ninputs = ["1RX+"]\n{_LINES}', "response.held-port", 9, "1RX+ is held"),
-        (f'[response]\ninputs = ["2Z+", "2Z-"]\n{_LINES}', "dof.duplicate", 9, "stands twice"),
+        (f'[response]\ninputs = ["1RX+"]\n{_LINES}', "response.held-port", 9, "1RX+ is constrained"),
+        (f'[response]\ninputs = ["2Z+", "2Z-"]\n{_LINES}', "dof.duplicate", 9, "is given twice"),
         (f'[response]\ninputs = ["2Z"]\n{_LINES}', "dof.syntax", 9, "not a degree of freedom"),
         ('[response]\nfrom_hz = 9.0\nto_hz = 1.0\nlines = 3\n', "study.response-lines", 10, "do not rise"),
         ('[response]\nstep_hz = 1.0\n', "study.response-lines", 9, "'step_hz' needs from_hz and to_hz"),
@@ -90,7 +90,7 @@ def test_zero_hertz_of_a_free_structure(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK.replace("ENDDATA", "SPC1,1,4,1\nENDDATA").replace("CEND", "CEND\nSPC = 1"))
     options = {"inputs": ("2Z+",), "from_hz": 0.0, "to_hz": 2.0, "lines": 3, "ratio": 0.01}
     with pytest.raises(FemtuneError, match="at 0 Hz the structure moves without resistance") as caught:
-        steps.respond(tmp_path / "beam.bdf", options=options)
+        steps.respond(tmp_path / "beam.bdf", **options)
     assert caught.value.code == "response.free-at-zero"
 
 
@@ -100,7 +100,7 @@ def test_zero_hertz_of_free_masses_with_modal_damping(tmp_path: Path, method: st
     (tmp_path / "free.bdf").write_text(deck + "CMASS2,2,2.,2,1\nCMASS2,5,6.,1,1\nCDAMP2,3,4.,1,1,2,1\nENDDATA\n")
     options = {"inputs": ("2X+",), "from_hz": 0.0, "to_hz": 2.0, "lines": 3, "ratio": 0.02, "method": method}
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "free.bdf", options=options)
+        steps.respond(tmp_path / "free.bdf", **options)
     assert caught.value.code == "response.free-at-zero"
 
 
@@ -109,7 +109,7 @@ def test_two_files_of_one_name(tmp_path: Path) -> None:
     options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
     one = tmp_path / "a.uff"
     with pytest.raises(FemtuneError, match="another one that is to be written") as caught:
-        steps.respond_report(tmp_path / "beam.bdf", one, options=options, uff=one, units="m-kg-s")
+        steps.respond(tmp_path / "beam.bdf", report=one, **options, uff=one, units="m-kg-s")
     assert caught.value.code == "write.overwrites-input"
     assert not one.exists()
 
@@ -129,7 +129,7 @@ def test_negative_damping_is_told(tmp_path: Path) -> None:
     options = {"inputs": ("2X+",), "from_hz": 1.0, "to_hz": 9.0, "lines": 9}
     for sign, told in (("-4.", ["response.unstable"]), ("4.", [])):
         (tmp_path / "one.bdf").write_text(deck.replace("-4.", sign))
-        (found,) = steps.respond(tmp_path / "one.bdf", options=options)
+        (found,) = steps.respond(tmp_path / "one.bdf", **options)
         assert [a.code for a in found.alerts] == told
         assert [p.freq_hz for p in found.poles] == ([pytest.approx(20.0 / 6.283185307179586)] if told else [])
 
@@ -138,10 +138,10 @@ def test_a_universal_file_of_a_deck_needs_units(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK)
     options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "beam.bdf", options=options, uff=tmp_path / "a.uff")
+        steps.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "a.uff")
     assert caught.value.code == "response.units-needed"
     with pytest.raises(FemtuneError) as caught:
-        steps.respond(tmp_path / "beam.bdf", options=options, uff=tmp_path / "beam.bdf", units="m-kg-s")
+        steps.respond(tmp_path / "beam.bdf", **options, uff=tmp_path / "beam.bdf", units="m-kg-s")
     assert caught.value.code == "write.overwrites-input"
     error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', units="mm-t-s")
     assert error.code == "response.units-given"
@@ -150,9 +150,9 @@ def test_a_universal_file_of_a_deck_needs_units(tmp_path: Path) -> None:
 
 
 def test_an_option_does_not_point_to_the_line_that_it_replaces(tmp_path: Path) -> None:
-    error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', options={"inputs": ("8Z+",)})
+    error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', inputs=("8Z+",))
     assert error.code == "model.unknown-node"
     assert error.where is not None
     assert error.where.line == 8
-    error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', options={"kind": "inertance"})
+    error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', kind="inertance")
     assert (error.code, error.where and error.where.file) == ("study.value", "command line")

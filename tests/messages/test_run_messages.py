@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
-from femtune.study.run_folder import check_writable, read_results
+from femtune.results.folder import check_writable, read_results
 
 
 def _message(folder: Path) -> str:
@@ -17,20 +18,12 @@ def _message(folder: Path) -> str:
 
 
 def test_no_run_folder(tmp_path: Path) -> None:
-    assert _message(tmp_path) == (
-        "[run.missing] this is no run folder: results.json cannot be read (No such file or directory)\n"
-        "  at RUN/results.json\n\n"
-        "hint: name a folder that `femtune run` wrote"
-    )
+    check_shown("run.missing", _message(tmp_path))
 
 
 def test_another_version(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text('{"schema_version": "7"}')
-    assert _message(tmp_path) == (
-        "[run.version] the results are of schema version 7; this femtune reads version 1\n"
-        "  at RUN/results.json (schema_version)\n\n"
-        "hint: read them with the version of femtune that wrote them, or run the study again"
-    )
+    check_shown("run.version", _message(tmp_path))
 
 
 def test_a_cut_file(tmp_path: Path) -> None:
@@ -44,11 +37,7 @@ def test_an_unwritable_folder(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FemtuneError) as caught:
         check_writable(tmp_path / "file" / "run")
-    assert str(caught.value).replace(str(tmp_path), "RUN") == (
-        "[run.unwritable] the run folder cannot be written: file is a file, not a folder\n"
-        "  at RUN/file/run\n\n"
-        "hint: choose another folder, or give yourself the right to write there"
-    )
+    check_shown("run.unwritable, an unwritable folder", str(caught.value).replace(str(tmp_path), "RUN"))
 
 
 @pytest.mark.parametrize(("name", "says"), [("a\x00b", "null"), ("a" * 5000, "too long")])

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 import scipy.sparse as sp
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.model.distributed import exchange, launch, processes
-from femtune.model.eigen_slepc import small_for_slepc
-from femtune.model.symmetric import symmetric
+from femtune.model.eigen.slepc import small_for_slepc
+from femtune.model.linear.symmetric import symmetric
 
-_PAGES = Path(__file__).resolve().parents[2] / "docs" / "errors"
 _SAID = """Traceback (most recent call last):
 petsc4py.PETSc.Error: error code 76
 MUMPS error in numerical factorization phase: INFOG(1)=-9, INFO(2)=4711
@@ -37,7 +37,7 @@ def _failed(folder: Path) -> None:
 
 
 def _short(folder: Path) -> None:
-    raise exchange.no_result("8 rows of shapes came back for 9 DOFs")
+    raise exchange.no_result("slepc.no-result/read-shapes", filled=8, size=9)
 
 
 def _late(folder: Path) -> None:
@@ -48,7 +48,7 @@ def _late(folder: Path) -> None:
 def test_notice_of_a_small_model_is_the_example_of_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FEMTUNE_EIGENSOLVER", "slepc")
     (notice,) = small_for_slepc(symmetric(sp.eye_array(9)))
-    assert str(notice) in (_PAGES / "slepc.not-used.md").read_text(encoding="utf-8")
+    check_shown("slepc.not-used", notice)
 
 
 CASES: dict[str, Callable[[Path], object]] = {
@@ -66,6 +66,4 @@ def test_message_is_the_example_of_its_page(code: str, tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         CASES[code](tmp_path)
     assert caught.value.code == code
-    page = (_PAGES / f"{code}.md").read_text(encoding="utf-8")
-    assert page.startswith(f"# `{code}`")
-    assert str(caught.value) in page
+    check_shown(code, str(caught.value))

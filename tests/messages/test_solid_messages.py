@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.fem.elements import contributions
-from femtune.testing.shells import Isotropic
-from femtune.testing.solids import SolidPart, solid_structure
+from structures.shells import Isotropic
+from structures.solids import SolidPart, solid_structure
 
-_PAGE = Path(__file__).resolve().parents[2] / "docs" / "errors" / "element.solid-shape.md"
 _MATERIAL = Isotropic(200.0, 0.3)
 _CUBE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 _WEDGE, _TETRA = _CUBE[[0, 1, 3, 4, 5, 7]], _CUBE[[0, 1, 3, 4]]
@@ -42,7 +40,7 @@ def test_the_page_shows_the_message():
     structure = solid_structure([*xyz], [SolidPart("hexa8", [list(range(8))], _MATERIAL)])
     with pytest.raises(FemtuneError) as caught:
         contributions(structure.batches[0], structure)
-    assert str(caught.value).replace("CHEXA 1\n", "CHEXA 12\n") in _PAGE.read_text(encoding="utf-8")
+    check_shown("element.solid-shape", str(caught.value).replace("CHEXA 1\n", "CHEXA 12\n"))
 
 
 @pytest.mark.parametrize("kind", _SOUND)
@@ -81,7 +79,7 @@ def test_a_flat_solid(kind: str):
 def test_a_corner_turned_inside_out_is_named(kind: str, corner: int, place):
     text = str(refusal(kind, moved(_SOUND[kind], corner, place)))
     n = len(_SOUND[kind])
-    assert f"inside out at its corner {corner + 1} (grid point {n + corner + 1})" in text
+    assert f"inverted at its corner {corner + 1} (grid point {n + corner + 1})" in text
 
 
 @pytest.mark.parametrize(("kind", "order"), [("hexa8", [0, 1, 3, 2, 4, 5, 7, 6]), ("penta6", [0, 1, 2, 3, 5, 4])])

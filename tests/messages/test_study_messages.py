@@ -155,7 +155,7 @@ def _no_mass(f: Files) -> None:
 CASES = (
     # the deck
     Case("deck.truncated", lambda f: f.cut("beam.bdf", DECK.index("CBAR    2") + 30),
-         "beam.bdf", 13, "in the middle of a line", "cut"),
+         "beam.bdf", 13, "in the middle of a line", "truncated"),
     Case("deck.no-points", lambda f: f.cut("beam.bdf", 0), "beam.bdf", None, "neither grid points", "bulk data"),
     Case("deck.unknown-property", lambda f: f.deck("CBAR    2       2 ", "CBAR    2       7 "),
          "beam.bdf", 13, "property 7", "known: 1, 2"),
@@ -167,12 +167,12 @@ CASES = (
          lambda f: f.deck("CONM2 ", "CQUADR  20      1       1       2       3       1\nCONM2 "),
          "beam.bdf", 14, "1 CQUADR", 'allow_ignored = ["CQUADR"]'),
     Case("eigen.mechanism", lambda f: f.deck(FREE, "SPC1    1       12356   1"),
-         "beam.bdf", 5, "1RX, 2RX, 3RX", "hold these DOFs"),
+         "beam.bdf", 5, "1RX, 2RX, 3RX", "constrain these DOFs"),
     Case("eigen.no-dofs", lambda f: f.deck(FREE, FREE + "       THRU    3"),
-         "beam.bdf", None, "every DOF is held", "remove supports"),
+         "beam.bdf", None, "every DOF is constrained", "remove supports"),
     Case("eigen.no-mass", _no_mass, "beam.bdf", None, "no mass", "density"),
     # the test
-    Case("uff.truncated", lambda f: f.cut("beam.uff", -60), "beam.uff", 40, "ends inside data set 55", "cut"),
+    Case("uff.truncated", lambda f: f.cut("beam.uff", -60), "beam.uff", 40, "ends inside data set 55", "truncated"),
     Case("uff.no-units", _without_units, "beam.uff", None, "no data set 164", 'test_units = "m-kg-s"'),
     Case("uff.units-contradict", lambda f: f.configuration('test_units = "mm-t-s"'),
          "beam.uff", 1, "length in data set 164 = 1 m", "units of the test"),
@@ -180,7 +180,7 @@ CASES = (
     Case("uff.no-record", lambda f: f.configuration('records = "right wing"'),
          "beam.uff", 14, "left wing", "leave records out"),
     Case("uff.not-uff", lambda f: (f.folder / "beam.uff").write_text("hello"),
-         "beam.uff", None, "no Universal File", "export"),
+         "beam.uff", None, "not a Universal File", "export"),
     Case("study.no-test", _no_modes, "study.toml", None, "beam.uff has no modes", "data sets 55"),
     Case("sensor.unmatched", lambda f: f.test(lift=0.1),
          "study.toml", 11, "3Y+ = at (1, 0.1, 0), nearest grid point 3, distance 0.1", "tolerance"),
@@ -235,7 +235,7 @@ CASES = (
     Case("model.component", lambda f: f.tail('[[sensor]]\nname = "2Y+"\nterms = [{ node = 3, component = "S" }]\n'),
          "study.toml", 21, "no component 0", "RX RY RZ"),
     Case("residual.no-scatter", lambda f: f.tail('[residuals]\nfrequency_sd = "test"\n'),
-         "study.toml", 20, "no scatter for mode 1", "a number"),
+         "study.toml", 20, "no standard deviation of the frequency of mode 1", "a number"),
     # the run folder
     Case("run.unwritable", lambda f: (f.folder / "run").write_text("a file"),
          "run", None, "run is a file, not a folder", "another folder"),

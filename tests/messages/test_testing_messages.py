@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.testing.subframe import subframe
+from structures.subframe import subframe
 
 
+@pytest.mark.slow
 def test_too_few_degrees_of_freedom_say_how_many_there_could_be() -> None:
     with pytest.raises(FemtuneError) as caught:
         subframe(1000)

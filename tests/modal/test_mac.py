@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError
 from femtune.modal import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
-from femtune.modal.mac import mac_where_defined, motion_agreement
+from femtune.modal.shape_criteria import mac_where_defined, motion_agreement
 
 NAN = np.nan
 

@@ -12,10 +12,11 @@ from femtune.fem import FieldRef, Structure
 from femtune.fem.assemble import assemble
 from femtune.fem.constraints import rigid_body_rows
 from femtune.fem.elements import contributions, pieces
-from femtune.model import Assignment, Configuration, ModelPoint, configure, memory, parametric_model, spread
+from femtune.model import Assignment, Configuration, ModelPoint, configure, parametric_model, spread
+from femtune.model.linear import memory
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
-from femtune.testing.structures import make_structure, masses, rods, scalars
+from structures.frames import make_structure, masses, rods, scalars
+from structures.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
 
 EVERY = (1, 2, 3, 4, 5, 6)
 STEP = 1e-30
@@ -59,6 +60,7 @@ def slowly(point: ModelPoint, kind: str) -> np.ndarray:
     return T.T @ assemble(replace(structure, values=values), kind).toarray() @ T  # type: ignore[arg-type]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("cells", ["quad", "union"])
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("kind", ["stiffness", "mass"])
@@ -92,6 +94,7 @@ def test_poissons_ratio_keeps_what_it_tells_apart() -> None:
     assert stiffness.term.n_columns == 7
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", ["stiffness", "mass", "hysteretic"])
 def test_folded_terms_have_exact_derivatives(kind: str) -> None:
     point = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
@@ -125,8 +128,8 @@ def test_pieces_are_the_whole_batch() -> None:
 def test_small_pieces_give_the_same_model(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regions, coefficients and slots that span pieces."""
     whole = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
-    monkeypatch.setattr("femtune.fem.elements.shell.CHUNK", 5)
-    monkeypatch.setattr("femtune.fem.elements.PIECE", 1)
+    monkeypatch.setattr("femtune.fem.elements.shells.flat.CHUNK", 5)
+    monkeypatch.setattr("femtune.fem.elements.kernels.PIECE", 1)
     parts = model(shells(loss=0.02), nu="MAT1 1 NU", **THREE)
     for kind in ("stiffness", "mass", "hysteretic"):
         a, b = (getattr(p, kind).toarray() for p in (whole, parts))
@@ -139,8 +142,8 @@ def test_small_pieces_give_the_same_model(monkeypatch: pytest.MonkeyPatch) -> No
 def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) -> None:
     monkeypatch.setattr(spread, "PASSES", passes)
     monkeypatch.setattr(spread, "AT_ONCE", 1000)
-    monkeypatch.setattr("femtune.model.free_elements.AT_ONCE", 1000)
-    monkeypatch.setattr("femtune.model.pattern.SORTED", 1500)
+    monkeypatch.setattr("femtune.model.projection.AT_ONCE", 1000)
+    monkeypatch.setattr("femtune.model.projection.SORTED", 1500)
     point = model(shells("union"), **THREE)
     exact = slowly(point, "stiffness")
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
@@ -183,6 +186,7 @@ def test_a_model_that_does_not_fit_is_refused_before_it_is_made(monkeypatch: pyt
     structure = shells()
     ready = parametric_model(structure, ParameterSet(()), ())
     monkeypatch.setattr(memory, "free_memory", lambda: 10_000)
+    monkeypatch.setattr(memory, "NEGLIGIBLE_BYTES", 0)
     with pytest.raises(FemtuneError, match="memory") as caught:
         parametric_model(structure, ParameterSet(()), ())
     assert caught.value.code == "model.memory"

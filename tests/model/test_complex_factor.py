@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.model import available_solvers
-from femtune.model.factorise import factorise
+from femtune.model.solvers.factorise import factorise
 
 
 @pytest.mark.parametrize("solver", available_solvers())

@@ -22,24 +22,34 @@ from femtune.model import (
     EigenSolution,
     SubspaceDerivative,
     configure,
-    derivatives,
     derivatives_by_parameter,
-    dual_basis,
-    dual_derivatives,
     eigenvalue_derivatives,
-    mode_derivatives,
     parametric_model,
     sensor_derivatives,
     solve_modes,
-    streamed_derivatives,
     subspace_derivative,
 )
-from femtune.model.derivatives import Complement, complement, deflated_factor, exact_derivative
+from femtune.model.derivatives import (
+    chosen as mode_derivatives,
+)
+from femtune.model.derivatives import (
+    modes as derivatives,
+)
+from femtune.model.derivatives import (
+    sensors as dual_basis,
+)
+from femtune.model.derivatives import (
+    sensors as dual_derivatives,
+)
+from femtune.model.derivatives import (
+    streamed as streamed_derivatives,
+)
+from femtune.model.derivatives.modes import Complement, complement, deflated_factor, exact_derivative
 from femtune.parameters import Parameter, ParameterSet
 from femtune.testing import check_directional, check_taylor_slope
-from femtune.testing.shells import Isotropic, Section, ShellPart, dofs_of, rectangle, shell_mesh, shell_structure
-from femtune.testing.springs import factor_model, sensor_rows, spring_structure
-from femtune.testing.subframe import subframe, write_subframe
+from structures.shells import Isotropic, Section, ShellPart, dofs_of, rectangle, shell_mesh, shell_structure
+from structures.springs import factor_model, sensor_rows, spring_structure
+from structures.subframe import subframe, write_subframe
 
 PARAMETERS = (
     "PSHELL 1 T", "PSHELL 3 T", "PSHELL 6 T", "MAT1 1 E", "MAT1 4 E", "MAT1 2 RHO", "PBAR 20 A",
@@ -80,6 +90,7 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> tuple[EigenSolution, sp.c
 CLUSTERS = [list(range(6)), [6], [8, 9], [12], [WANTED - 1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_the_dual_way_keeps_its_tolerance_and_tells_its_error(
     frame: tuple[EigenSolution, sp.csr_array], tolerance: float
@@ -95,6 +106,7 @@ def test_the_dual_way_keeps_its_tolerance_and_tells_its_error(
         assert some.error >= 0.1 * error
 
 
+@pytest.mark.slow
 def test_sensors_are_solved_for_a_few_times_whatever_the_number_of_parameters(
     frame: tuple[EigenSolution, sp.csr_array],
 ) -> None:
@@ -117,6 +129,7 @@ def test_small_matrices_and_eigenvalues(frame: tuple[EigenSolution, sp.csr_array
             np.testing.assert_allclose(slopes[cluster[0]], exact.eigenvalue_gradient, atol=1e-9 * size)
 
 
+@pytest.mark.slow
 def test_a_shift_among_the_modes_serves_as_well(
     frame: tuple[EigenSolution, sp.csr_array], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -134,6 +147,7 @@ def test_a_shift_among_the_modes_serves_as_well(
         assert true_error(exact_derivative(again, [j], rows), expected) <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_solution_from_file_gives_the_same_bits(frame: tuple[EigenSolution, sp.csr_array]) -> None:
     solution, rows = frame
     kept = replace(solution, known_factor=None, sturm_factor=None)
@@ -142,6 +156,7 @@ def test_a_solution_from_file_gives_the_same_bits(frame: tuple[EigenSolution, sp
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
+@pytest.mark.slow
 def test_whole_fields_one_parameter_at_a_time(frame: tuple[EigenSolution, sp.csr_array]) -> None:
     solution, _ = frame
     clusters = [[6], [8, 9], [15]]
@@ -188,6 +203,7 @@ def large(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return made
 
 
+@pytest.mark.slow
 def test_all_clusters_share_one_dual_space(frame: tuple[EigenSolution, sp.csr_array], large: list[int]) -> None:
     solution, rows = replace(frame[0]), frame[1]
     found = [subspace_derivative(solution, cluster, rows) for cluster in CLUSTERS]
@@ -197,6 +213,7 @@ def test_all_clusters_share_one_dual_space(frame: tuple[EigenSolution, sp.csr_ar
     assert large == [60, 30]
 
 
+@pytest.mark.slow
 def test_many_rows_and_modes_at_the_end_are_exact(frame: tuple[EigenSolution, sp.csr_array], large: list[int]) -> None:
     solution, rows = frame
     for members, seen in (([6], None), ([6], sp.eye_array(len(solution.shapes), format="csr")), ([WANTED], rows)):
@@ -207,6 +224,7 @@ def test_many_rows_and_modes_at_the_end_are_exact(frame: tuple[EigenSolution, sp
     assert large == []
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_of_a_solution_that_is_gone(frame: tuple[EigenSolution, sp.csr_array]) -> None:
     solution = replace(frame[0])
     sensor_derivatives(solution, frame[1], 1e-2)

@@ -9,12 +9,13 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.model import ModelPoint, derivatives_digest, digest, matrices_digest
-from femtune.model.digest import Part
-from femtune.testing.springs import factor_model, spring_structure
+from femtune.model.digests import Part
+from structures.springs import factor_model, spring_structure
 
 MATRIX = sp.csr_array(np.array([[1.0, 0.0], [2.0, 3.0]]))
 
 
+@pytest.mark.quick(40)
 @pytest.mark.parametrize(
     ("one", "other"),
     list(combinations([

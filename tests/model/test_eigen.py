@@ -9,22 +9,14 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
 from femtune.fem import Structure
-from femtune.model import (
-    Configuration,
-    EigenSolution,
-    ModelPoint,
-    configure,
-    eigenpairs,
-    factorise,
-    krylov,
-    parametric_model,
-    solve_modes,
-    sturm,
-)
-from femtune.model import eigen as eigen_module
+from femtune.model import Configuration, EigenSolution, ModelPoint, configure, parametric_model, solve_modes
+from femtune.model.eigen import krylov, sturm
+from femtune.model.eigen import pairs as eigenpairs
+from femtune.model.eigen import solution as eigen_module
+from femtune.model.solvers import factorise
 from femtune.parameters import ParameterSet
-from femtune.testing.springs import spring_structure
-from femtune.testing.structures import bars, bushes, make_structure, masses, scalars
+from structures.frames import bars, bushes, make_structure, masses, scalars
+from structures.springs import spring_structure
 
 STEEL = {"E": 2.1e11, "G": 8.1e10, "A": 2e-4, "I1": 1.5e-8, "I2": 6e-9, "J": 1.1e-8, "rho": 7850.0}
 
@@ -104,6 +96,7 @@ def ring(n: int) -> ModelPoint:
     return springs([(i, (i + 1) % n, 40.0) for i in range(n)] + [(-1, i, 10.0) for i in range(n)], [1.0] * n)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("n", [6, 450])
 def test_repeated_modes_at_the_end_are_kept_whole(n: int):
     theory = np.sort(10.0 + 80.0 * (1.0 - np.cos(2 * np.pi * np.arange(n) / n)))
@@ -113,6 +106,7 @@ def test_repeated_modes_at_the_end_are_kept_whole(n: int):
         np.testing.assert_allclose(found, theory[: len(found)], rtol=1e-8)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("n", [40, 500])
 def test_dozens_of_equal_oscillators(n: int):
     """Forty equal modes above one lower: more than the first extra modes hold."""
@@ -170,6 +164,7 @@ def mechanism(n: int) -> ModelPoint:
     return springs(links, [1.0] * n + [0.0] * 3)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("n", [5, 450, 3200])
 def test_a_massless_mechanism_names_its_dofs(n: int):
     with pytest.raises(FemtuneError) as caught:
@@ -204,6 +199,7 @@ def test_nothing_free_and_no_mass():
     assert caught.value.code == "eigen.no-mass"
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("k", [-1.0, -1e-3, -50.0])
 @pytest.mark.parametrize("n", [4, 450])
 def test_negative_stiffness_is_refused(k: float, n: int):
@@ -225,6 +221,7 @@ def test_sizes_whose_products_overflow_are_refused(n: int, k: float, m: float):
     assert caught.value.values["largest mass"] == f"{m:g}"
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize(("k", "m"), [(1.0, 1e70), (1e70, 1.0), (1e-35, 1e35), (1e80, 1e80), (1e-80, 1e-80)])
 @pytest.mark.parametrize("n", [4, 450])
 def test_any_other_unit_serves(n: int, k: float, m: float):
@@ -280,8 +277,8 @@ def test_inaccurate_modes_are_refused(monkeypatch: pytest.MonkeyPatch):
 
 def test_an_iteration_that_does_not_converge(monkeypatch: pytest.MonkeyPatch):
     """A basis with room for little more than the modes, and no patience."""
-    monkeypatch.setattr(krylov.iteration, "_most", lambda operator, count, block: count + 2 * block)
-    monkeypatch.setattr(krylov.iteration, "_MOST_RESTARTS", 1)
+    monkeypatch.setattr(krylov, "_most", lambda operator, count, block: count + 2 * block)
+    monkeypatch.setattr(krylov, "_MOST_RESTARTS", 1)
     with pytest.raises(FemtuneError) as caught:
         solve_modes(chain(500), 10)
     assert caught.value.code == "eigen.no-convergence"
@@ -315,6 +312,7 @@ def space_frame(bays: int, storeys: int) -> Structure:
     return make_structure(xyz, parts, permanent=np.arange(6 * n * n), consistent_mass=True)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("solver", ["SuperLU", "PARDISO"])
 def test_iterative_against_dense_on_a_frame(solver: str, monkeypatch: pytest.MonkeyPatch):
     if solver not in factorise.available_solvers():

@@ -11,29 +11,30 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
 from femtune.fem import Structure
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.model import (
     Assignment,
     Configuration,
     ConfiguredModel,
     ModelPoint,
     configure,
-    eigenpairs,
-    factorise,
     parametric_model,
     solve_modes,
-    sparse_products,
 )
-from femtune.model import eigen as eigen_module
-from femtune.model.eigenpairs import Search, iterative
-from femtune.model.krylov import Krylov, begin, beside, iterate, iteration
-from femtune.model.pencil import Inverse, Pencil, indefinite_mass
-from femtune.model.residuals import energy_residuals, force_residuals
-from femtune.model.sparse_products import product
-from femtune.model.symmetric import symmetric
+from femtune.model.eigen import krylov as iteration
+from femtune.model.eigen import pairs as eigenpairs
+from femtune.model.eigen import solution as eigen_module
+from femtune.model.eigen.accuracy import energy_residuals, force_residuals
+from femtune.model.eigen.krylov import Krylov, begin, beside, iterate
+from femtune.model.eigen.pairs import EigenSearch, iterative
+from femtune.model.eigen.pencil import Inverse, Pencil, indefinite_mass
+from femtune.model.linear import sparse_products
+from femtune.model.linear.sparse_products import product
+from femtune.model.linear.symmetric import symmetric
+from femtune.model.solvers import factorise
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
-from femtune.testing.springs import spring_structure
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.springs import spring_structure
 
 STEEL = Isotropic(2.1e11, 0.3, 7850.0)
 
@@ -72,12 +73,13 @@ def check(pencil: Pencil, values: np.ndarray, shapes: np.ndarray, shift: float, 
     assert (np.sqrt(np.abs(energy) / (values - shift))[:wanted] < 1e-8).all()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("count", [4, 30, 90])
 def test_a_free_square_plate_against_dense(consistent: bool, count: int):
     """Six rigid-body modes, repeated modes, DOFs without mass where it is lumped."""
     pencil = pencil_of(point_of(plate(consistent_mass=consistent)))
-    values, shapes = iterative(Search(Inverse(pencil, -1e4)), count + 6, count)
+    values, shapes = iterative(EigenSearch(Inverse(pencil, -1e4)), count + 6, count)
     check(pencil, values, shapes, -1e4, count)
     expected = dense_values(pencil, -1e4)[:count]
     np.testing.assert_allclose(values[:count], expected, rtol=1e-8, atol=1e-6 * expected[min(6, count - 1)] + 1e-5)
@@ -87,11 +89,12 @@ def test_more_than_half_of_all_modes():
     """The whole spectrum of 60 masses, by the iteration although nobody would choose it here."""
     pencil = springs([(i - 1, i, 10.0 + i) for i in range(60)], [1.0 + 0.1 * (i % 7) for i in range(60)])
     for count in (31, 58, 60):
-        values, shapes = iterative(Search(Inverse(pencil, -0.1)), count, count)
+        values, shapes = iterative(EigenSearch(Inverse(pencil, -0.1)), count, count)
         np.testing.assert_allclose(np.sort(values), dense_values(pencil, -0.1)[:count], rtol=1e-9)
         check(pencil, values, shapes, -0.1, count)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("copies", [8, 9, 30])
 def test_a_cluster_wider_than_the_block(copies: int):
     """Equal plates side by side have every mode `copies` times; the count makes the solution whole."""
@@ -113,7 +116,7 @@ def test_twelve_decades():
     n = len(stiffness)
     weights = np.random.default_rng(4).uniform(0.5, 2.0, n)
     pencil = springs([(i - 1, i, k) for i, k in enumerate(stiffness)], list(weights))
-    values, shapes = iterative(Search(Inverse(pencil, -1e-3)), 26, 20)
+    values, shapes = iterative(EigenSearch(Inverse(pencil, -1e-3)), 26, 20)
     check(pencil, values, shapes, -1e-3, 20)
     # the flexibility of a chain is known without an inverse: that of the springs up to the nearer of two masses
     up_to = np.cumsum(1.0 / stiffness)
@@ -128,7 +131,7 @@ def test_fewer_modes_than_rows_with_mass():
     K = sp.diags_array([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], offsets=[0, 1, -1])
     L = sp.random_array((n, 5), density=0.2, rng=rng)
     pencil = Pencil(*_common(K, L @ L.T))
-    values, _ = iterative(Search(Inverse(pencil, 0.0)), 12, 12)
+    values, _ = iterative(EigenSearch(Inverse(pencil, 0.0)), 12, 12)
     theta = la.eigvalsh(L.T @ sp.linalg.spsolve(sp.csc_array(K), L.toarray()))
     np.testing.assert_allclose(values, np.sort(1.0 / theta), rtol=1e-9)
 
@@ -216,6 +219,7 @@ def test_the_modes_of_another_point_shorten_the_way(monkeypatch: pytest.MonkeyPa
     assert abs(new.eigenvalues[6] / old.eigenvalues[6] - 1.0) > 1e-3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("damage", ["nan", "rotated", "few"])
 def test_bad_starts_lead_to_the_same_modes(damage: str):
     point = thickness_model().at(np.zeros(2))
@@ -264,7 +268,7 @@ def test_bounds_of_residuals_are_bounds():
     """One bad mode among thirty good ones shows in the bound of its group, and then in its own residual."""
     pencil = pencil_of(point_of(plate(9, consistent_mass=True)))
     inverse = Inverse(pencil, -1e4)
-    values, shapes = iterative(Search(inverse), 36, 30)
+    values, shapes = iterative(EigenSearch(inverse), 36, 30)
     good = energy_residuals(inverse, values, shapes, 30)
     assert (good[:30] <= 1e-8).all()
     assert len(set(good[:30])) == 1

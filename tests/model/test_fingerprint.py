@@ -11,7 +11,7 @@ import pytest
 from tests.gradients.field_decks import DECKS
 
 from femtune.fem import FieldRef, Structure
-from femtune.fem.contribution import MatrixKind
+from femtune.fem.fields import MatrixKind
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.model import AddedMass, Assignment, Configuration, ModelPoint, configure, matrices_digest, parametric_model
@@ -48,6 +48,7 @@ def same_matrix(one: ModelPoint, other: ModelPoint, kind: MatrixKind) -> bool:
     return bool(difference <= 1e-13 * abs(getattr(one, kind)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DECKS)
 def test_every_value_counts_where_it_changes_a_matrix(structures: dict[str, Structure], name: str) -> None:
     """Entries of the value table by themselves, a tenth more in the deck."""
@@ -63,6 +64,7 @@ def test_every_value_counts_where_it_changes_a_matrix(structures: dict[str, Stru
                 assert matrices_digest(other, kind) != own[kind], f"{kind} of {table.refs[i]}"
 
 
+@pytest.mark.slow
 def test_damping_does_not_matter_to_stiffness_and_mass(structures: dict[str, Structure]) -> None:
     for name, field in (("lines", "MAT1 1 GE"), ("shells", "MAT1 1 GE"), ("small", "PBUSH 21 B1")):
         structure = structures[name]
@@ -77,6 +79,7 @@ def test_damping_does_not_matter_to_stiffness_and_mass(structures: dict[str, Str
         assert matrices_digest(other, *KINDS) != matrices_digest(plain(structure), *KINDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "fields"),
     [
@@ -101,6 +104,7 @@ def test_a_value_of_a_part_of_the_elements_is_another_model(structures: dict[str
     assert matrices_digest(whole, "mass") == matrices_digest(part, "mass")
 
 
+@pytest.mark.slow
 def test_bounds_do_not_change_the_terms(structures: dict[str, Structure]) -> None:
     for name, field in (("lines", "MAT1 1 E"), ("shells", "PSHELL 2 T"), ("solids", "MAT9 1 G11")):
         one, other = (moved(structures[name], 0.05, field, upper=upper).configured for upper in (1.1, 3.0))
@@ -119,6 +123,7 @@ CHANGES: dict[str, Callable[[Structure], ModelPoint]] = {
 }
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("change", CHANGES)
 def test_settings_and_configurations_count(structures: dict[str, Structure], change: str) -> None:
     structure = structures["shells"]

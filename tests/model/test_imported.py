@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from femtune.errors import FemtuneError, Where
 from femtune.fem import NodeTable
 from femtune.model import Assignment, Configuration, ParametricModel, configure, parametric_model, solve_modes
-from femtune.model.imported import ImportedMatrix, field_of_matrix, field_of_variable, imported_structure
-from femtune.model.imported_modes import check_modes, compare_modes
-from femtune.model.imported_polynomial import MatrixSet, Variable, fit_polynomial
+from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, imported_structure
+from femtune.model.imported.modes import check_modes, compare_modes
+from femtune.model.imported.polynomial import MatrixSet, Variable, fit_polynomial
 from femtune.parameters import Parameter, ParameterSet
 
 N = 6
@@ -117,8 +117,8 @@ def test_products_that_are_left_out_are_seen() -> None:
     ("values", "what"),
     [
         ([(0.6, 1.0), (1.0, 1.0), (1.4, 1.0)], "3 sets are too few for a polynomial of 4 coefficients"),
-        ([(0.6, 1.0), (0.6, 1.0), (1.0, 1.0), (1.2, 1.0), (1.4, 1.0)], "two sets of matrices stand at the same point"),
-        ([(1.0, 1.0)] * 5, "two sets of matrices stand at the same point"),
+        ([(0.6, 1.0), (0.6, 1.0), (1.0, 1.0), (1.2, 1.0), (1.4, 1.0)], "two sets of matrices are at the same point"),
+        ([(1.0, 1.0)] * 5, "two sets of matrices are at the same point"),
     ],
 )
 def test_sets_that_do_not_suffice(values: list[tuple[float, float]], what: str) -> None:
@@ -362,7 +362,7 @@ def test_bending_below_a_membrane_is_checked_by_its_energy() -> None:
 
 def test_translations_without_mass_are_told_and_rotations_are_not() -> None:
     nodes = NodeTable(
-        np.array([7, 41]), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros(0, np.int64), located=False
+        np.array([7, 41]), np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), np.zeros(0, np.int64), has_coordinates=False
     )
     K = 2.0 * np.eye(12)
     for still, expected in (([3, 4, 5, 9, 10, 11], []), ([6, 7, 8], ["41X+, 41Y+, 41Z+"])):

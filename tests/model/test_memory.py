@@ -14,11 +14,11 @@ from click.testing import CliRunner
 
 from femtune.cli.guard import GuardedGroup
 from femtune.errors import FemtuneError
-from femtune.model import memory
-from femtune.model.memory import free_memory, require_memory
+from femtune.model.linear import memory
+from femtune.model.linear.memory import free_memory, require_memory
+from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.solvers import mumps, pardiso
 from femtune.model.solvers.interface import SingularMatrixError
-from femtune.model.symmetric import SymmetricMatrix
 
 
 def _write(root: Path, files: dict[str, str]) -> Path:
@@ -80,18 +80,25 @@ def test_this_machine() -> None:
 
 def test_what_fits_passes_and_what_does_not_says_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "free_memory", lambda: 2 * 1024**3)
-    require_memory(2 * 1024**3, "assembling")
+    require_memory(2 * 1024**3, "model.memory/assembling", dofs=600_000)
     with pytest.raises(FemtuneError) as error:
-        require_memory(3 * 1024**3, "assembling 600,000 DOF")
+        require_memory(3 * 1024**3, "model.memory/assembling", dofs=600_000)
     assert error.value.code == "model.memory"
     assert "assembling 600,000 DOF needs about 3.0 GiB of memory, and 2.0 GiB are free" in str(error.value)
     assert error.value.hint
     assert error.value.values == {"needed_bytes": 3 * 1024**3, "free_bytes": 2 * 1024**3}
 
 
+def test_small_work_is_not_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "free_memory", lambda: 0)
+    require_memory(memory.NEGLIGIBLE_BYTES - 1, "model.memory/assembling", dofs=24)
+    with pytest.raises(FemtuneError, match="memory"):
+        require_memory(memory.NEGLIGIBLE_BYTES, "model.memory/assembling", dofs=24_000)
+
+
 _LIMITED = """
 import resource
-from femtune.model.memory import free_memory, require_memory
+from femtune.model.linear.memory import free_memory, require_memory
 before = free_memory()
 taken = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (taken + (50 << 20), -1))

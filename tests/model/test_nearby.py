@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from femtune.fem import Structure
-from femtune.fem.values import FieldRef
-from femtune.model import Assignment, Configuration, ConfiguredModel, configure, nearby, parametric_model, solve_modes
-from femtune.model.blocks import empty_block, recycled
-from femtune.model.dense_products import add, multiply, subtract, transposed_times, turn
-from femtune.model.krylov.orthonormal import orthonormalise
-from femtune.model.pencil import Inverse, Pencil
-from femtune.model.residuals import Above, energy_bound_from_above, energy_residuals
-from femtune.model.sparse_products import product
-from femtune.model.symmetric import symmetric
+from femtune.fem.fields import FieldRef
+from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
+from femtune.model.eigen import nearby
+from femtune.model.eigen.accuracy import Above, energy_bound_from_above, energy_residuals
+from femtune.model.eigen.krylov import orthonormalise
+from femtune.model.eigen.pencil import Inverse, Pencil
+from femtune.model.linear.blocks import empty_block, recycled
+from femtune.model.linear.dense_products import add, multiply, subtract, transposed_times, turn
+from femtune.model.linear.sparse_products import product
+from femtune.model.linear.symmetric import symmetric
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 
 def plate() -> Structure:

@@ -8,11 +8,12 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
-from femtune.model import Assignment, Configuration, ModelPoint, configure, memory, parametric_model, products
+from femtune.model import Assignment, Configuration, ModelPoint, configure, parametric_model, products
+from femtune.model.linear import memory
+from femtune.model.linear.symmetric import symmetric
 from femtune.model.products import derivative_energies, derivative_product, derivative_projections, projections
-from femtune.model.symmetric import symmetric
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +84,7 @@ def test_projections_on_one_basis_are_symmetric_and_those_on_two(point: ModelPoi
 
 def test_projections_that_do_not_fit_are_refused(point: ModelPoint, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(memory, "NEGLIGIBLE_BYTES", 0)
     with pytest.raises(FemtuneError, match="on a basis") as caught:
         projections(point.configured, "stiffness", _vectors(point, 9, 0), _vectors(point, 9, 0))
     assert caught.value.code == "model.memory"

@@ -15,11 +15,12 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
-from femtune.model import Configuration, ModelPoint, configure, eigen_slepc, parametric_model, solve_modes
+from femtune.model import Configuration, ModelPoint, configure, parametric_model, solve_modes
 from femtune.model.distributed import SlepcModes, launch, processes, slepc_count, slepc_lowest, slepc_pairs
-from femtune.model.symmetric import SymmetricMatrix, symmetric
+from femtune.model.eigen import slepc as eigen_slepc
+from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
 from femtune.parameters import ParameterSet
-from femtune.testing.springs import spring_structure
+from structures.springs import spring_structure
 
 
 def grid(n: int) -> tuple[SymmetricMatrix, SymmetricMatrix]:
@@ -40,8 +41,7 @@ def grid_values(n: int) -> np.ndarray:
 def two_ranks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(launch.RANKS, "2")
     try:
-        launch.slepc_python()
-        launch.launcher(2)
+        launch.start()
     except FemtuneError as absent:
         pytest.skip(f"no SLEPc over MPI here: {absent.what}")
 
@@ -101,6 +101,7 @@ ENDINGS = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(2)
 @pytest.mark.skipif(sys.platform == "win32", reason="the stand-in is a script with a first line for Unix")
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_every_bad_ending_is_told_and_the_files_are_removed(
@@ -139,6 +140,7 @@ def test_a_wrong_setting_is_told(
     variable: str, value: str, code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(launch.PYTHON, program(tmp_path / "python", "sys.exit(1)"))
+    monkeypatch.setenv(launch.RANKS, "1")  # which needs no launcher
     monkeypatch.setenv(variable, value)
     with pytest.raises(FemtuneError) as caught:
         slepc_pairs(*grid(3), -0.1, 2)
@@ -264,6 +266,7 @@ def test_a_model_that_is_too_small_for_slepc_is_told(monkeypatch: pytest.MonkeyP
 
 def test_a_full_disk_is_told_before_matrices_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(launch.PYTHON, program(tmp_path / "python", "sys.exit(1)"))
+    monkeypatch.setenv(launch.RANKS, "1")
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr("femtune.model.distributed.exchange.shutil.disk_usage", lambda path: usage)
     with pytest.raises(FemtuneError, match="no room") as caught:

@@ -13,11 +13,13 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
-from femtune.model import factorise as choice
-from femtune.model import memory, solver_list
-from femtune.model.factorise import SingularMatrixError, analyse, available_solvers, factorise
+from femtune.model.linear import memory
+from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
 from femtune.model.solvers import cholmod, pardiso
-from femtune.model.symmetric import SymmetricMatrix, symmetric
+from femtune.model.solvers import factorise as choice
+from femtune.model.solvers import listing as solver_list
+from femtune.model.solvers.factorise import analyse, available_solvers, factorise
+from femtune.model.solvers.interface import SingularMatrixError
 
 with_pardiso = pytest.mark.skipif(
     "PARDISO" not in available_solvers(), reason="the Math Kernel Library is not installed (extra 'fast')"
@@ -71,6 +73,7 @@ def test_a_pattern_is_analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert phases == [11, 22, 22, 33, 33]
 
 
+@pytest.mark.slow
 @with_pardiso
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is read from /proc")
 def test_memory_of_a_dropped_factor_goes() -> None:
@@ -88,8 +91,8 @@ def test_memory_of_a_dropped_factor_goes() -> None:
 _MEMORY = """
 import gc, os
 import scipy.sparse as sp
-from femtune.model.factorise import analyse
-from femtune.model.symmetric import symmetric
+from femtune.model.solvers.factorise import analyse
+from femtune.model.linear.symmetric import symmetric
 
 def taken():
     gc.collect()
@@ -146,6 +149,7 @@ def test_a_zero_pivot_is_told(solver: str) -> None:
 def test_too_little_memory_is_said_before_the_work(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     analysis = analyse(net(40), solver)
     monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(memory, "NEGLIGIBLE_BYTES", 0)
     with pytest.raises(FemtuneError, match=r"factorising 1,600 equations needs about") as caught:
         analysis.factorise(net(40))
     assert caught.value.code == "model.memory"
@@ -156,6 +160,7 @@ def test_too_little_memory_is_said_before_the_work(solver: str, monkeypatch: pyt
 @with_pardiso
 def test_memory_for_the_ordering_is_asked_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(memory, "NEGLIGIBLE_BYTES", 0)
     with pytest.raises(FemtuneError, match="ordering 1,681 equations"):
         analyse(net(41), "PARDISO")
 
@@ -172,7 +177,7 @@ def test_the_rough_forecast_is_below_what_superlu_takes(size: int) -> None:
 @pytest.mark.parametrize(("name", "expected"), [("superlu", "SuperLU"), ("SuperLU", "SuperLU"), ("pardiso", "PARDISO")])
 def test_the_environment_names_the_solver(name: str, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if expected not in available_solvers():
-        pytest.skip(f"{expected} is not at hand")
+        pytest.skip(f"{expected} is not available")
     monkeypatch.setenv("FEMTUNE_SOLVER", name)
     assert factorise(net(60)).name == expected
     assert factorise(net(4), "SuperLU").name == "SuperLU"

@@ -79,12 +79,14 @@ def assert_same(found: ModelPoint, typed: Structure) -> None:
         assert abs(a - b).max() <= 1e-12 * abs(b).max(), kind
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("name", VALUES)
 def test_a_factor_of_a_field(name: str):
     found = point_of(NOMINAL, [Parameter("p")], [Assignment("p", ref(name))], [0.3])
     assert_same(found, structure(**{name.replace(" ", "_"): 1.3 * VALUES[name]}))
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["MAT1 1 E", "MAT1 1 NU", "PBAR 2 K1", "PELAS 4 K", "CONM2 72 M"])
 def test_an_absolute_value(name: str):
     value = 1.1 * VALUES[name]
@@ -104,7 +106,8 @@ def test_what_the_elements_have_in_common_is_one_scalar():
     assert max(t.n_columns for t in flexible.terms if t.coefficient) == 3
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=15)
 @given(st.lists(st.floats(-0.6, 1.5), min_size=4, max_size=4))
 def test_several_parameters_at_once(x: list[float]):
     names = ["MAT1 1 E", "PBAR 2 A", "PBAR 2 I1", "CONM2 72 M"]

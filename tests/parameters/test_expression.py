@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError, Where
@@ -134,13 +134,11 @@ def test_an_infinite_derivative_is_an_error_too(text: str) -> None:
 
 
 @given(text=st.text(max_size=60))
-@settings(max_examples=200, deadline=None)
 def test_any_text_is_read_or_refused(text: str) -> None:
     _read_or_refuse(text)
 
 
 @given(text=st.text(alphabet="ab019.+-*/() esqrt,_'[]", max_size=40))
-@settings(max_examples=200, deadline=None)
 def test_any_text_that_looks_like_arithmetic_is_read_or_refused(text: str) -> None:
     _read_or_refuse(text)
 

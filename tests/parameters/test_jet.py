@@ -35,9 +35,10 @@ def _shifted(x: NDArray, k: int) -> NDArray:
     return x + 1j * _STEP * np.eye(x.size)[k]
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("formula", _FORMULAS.values(), ids=_FORMULAS.keys())
 @given(x=_POINTS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_gradient_and_hessian_are_those_of_complex_step(formula: Callable[[Jet], Jet], x: NDArray) -> None:
     exact = _at(formula, x)
     steps = [_at(formula, _shifted(x, k)) for k in range(3)]
@@ -48,7 +49,6 @@ def test_gradient_and_hessian_are_those_of_complex_step(formula: Callable[[Jet],
 
 
 @given(x=st.floats(-3.0, 3.0), n=st.integers(0, 4))
-@settings(max_examples=60, deadline=None)
 def test_whole_powers_are_exact_at_zero_and_below(x: float, n: int) -> None:
     power = jet.variables(np.array([x]))[0] ** n
     polynomial = np.polynomial.Polynomial([0.0] * n + [1.0])

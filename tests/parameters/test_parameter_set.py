@@ -107,7 +107,7 @@ def test_ties_follow_what_they_use_whatever_the_order() -> None:
 
 
 @given(x=st.lists(st.floats(-0.4, 0.4), min_size=2, max_size=2).map(np.array))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_derivatives_of_tied_parameters_are_those_of_complex_step(x: np.ndarray) -> None:
     parameters, h = _chain(), 1e-30
     exact = parameters.jets(x)["c"]

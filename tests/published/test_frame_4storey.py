@@ -17,10 +17,10 @@ from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
 from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
 from femtune.parameters import Parameter, ParameterSet
-from femtune.residuals import ModalCase, ResidualRules, UpdateProblem
+from femtune.residuals import ComparedCase, FrequencyResidual, MacResidual, ShapeResidual, UpdateProblem
 from femtune.residuals.dynamic import DynamicResidual
 from femtune.testing import check_residual
-from femtune.update import SensitivityMethod, UpdateResult, update
+from femtune.updating import SensitivityMethod, UpdateResult, update
 
 # units in-lbf-s: weights in lbf, PARAM WTMASS = 1/g
 DECK = """SOL 103
@@ -62,15 +62,17 @@ def _problem(tmp_path: Path, test: ModeSet, form: str) -> UpdateProblem:
     model = configure(parametric_model(structure, ParameterSet(tuple(storeys)), assignments), Configuration())
     # storey stiffnesses may go down to a mechanism: the bound is not reached
     assert model.free.tolist() == [0, 1, 2, 3]
-    case = ModalCase(model, test, sp.eye_array(3, 4, format="csr"), count=4)
-    rules = ResidualRules(1.0, 1.0, "eigenvalue", form, "largest-entry")  # type: ignore[arg-type]
-    return UpdateProblem((case,), model.model.parameters, rules)
+    case = ComparedCase(model, test, sp.eye_array(3, 4, format="csr"), count=4)
+    of_shapes = MacResidual(1.0) if form == "mac" else ShapeResidual(1.0, "largest-entry")
+    residuals = (FrequencyResidual(1.0, "eigenvalue"), of_shapes)
+    return UpdateProblem((case,), model.model.parameters, residuals)
 
 
 def _run(tmp_path: Path, test: ModeSet, form: str) -> UpdateResult:
     return update(_problem(tmp_path, test, form), SensitivityMethod(max_iterations=100))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("form", "published"), [("mac", BY_MAC), ("difference", BY_DIFFERENCE)])
 def test_published_changes_and_predictions(tmp_path: Path, measured: ModeSet, form: str, published: list[float]):
     result = _run(tmp_path, measured, form)
@@ -91,7 +93,7 @@ def test_published_changes_by_the_dynamic_residual(tmp_path: Path, measured: Mod
     """(K − λ_e M)ψ with the motion of the fourth floor as an unknown."""
     problem = _problem(tmp_path, measured, "mac")
     case = replace(problem.cases[0], residuals=(DynamicResidual(1.0),))
-    problem = UpdateProblem((case,), problem.parameters, ResidualRules(0.0, 0.0))
+    problem = UpdateProblem((case,), problem.parameters, ())
     result = update(problem, SensitivityMethod(max_iterations=100))
     assert result.status.ok
     np.testing.assert_allclose(result.x, BY_FORCE, atol=1e-4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from femtune.modal import FrfSet
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model
 from femtune.model.response import Kind, Ports, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.structures import make_structure, scalars
+from structures.frames import make_structure, scalars
 
 LINES = np.linspace(0.5, 9.0, 120)
 TRUTH = np.array([0.15, -0.2, 0.4, 0.5])
@@ -25,6 +26,7 @@ FIELDS = {
 }
 
 
+@lru_cache
 def chain(loss: float = 0.03) -> ConfiguredModel:
     """Four masses along X; factors k of a spring, m of a mass, c of a dashpot, g of a loss factor."""
     springs = scalars("spring", [[-1, 0], [0, 6], [6, 12], [12, 18], [0, 12]], "K", [900.0, 700.0, 800.0, 500.0, 150.0])
@@ -53,8 +55,12 @@ def ports_of(model: ConfiguredModel, outputs: tuple[str, ...] = ("1X+", "2X-", "
 def measured(
     model: ConfiguredModel, ports: Ports, kind: Kind = "accelerance", noise: float = 0.0, seed: int = 0
 ) -> FrfSet:
-    """Exact FRFs at TRUTH with circular noise, a part of the largest magnitude of each."""
-    exact = frf(model.at(TRUTH), ports, LINES, kind, "direct")
+    """FRFs at TRUTH, by the inverse of the dynamic stiffness, with noise."""
+    return noisy(frf(model.at(TRUTH), ports, LINES, kind, "direct"), noise, seed)
+
+
+def noisy(exact: FrfSet, noise: float, seed: int) -> FrfSet:
+    """The functions with circular noise, a part of the largest magnitude of each."""
     scatter = noise * np.abs(exact.values).max(axis=2, keepdims=True)
     return replace(exact, values=exact.values + scatter * circular(exact.values.shape, seed))
 

@@ -10,9 +10,7 @@ from femtune.modal import rotate_to
 from femtune.model import ConfiguredModel, EigenSolution, solve_modes, subspace_derivative
 from femtune.residuals.aligned import AlignedModes, align
 from femtune.testing.derivatives import check_directional
-from femtune.testing.springs import factor_model, sensor_rows, spring_structure
-
-RNG = np.random.default_rng(5)
+from structures.springs import factor_model, sensor_rows, spring_structure
 
 
 def ring(n: int = 6) -> ConfiguredModel:
@@ -46,9 +44,10 @@ def jacobian(aligned: AlignedModes) -> np.ndarray:
 def turned_shapes(model: ConfiguredModel, members: list[int], t: int) -> np.ndarray:
     """t test shapes: the cluster's vectors turned, mixed a little and spoilt by noise, in any scale."""
     solution = solve_modes(model.at(np.zeros(4)), max(members) + 1)
-    turn = np.linalg.qr(RNG.standard_normal((len(members),) * 2))[0][:, :t]
-    test = solution.shapes[:, members] @ (turn + 0.1 * RNG.standard_normal(turn.shape))
-    return (test + 0.05 * RNG.standard_normal(test.shape)) * RNG.uniform(-3.0, 3.0, t)
+    rng = np.random.default_rng(5)
+    turn = np.linalg.qr(rng.standard_normal((len(members),) * 2))[0][:, :t]
+    test = solution.shapes[:, members] @ (turn + 0.1 * rng.standard_normal(turn.shape))
+    return (test + 0.05 * rng.standard_normal(test.shape)) * rng.uniform(-3.0, 3.0, t)
 
 
 CASES = {
@@ -62,6 +61,7 @@ CASES = {
 }
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("apart", [0.0, 1e-7, 1e-3, 0.2])
 @pytest.mark.parametrize("name", CASES)
 def test_gradients(name: str, apart: float):

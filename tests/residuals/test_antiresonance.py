@@ -22,7 +22,7 @@ from femtune.residuals import (
     measured_antiresonances,
 )
 from femtune.testing import check_residual
-from femtune.update import SensitivityMethod, update
+from femtune.updating import SensitivityMethod, update
 
 from .damped import chain, circular
 
@@ -68,6 +68,7 @@ def test_they_are_found_where_the_undamped_model_has_them() -> None:
     np.testing.assert_allclose(point, exact["1X+", "1X+"][:2], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_their_scatter_is_that_of_the_noise() -> None:
     noisy = [measured_antiresonances(functions(2e-5, seed=seed)) for seed in range(40)]
     exact = measured_antiresonances(functions())

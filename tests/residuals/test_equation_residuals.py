@@ -10,29 +10,27 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel
-from femtune.residuals import ModalCase, Residual, ResidualRules, UpdateProblem, case_without_modes, state_at
-from femtune.residuals.dynamic import DynamicResidual
-from femtune.residuals.equation import equation_error
+from femtune.residuals import ComparedCase, Residual, UpdateProblem, case_without_modes, state_at
+from femtune.residuals.dynamic import DynamicResidual, equation_error
 from femtune.residuals.mass import CentreResidual, InertiaResidual, MassResidual
 from femtune.residuals.static import DisplacementResidual, ForceResidual, StaticTest
 from femtune.residuals.weights import Weights
 from femtune.testing import check_residual
-from femtune.testing.springs import factor_model, simulated_case, spring_structure
-from femtune.update import SensitivityMethod, update
+from femtune.updating import SensitivityMethod, update
+from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 TRUTH = (0.15, -0.2, 0.1)
 MODEL = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1, 2], "b": [3], "m": [1002]})
-NONE = ResidualRules(0.0, 0.0)
 
 
 def modal(residual: Residual, sensors: tuple[int, ...] = (0, 2), **more: object) -> UpdateProblem:
     case = replace(simulated_case(MODEL, TRUTH, sensors, 3, **more), residuals=(residual,))
-    return UpdateProblem((case,), MODEL.model.parameters, NONE)
+    return UpdateProblem((case,), MODEL.model.parameters)
 
 
 def alone(residual: Residual, model: ConfiguredModel = MODEL) -> UpdateProblem:
-    return UpdateProblem((case_without_modes(model, (residual,)),), model.model.parameters, NONE)
+    return UpdateProblem((case_without_modes(model, (residual,)),), model.model.parameters)
 
 
 def static_test(
@@ -71,18 +69,20 @@ def test_the_equation_error_where_the_matrix_is_singular():
     assert found.states[0].case.test.freq_hz[0] > 0.0
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("sensors", [(0, 2), (3,), (0, 1, 2, 3)])
 @pytest.mark.parametrize("x", [(0.02, 0.1, -0.1), TRUTH])
 def test_jacobian_of_the_dynamic_residual(sensors: tuple[int, ...], x: tuple[float, ...]):
     check_residual(modal(DynamicResidual(5.0), sensors), np.array(x))
 
 
+@pytest.mark.slow
 def test_dynamic_residual_at_repeated_modes():
     """No mode of the model takes part, so that repeated ones do no harm."""
     springs = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]
     model = factor_model(spring_structure(springs, [1.0] * 6), {"a": [1], "b": [3], "m": [1002]})
     case = simulated_case(model, (0.2, 0.1, 0.1), (0, 1, 3, 4), 5)
-    problem = UpdateProblem((replace(case, residuals=(DynamicResidual(1.0),)),), model.model.parameters, NONE)
+    problem = UpdateProblem((replace(case, residuals=(DynamicResidual(1.0),)),), model.model.parameters)
     for x in ((0.0, 0.0, 0.0), (0.05, -0.02, 0.0)):
         check_residual(problem, np.array(x))
     result = update(problem, SensitivityMethod())
@@ -119,7 +119,7 @@ def test_jacobian_of_static_residuals(residual: Residual):
     assert problem.start(np.zeros(3)).objective > 1e-3
 
 
-def two_dof(loads: tuple[tuple[float, float], ...]) -> ModalCase:
+def two_dof(loads: tuple[tuple[float, float], ...]) -> ComparedCase:
     """Springs k1 and k3 to ground, k2 between two masses; measured at k = (1.2, .8, 1) (handbook chapter, Fig. 1)."""
     model = factor_model(
         spring_structure([(-1, 0, 1.0), (0, 1, 1.0), (-1, 1, 1.0)], [1.0, 1.0]), {"k1": [1], "k2": [2], "k3": [3]}
@@ -133,12 +133,12 @@ def test_static_example_of_the_handbook_chapter():
     case = two_dof(((1.0, 0.0),))
     parameters = case.configured.model.parameters
     np.testing.assert_allclose(case.residuals[0].test.measured, np.array([9.0, 4.0]) / 14.8)  # type: ignore[attr-defined]
-    at = UpdateProblem((case,), parameters, NONE).start(np.zeros(3))
+    at = UpdateProblem((case,), parameters).start(np.zeros(3))
     # r = f − G(u)k is linear: the minimum-norm step is the published one
     step = -np.linalg.pinv(at.jacobian) @ at.residuals
     np.testing.assert_allclose(1.0 + step, [1.1398, 0.9084, 1.1354], atol=5e-5)
     both = two_dof(((1.0, 0.0), (1.0, 0.5)))
-    found = update(UpdateProblem((both,), parameters, NONE), SensitivityMethod())
+    found = update(UpdateProblem((both,), parameters), SensitivityMethod())
     np.testing.assert_allclose(found.x, (0.2, -0.2, 0.0), atol=1e-9)
 
 
@@ -201,7 +201,7 @@ def test_sensors_that_repeat_each_other():
     twice = sp.csr_array(sp.vstack([case.sensors[[0]], case.sensors[[0]]]))
     spoilt = replace(case, sensors=twice, residuals=(DynamicResidual(1.0),))
     with pytest.raises(FemtuneError, match=r"residual\.sensors-dependent"):
-        UpdateProblem((spoilt,), MODEL.model.parameters, NONE).start(np.zeros(3))
+        UpdateProblem((spoilt,), MODEL.model.parameters).start(np.zeros(3))
 
 
 def test_a_mode_without_an_entry_has_no_equation_error():

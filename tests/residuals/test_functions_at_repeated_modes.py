@@ -19,7 +19,7 @@ from femtune.residuals import (
 )
 from femtune.residuals.case import Residual
 from femtune.testing import check_residual
-from femtune.testing.springs import factor_model, spring_structure
+from structures.springs import factor_model, spring_structure
 
 SPLIT = np.array([0.2, 0.1, 0.1])
 LINES = np.linspace(0.3, 2.4, 600)
@@ -47,6 +47,7 @@ def test_the_modes_are_repeated() -> None:
     assert np.diff(solved(SPLIT).freq_hz).min() > 1e-3 * hz[0]
 
 
+@pytest.mark.slow
 @at_and_beside
 @pytest.mark.parametrize("method", METHODS)
 def test_jacobian_of_functions(method: Method, x: tuple[float, ...]) -> None:
@@ -57,6 +58,7 @@ def test_jacobian_of_functions(method: Method, x: tuple[float, ...]) -> None:
     check_residual(problem_of(residual), np.array(x), length=0.001)
 
 
+@pytest.mark.quick(1)
 @at_and_beside
 def test_jacobian_of_antiresonances(x: tuple[float, ...]) -> None:
     """Zeros of a driving point that is a node of one mode of each pair."""

@@ -10,19 +10,17 @@ import pytest
 
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
-from femtune.residuals import ModalCase, OfModes, OfPairs, PairingRules, ResidualRules, UpdateProblem
+from femtune.residuals import ComparedCase, OfModes, OfPairs, PairingRules, UpdateProblem
 from femtune.residuals.flexibility import FlexibilityResidual
 from femtune.residuals.frequency import FrequencyCovariance, FrequencyResidual
 from femtune.residuals.mac import MacResidual, mac_residual
-from femtune.residuals.scaling import scaled_difference
-from femtune.residuals.shape import ShapeResidual
+from femtune.residuals.shape import ShapeResidual, StrainResidual, scaled_difference
 from femtune.residuals.weights import Weights
 from femtune.testing import check_residual
-from femtune.testing.springs import factor_model, simulated_case, spring_structure
+from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 TRUTH = (0.15, -0.2, 0.1)
-NONE = ResidualRules(0.0, 0.0)
 HALF = np.full((6, 6), 0.5) + 0.5 * np.eye(6)
 
 RESIDUALS: dict[str, Callable[[int, int], OfPairs]] = {
@@ -35,7 +33,7 @@ RESIDUALS: dict[str, Callable[[int, int], OfPairs]] = {
     "scale factor": lambda s, m: ShapeResidual(0.1, "scale-factor"),
     "mass": lambda s, m: ShapeResidual(0.1, "mass"),
     "shapes by covariance": lambda s, m: ShapeResidual(Weights(covariance=0.01 * HALF[:s, :s]), "largest-entry"),
-    "some sensors": lambda s, m: ShapeResidual(0.1, sensors=DofSet.parse(("1X+", "4X+")), kind="strain"),
+    "some sensors": lambda s, m: StrainResidual(0.1, sensors=DofSet.parse(("1X+", "4X+"))),
     "root of the MAC": lambda s, m: MacResidual(0.1),
     "ratio of the MAC": lambda s, m: MacResidual(0.1, "ratio"),
     "one minus MAC": lambda s, m: MacResidual(0.1, "difference"),
@@ -45,12 +43,12 @@ RESIDUALS: dict[str, Callable[[int, int], OfPairs]] = {
 }
 
 
-def chain_case(**more: object) -> ModalCase:
+def chain_case(**more: object) -> ComparedCase:
     model = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1, 2], "b": [3], "m": [1002]})
     return as_mass_scaled(simulated_case(model, TRUTH, (0, 2, 3), 3, **more))
 
 
-def ring_case() -> ModalCase:
+def ring_case() -> ComparedCase:
     """A ring with two pairs of repeated modes at nominal, which the parameters split; tested where they are split."""
     springs = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]
     model = factor_model(spring_structure(springs, [1.0] * 6), {"a": [1], "b": [3], "m": [1002]})
@@ -58,19 +56,21 @@ def ring_case() -> ModalCase:
     return as_mass_scaled(replace(case, rules=PairingRules(mac_gate=0.2, relative_gap=0.05)))
 
 
-def as_mass_scaled(case: ModalCase) -> ModalCase:
+def as_mass_scaled(case: ComparedCase) -> ComparedCase:
     return replace(case, test=replace(case.test, normalisation="mass"))
 
 
-def problem_of(case: ModalCase, residual: OfPairs) -> UpdateProblem:
-    return UpdateProblem((replace(case, residuals=(residual,)),), case.configured.model.parameters, NONE)
+def problem_of(case: ComparedCase, residual: OfPairs) -> UpdateProblem:
+    return UpdateProblem((replace(case, residuals=(residual,)),), case.configured.model.parameters)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_jacobian(name: str):
     check_residual(problem_of(chain_case(), RESIDUALS[name](3, 3)), np.array([0.02, 0.1, -0.1]))
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("name", RESIDUALS)
 @pytest.mark.parametrize("x", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.0)])
 def test_jacobian_at_repeated_modes(name: str, x: tuple[float, ...]):
@@ -80,6 +80,7 @@ def test_jacobian_at_repeated_modes(name: str, x: tuple[float, ...]):
     check_residual(problem, np.array(x))
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_zero_at_the_truth(name: str):
     problem = problem_of(chain_case(), RESIDUALS[name](3, 3))
@@ -152,7 +153,7 @@ def test_sensors_are_found_by_their_labels():
     np.testing.assert_allclose(part.values, whole.values[[0, 2]] * ratio)
 
 
-def spoilt(case: ModalCase, **changes: object) -> ModalCase:
+def spoilt(case: ComparedCase, **changes: object) -> ComparedCase:
     return replace(case, test=replace(case.test, **changes))
 
 

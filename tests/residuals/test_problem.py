@@ -11,37 +11,48 @@ from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.model import solve_modes
-from femtune.residuals import ModalCase, PairingRules, ResidualRules, UpdateProblem, describe_change, paired_count
+from femtune.residuals import (
+    ComparedCase,
+    FrequencyResidual,
+    MacResidual,
+    PairingRules,
+    PairResidual,
+    ShapeResidual,
+    UpdateProblem,
+    describe_change,
+    paired_count,
+)
 from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.mac import mac_residual
 from femtune.residuals.pairing import keep_paired, track
 from femtune.residuals.shape import shape_difference
 from femtune.testing import ResidualDerivativeChecks, check_residual
-from femtune.testing.springs import factor_model, sensor_rows, simulated_case, spring_structure
+from structures.springs import factor_model, sensor_rows, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
 GROUPS = {"a": [1, 2], "b": [3], "m": [1002]}
 TRUTH = (0.15, -0.2, 0.1)
 
 FORMS = {
-    "frequency": ResidualRules(0.01, 0.0),
-    "eigenvalue": ResidualRules(0.01, 0.0, "eigenvalue"),
-    "unit norm": ResidualRules(0.01, 0.1),
-    "largest entry": ResidualRules(0.0, 0.1, shape_scaling="largest-entry"),
-    "mac": ResidualRules(0.02, 0.5, shape_form="mac"),
+    "frequency": (FrequencyResidual(0.01),),
+    "eigenvalue": (FrequencyResidual(0.01, "eigenvalue"),),
+    "unit norm": (FrequencyResidual(0.01), ShapeResidual(0.1)),
+    "largest entry": (ShapeResidual(0.1, "largest-entry"),),
+    "mac": (FrequencyResidual(0.02), MacResidual(0.5)),
 }
 
 
-def chain_case(sensors: tuple[int, ...] = (0, 2, 3), **more: object) -> ModalCase:
+def chain_case(sensors: tuple[int, ...] = (0, 2, 3), **more: object) -> ComparedCase:
     return simulated_case(
         factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), GROUPS), TRUTH, sensors, 3, **more
     )
 
 
-def problem_of(case: ModalCase, rules: ResidualRules) -> UpdateProblem:
-    return UpdateProblem((case,), case.configured.model.parameters, rules)
+def problem_of(case: ComparedCase, residuals: tuple[PairResidual, ...]) -> UpdateProblem:
+    return UpdateProblem((case,), case.configured.model.parameters, residuals)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("form", FORMS)
 def test_jacobian_of_every_form(form: str):
     check_residual(problem_of(chain_case(), FORMS[form]), np.array([0.02, 0.1, -0.1]))
@@ -57,7 +68,7 @@ class TestRepeatedPairs(ResidualDerivativeChecks):
         model = factor_model(spring_structure(springs, [1.0] * 6), {"a": [1], "b": [3], "m": [1002]})
         case = simulated_case(model, (0.2, 0.1, 0.1), range(6), 6)  # type: ignore[arg-type]
         rules = PairingRules(mac_gate=0.2, relative_gap=0.05)
-        return problem_of(replace(case, rules=rules), ResidualRules(0.01, 0.1))
+        return problem_of(replace(case, rules=rules), (FrequencyResidual(0.01), ShapeResidual(0.1)))
 
 
 def test_the_pairs_are_compared_as_subspaces():
@@ -110,13 +121,13 @@ def test_scatter_of_the_test():
     case = chain_case()
     sd = 0.002 * case.test.freq_hz
     known = replace(case, test=replace(case.test, freq_sd_hz=sd))
-    of_frequency = problem_of(known, ResidualRules("test")).start(np.zeros(3))
-    of_eigenvalue = problem_of(known, ResidualRules("test", 0.0, "eigenvalue")).start(np.zeros(3))
+    of_frequency = problem_of(known, (FrequencyResidual("test"),)).start(np.zeros(3))
+    of_eigenvalue = problem_of(known, (FrequencyResidual("test", "eigenvalue"),)).start(np.zeros(3))
     assert [b.sd for b in of_frequency.blocks] == pytest.approx([0.002] * 3)
     # λ scatters twice as much as f, so that both forms weigh alike to first order
     assert [b.sd for b in of_eigenvalue.blocks] == pytest.approx([0.004] * 3)
     with pytest.raises(FemtuneError, match=r"residual\.no-scatter"):
-        problem_of(case, ResidualRules("test")).start(np.zeros(3))
+        problem_of(case, (FrequencyResidual("test"),)).start(np.zeros(3))
 
 
 def test_zero_pairs_are_an_error():
@@ -126,14 +137,14 @@ def test_zero_pairs_are_an_error():
         problem_of(far, FORMS["frequency"]).start(np.zeros(3))
 
 
-def crossing_case() -> ModalCase:
+def crossing_case() -> ComparedCase:
     """Two uncoupled oscillators, 0 below 1 at nominal and above it at the truth."""
     model = factor_model(spring_structure([(-1, 0, 100.0), (-1, 1, 130.0)], [1.0, 1.0]), {"a": [1], "b": [2]})
     rows = sensor_rows(model, (0, 1))
     test = ModeSet(
         np.sqrt([150.0, 120.0]) / (2 * np.pi), np.eye(2), DofSet(model.free_dof(i) for i in (0, 1)), labels=("A", "B")
     )
-    return ModalCase(model, test, rows, count=2)
+    return ComparedCase(model, test, rows, count=2)
 
 
 def test_tracking_keeps_the_motion():

@@ -10,26 +10,34 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.model import EigenSolution, ModelPoint
-from femtune.residuals import CaseState, Residual, ResidualBlock, ResidualRules, UpdateProblem, case_without_modes
-from femtune.residuals.solver import direct
-from femtune.testing.springs import factor_model, simulated_case, spring_structure
-from femtune.update import ReductionRules, SensitivityMethod, update, update_reduced
+from femtune.model.full_model import direct
+from femtune.residuals import (
+    CaseState,
+    FrequencyResidual,
+    Residual,
+    ResidualBlock,
+    ShapeResidual,
+    UpdateProblem,
+    case_without_modes,
+)
+from femtune.updating import ReductionRules, SensitivityMethod, update, update_reduced
+from structures.springs import factor_model, simulated_case, spring_structure
 
 
 @dataclass(frozen=True)
-class Corner:
+class Corner(Residual):
     """The first diagonal entry of K against a given one."""
 
     wanted: float
     sd: float = 1.0
-    on_modes = False
+    label = "corner"
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         point = state.full
         slopes = [d[0, 0] for d in point.stiffness_derivatives] if derivatives else []
         scale = self.wanted * self.sd
         values = np.array([(point.stiffness[0, 0] - self.wanted) / scale])
-        return [ResidualBlock("corner", state.case.name, "K", values, np.array([slopes]) / scale, self.sd)]
+        return [self.block(state.case.name, "K", values, np.array([slopes]) / scale, self.sd)]
 
 
 class Counting:
@@ -64,7 +72,7 @@ def test_a_case_without_modes_is_not_solved_for_them():
 
 def test_own_residuals_come_after_those_of_the_modes():
     case = replace(simulated_case(MODEL, (0.1, -0.2), (0, 1), 2), residuals=(Corner(1600.0),))
-    problem = UpdateProblem((case,), MODEL.model.parameters, ResidualRules(0.01, 0.1))
+    problem = UpdateProblem((case,), MODEL.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.1)))
     start = problem.start(np.zeros(2))
     assert [b.kind for b in start.blocks] == ["frequency", "shape", "frequency", "shape", "corner"]
     assert isinstance(case.residuals[0], Residual)
@@ -82,10 +90,10 @@ def test_numbers_that_overflow_are_refused_with_the_residual(sd: float):
 def test_modes_that_are_not_compared_need_no_partner():
     far = simulated_case(MODEL, (0.1, -0.2), (0, 1), 2)
     far = replace(far, test=replace(far.test, freq_hz=10.0 * far.test.freq_hz), residuals=(Corner(1600.0),))
-    silent = UpdateProblem((far,), MODEL.model.parameters, ResidualRules(0.0, 0.0))
+    silent = UpdateProblem((far,), MODEL.model.parameters)
     assert [b.kind for b in silent.start(np.zeros(2)).blocks] == ["corner"]
     with pytest.raises(FemtuneError, match=r"correlate\.no-pairs"):
-        replace(silent, rules=ResidualRules()).start(np.zeros(2))
+        replace(silent, residuals=(FrequencyResidual(0.01),)).start(np.zeros(2))
 
 
 def test_without_modes_nothing_is_reduced():
@@ -105,7 +113,7 @@ def test_only_what_modes_serve_is_reduced():
     long = factor_model(spring_structure(springs, [1.0] * 60), {"a": list(range(1, 31)), "b": list(range(31, 61))})
     modal = simulated_case(long, (0.1, -0.2), range(0, 60, 5), 3)  # type: ignore[arg-type]
     other = case_without_modes(long, (Corner(1.1 * 1800.0),))
-    problem = UpdateProblem((modal, other), long.model.parameters, ResidualRules(0.01))
+    problem = UpdateProblem((modal, other), long.model.parameters, (FrequencyResidual(0.01),))
     found = update_reduced(problem, SensitivityMethod(), ReductionRules(order=30))
     assert found.certified
     assert [c.order < 60 for c in found.cases] == [True]

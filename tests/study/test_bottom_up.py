@@ -19,10 +19,11 @@ from femtune.modal import ModeSet
 from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.report import build_report, html_text
+from femtune.reporting import build_report, html_text
+from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest, WireFrame
-from femtune.testing.exhaust_tests import functions_of, reference
 from femtune.units import SI
+from structures.exhaust import functions_of, reference
 
 _NODES = range(1, 9)
 TRUTH = {"E": ("MAT1 1 E", 2.1e11, 1.9e11), "mass": ("CONM2 90 M", 1.0, 1.2), "eta": ("MAT1 1 GE", 0.02, 0.01),
@@ -166,11 +167,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(folder: Path) -> steps.RunFolder:
+def run(folder: Path) -> RunResult:
     return steps.update(folder / "study.toml")
 
 
-def test_every_stage_finds_its_part_of_the_truth(run: steps.RunFolder):
+def test_every_stage_finds_its_part_of_the_truth(run: RunResult):
     update = run.results.update
     assert update.ok
     assert not [a for a in run.results.alerts if a.code.startswith("update.")]
@@ -186,14 +187,14 @@ def test_every_stage_finds_its_part_of_the_truth(run: steps.RunFolder):
     assert update.stages[1].parameters[0].before == 2.1e11
 
 
-def test_what_rests_widens_what_moves(run: steps.RunFolder):
+def test_what_rests_widens_what_moves(run: RunResult):
     stages = {s.name: s for s in run.results.update.stages}
     joint, mass = stages["joint, stiffness"].parameters[0], stages["left, mass"].parameters[0]
     assert joint.sd > 1.05 * joint.sd_of_data
     assert mass.sd == pytest.approx(mass.sd_of_data, rel=1e-6)
 
 
-def test_seeds_meet_and_error_sums_fall(run: steps.RunFolder):
+def test_seeds_meet_and_error_sums_fall(run: RunResult):
     damping = run.results.update.stages[2]
     assert [r.start for r in damping.runs] == [(0.02,), (0.004,), (0.06,)]
     assert all(r.agrees for r in damping.runs)
@@ -201,13 +202,14 @@ def test_seeds_meet_and_error_sums_fall(run: steps.RunFolder):
     assert sum(e.after for e in damping.error_sums) < 0.05 * sum(e.before for e in damping.error_sums)
 
 
-def test_the_deck_holds_all_of_it(run: steps.RunFolder, folder: Path):
+def test_the_deck_holds_all_of_it(run: RunResult, folder: Path):
     again = build_structure(read_deck(run.folder / "updated.bdf")).structure.values
     for field, _, truth in TRUTH.values():
         assert again.values[again.index(reference(field))] == pytest.approx(truth, rel=2e-3)
 
 
-def test_the_catalogue_holds_the_dampings(run: steps.RunFolder, folder: Path):
+@pytest.mark.slow
+def test_the_catalogue_holds_the_dampings(run: RunResult, folder: Path):
     entries = {e["name"]: e for e in tomllib.loads((run.folder / "damping.toml").read_text())["damping"]}
     assert set(entries) == {"eta", "b"}
     assert entries["eta"]["of"] == "material"
@@ -216,25 +218,27 @@ def test_the_catalogue_holds_the_dampings(run: steps.RunFolder, folder: Path):
     (folder / "known.toml").write_text((run.folder / "damping.toml").read_text())
     text = (folder / "study.toml").read_text().replace('name = "eta"\n', 'name = "eta"\nprior = "known.toml"\n', 1)
     (folder / "later.toml").write_text(text)
-    facts = {p.name: p for p in steps.update(folder / "later.toml", folder / "later").results.parameters}
+    facts = {p.name: p for p in steps.update(folder / "later.toml", output=folder / "later").results.parameters}
     assert facts["eta"].prior_mean == pytest.approx(entries["eta"]["value"])
     assert facts["eta"].prior_sd == pytest.approx(entries["eta"]["sd"])
 
 
-def test_the_report_shows_the_stages(run: steps.RunFolder):
+@pytest.mark.slow
+def test_the_report_shows_the_stages(run: RunResult):
     page = html_text(build_report(run.results, run.arrays))
     assert "Stages" in page
     assert "left, damping: from several starts" in page
     assert "3 of 3 runs end in the same optimum" in page
 
 
+@pytest.mark.slow
 def test_a_stage_without_functions_is_refused(folder: Path):
     text = (folder / "study.toml").read_text()
     only_modes = (folder / "whole.uff").read_text().split("    58\n")[0].rsplit("    -1\n", 1)[0]
     (folder / "modes.uff").write_text(only_modes)
     (folder / "bad.toml").write_text(text.replace('"whole.uff"', '"modes.uff"'))
     with pytest.raises(FemtuneError) as caught:
-        steps.update(folder / "bad.toml", folder / "bad")
+        steps.update(folder / "bad.toml", output=folder / "bad")
     assert caught.value.code == "study.stage"
     assert "its test lacks FRFs" in str(caught.value)
 
@@ -243,7 +247,7 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
     text = (folder / "study.toml").read_text().replace('residuals = ["mass"]', 'residuals = ["shape"]', 1)
     (folder / "silent.toml").write_text(text.replace("shape_sd = 1e-3", ""))
     with pytest.raises(FemtuneError, match="stage left, mass compares nothing") as caught:
-        steps.update(folder / "silent.toml", folder / "silent")
+        steps.update(folder / "silent.toml", output=folder / "silent")
     assert caught.value.code == "study.stage"
     assert caught.value.where is not None
     assert caught.value.where.line == text.splitlines().index('residuals = ["shape"]') + 1
@@ -252,9 +256,9 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('parameters = ["E"]', 'parameters = ["F"]', "'F' is no free parameter"),
+        ('parameters = ["E"]', 'parameters = ["F"]', "'F' is not a free parameter"),
         ('configurations = ["whole"]', 'configurations = ["hole"]', "did you mean 'whole'?"),
-        ('residuals = ["mass"]', 'residuals = ["inertia"]', "'inertia' is no kind of residual of this study"),
+        ('residuals = ["mass"]', 'residuals = ["inertia"]', "'inertia' is not a kind of residual of this study"),
         ("{ eta = 0.004 }", "{ eta = 4.0 }", "the seed starts eta outside its bounds"),
         ("{ eta = 0.004 }", "{ E = 2e11 }", "the seed names 'E', which this stage does not move"),
         ("{ eta = 0.004 }", "{ eta = nan }", "is not a finite number"),
@@ -288,11 +292,12 @@ def test_a_catalogue_that_is_none_is_refused_at_its_line(folder: Path):
     text = (folder / "study.toml").read_text().replace('name = "eta"\n', 'name = "eta"\nprior = "study.toml"\n', 1)
     (folder / "wrong.toml").write_text(text)
     with pytest.raises(FemtuneError) as caught:
-        steps.update(folder / "wrong.toml", folder / "wrong")
+        steps.update(folder / "wrong.toml", output=folder / "wrong")
     assert caught.value.code == "catalogue.file"
     assert "it has 'study'" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_and_runs_that_differ_are_told(folder: Path):
     """The left part's stiffness is taken as known and is wrong, and one run is stopped on its way."""
     text = (folder / "study.toml").read_text()
@@ -301,11 +306,11 @@ def test_what_the_model_lacks_and_runs_that_differ_are_told(folder: Path):
     head, *stages = text.split("[[stage]]")
     few = stages[2].replace('"resonances"]', '"resonances"]\nmax_iterations = 1')
     (folder / "lacking.toml").write_text("[[stage]]".join([head, few, stages[3]]))
-    found = steps.update(folder / "lacking.toml", folder / "lacking").results
+    found = steps.update(folder / "lacking.toml", output=folder / "lacking").results
     alerts = {a.code: a for a in found.alerts}
     assert "joint, stiffness: its shape residuals are" in alerts["update.stage-misfit"].sentence
     assert "left, damping: stopped at the iteration limit" in alerts["update.stage-unfinished"].sentence
-    assert "starts do not end in the same optimum" in alerts["update.starts-differ"].sentence
+    assert "starts do not end in the same minimum" in alerts["update.starts-differ"].sentence
     assert not found.update.ok
     # parameters that no stage moved keep their values and have no σ
     values = {p.name: p for p in found.update.parameters}

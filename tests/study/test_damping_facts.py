@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femtune.report.document import Paragraph, Table
-from femtune.report.steps.damping import damping_blocks
+from femtune.assembly.study import load_study
+from femtune.reporting.document import Paragraph, Table
+from femtune.reporting.single_steps.model import damping_blocks
 from femtune.steps import info
-from femtune.study.load import load_study
 
 DECK = """SOL 111
 CEND
@@ -44,7 +44,7 @@ def _deck(folder: Path, text: str = DECK) -> Path:
 
 
 def test_damping_by_card_and_field(tmp_path: Path) -> None:
-    facts = info(_deck(tmp_path))
+    facts = info(_deck(tmp_path)).record
     assert facts.damping is not None
     found = {f.field: (f.kind, f.cards, f.lowest, f.highest, f.elements) for f in facts.damping.fields}
     assert found == {
@@ -59,7 +59,7 @@ def test_damping_by_card_and_field(tmp_path: Path) -> None:
 
 
 def test_damping_in_words(tmp_path: Path) -> None:
-    overall, modal, table = damping_blocks(info(_deck(tmp_path)))
+    overall, modal, table = damping_blocks(info(_deck(tmp_path)).record)
     assert isinstance(overall, Paragraph)
     assert overall.text == "Damping of the whole model: G = 0, W3 = 100 rad/s."
     assert isinstance(modal, Paragraph)
@@ -70,7 +70,7 @@ def test_damping_in_words(tmp_path: Path) -> None:
 
 def test_a_deck_without_damping(tmp_path: Path) -> None:
     plain = "GRID,1,,0.,0.,0.\nMAT1,1,2.+11,,.3,7800.\nCELAS2,1,3.,1,1\nCONM2,2,1,,4.\n"
-    (block,) = damping_blocks(info(_deck(tmp_path, plain)))
+    (block,) = damping_blocks(info(_deck(tmp_path, plain)).record)
     assert isinstance(block, Paragraph)
     assert "none" in block.text
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
@@ -17,7 +18,6 @@ from femtune.modal import FrfSet
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
-from femtune.study.load import load_study
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -95,6 +95,7 @@ def true_deck(bench: Bench) -> Path:
     return bench.truth(TRULY, DAMPED)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("form", ["log-complex", "log-magnitude", "linear"])
 def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Path, form: str) -> None:
     measured(bench, functions(true_deck))
@@ -118,6 +119,7 @@ def test_stiffness_loss_factor_and_dashpot_are_found(bench: Bench, true_deck: Pa
     assert record.rms_after < 0.01 * record.rms_before
 
 
+@pytest.mark.slow
 def test_noise_and_honest_standard_deviations(bench: Bench, true_deck: Path) -> None:
     measured(bench, functions(true_deck, 0.005))
     update = steps.run(study_of(bench, 'kind = "frf"\nfloor = 0.005\ncount = 20')).results.update
@@ -130,6 +132,7 @@ def test_noise_and_honest_standard_deviations(bench: Bench, true_deck: Path) -> 
     assert record.rms_after == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(bench: Bench, true_deck: Path) -> None:
     """Stiffness stays wrong; the model's functions are stretched onto the test's peaks, so that damping comes right."""
     modes = bench.measure(true_deck, *LABELS, count=4)
@@ -148,6 +151,7 @@ def test_damping_in_the_resonance_regions_with_modes_and_functions_of_one_file(b
     assert update.parameters[0].value == pytest.approx(0.03, rel=0.1)
 
 
+@pytest.mark.slow
 def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench: Bench) -> None:
     measured(bench, functions(bench.truth((), CANTILEVER), damping=constant_damping(0.02)))
     bench.write("beam.bdf", CANTILEVER)
@@ -159,6 +163,7 @@ def test_modal_damping_is_found_and_told_where_the_deck_has_no_card_for_it(bench
     assert any("zeta: the damping ratio 0.02" in s for s in run.results.write_back.without_field)
 
 
+@pytest.mark.slow
 def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
     seen = ("2Y+", "3Y+", "4Y+", "5Y+")
     measured(bench, functions(true_deck, 0.0, ("3Y+", "5Y+"), seen))
@@ -170,6 +175,7 @@ def test_antiresonances_update_stiffness(bench: Bench, true_deck: Path) -> None:
     assert update.residual_counts[0].kind == "antiresonance"
 
 
+@pytest.mark.slow
 def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, true_deck: Path) -> None:
     measured(bench, functions(true_deck, 1e-4, ("5Y+",)))
     run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))

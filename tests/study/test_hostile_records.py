@@ -17,7 +17,7 @@ ASKED = {"band_hz": (1.0, 10.0), "largest_order": 8, "sampling_hz": 50.0, "metho
 
 def refused(path, **options):
     with pytest.raises(FemtuneError) as caught:
-        identify(path, path.parent / "out", options={**ASKED, **options})
+        identify(path, output=path.parent / "out", **{**ASKED, **options})
     assert path.name in str(caught.value.where), "no place"
     assert caught.value.hint
     return caught.value

@@ -13,11 +13,12 @@ from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff, write_uff_frfs
-from femtune.identify.operational import METHODS
+from femtune.identification.operational import METHODS
 from femtune.modal import StateSpace
 from femtune.steps import identify
 from femtune.testdata import ModalTest
-from femtune.testing.laboratory import (
+from femtune.units import SI
+from structures.laboratory import (
     Clock,
     MeasuringChain,
     accelerance,
@@ -26,7 +27,6 @@ from femtune.testing.laboratory import (
     simulated_test,
     white_noise,
 )
-from femtune.units import SI
 
 DOFS = DofSet(Dof(i, "X") for i in (1, 2, 3))
 STIFFNESS = 900.0 * (2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
@@ -74,12 +74,13 @@ def test_fragments_give_means_and_their_scatter(record, tmp_path):
 def test_choices_by_hand_are_kept(record, tmp_path):
     lowest = float(PLANT.truth.freq_hz[0])
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "methods": ("SSI-cov",)}
-    made = identify(record, tmp_path / "out", options=asked)
+    made = identify(record, output=tmp_path / "out", **asked)
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=5e-3)
     # no channel was named, so no study could read the shapes
     assert "modes.uff" not in made.files
 
 
+@pytest.mark.slow
 def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, tmp_path, monkeypatch):
     # in every other piece of work the mode that is dropped was not found at all
     lowest, calls = float(PLANT.truth.freq_hz[0]), []
@@ -92,7 +93,7 @@ def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, t
 
     monkeypatch.setitem(METHODS, "SSI-cov", half)
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "drop_hz": (lowest,), "fragments": 2, "methods": ("SSI-cov",)}
-    made = identify(record, tmp_path / "out", options={**asked, "largest_order": 20})
+    made = identify(record, output=tmp_path / "out", **{**asked, "largest_order": 20})
     assert len(calls) == 2
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz[1:], rel=1e-2)
 
@@ -101,14 +102,15 @@ def test_a_choice_by_hand_need_not_be_met_by_every_method_and_fragment(record, t
 def test_a_choice_that_the_first_method_cannot_make_is_refused(record, tmp_path, method):
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "take_hz": (2.0,), "methods": (method,), "largest_order": 20}
     with pytest.raises(FemtuneError, match="no cluster of stable poles lies near 2 Hz") as caught:
-        identify(record, tmp_path / "out", options=asked)
+        identify(record, output=tmp_path / "out", **asked)
     assert "take_hz" in str(caught.value.where)
 
 
+@pytest.mark.slow
 def test_functions_become_modes_and_a_model(tmp_path):
     frfs = accelerance(PLANT, np.linspace(0.5, 12.0, 800))
     write_uff_frfs(tmp_path / "frf.unv", ModalTest("t", SI, frfs=frfs))
-    made = identify(tmp_path / "frf.unv", options={"largest_order": 12})
+    made = identify(tmp_path / "frf.unv", largest_order=12)
     assert [m.freq_hz for m in made.record.modes] == pytest.approx(PLANT.truth.freq_hz, rel=1e-4)
     assert [m.damping_ratio for m in made.record.modes] == pytest.approx([0.01] * 3, rel=1e-2)
     with np.load(made.folder / "system.npz") as stored:
@@ -130,6 +132,7 @@ def forced(tmp_path, force, clock, text):
     return path
 
 
+@pytest.mark.slow
 def test_a_record_with_a_force_becomes_functions_first(tmp_path):
     clock = Clock(600.0, 50.0, 5.0)
     force = white_noise(np.random.default_rng(1), 1, clock.fine_samples)[0]
@@ -141,6 +144,7 @@ def test_a_record_with_a_force_becomes_functions_first(tmp_path):
     assert np.abs(shapes) == pytest.approx(np.abs(PLANT.truth.shapes), abs=0.05)
 
 
+@pytest.mark.slow
 def test_periods_are_taken_without_a_window(tmp_path):
     clock = Clock(120.0, 50.0, 20.0)
     lines = np.arange(10, 250)
@@ -170,11 +174,12 @@ def test_a_dead_channel_is_named(record, tmp_path):
     values[:, 1] = 0.0
     np.savetxt(tmp_path / "dead.csv", values, delimiter=",", fmt="%.6e")
     asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "methods": ("SSI-cov",), "largest_order": 16}
-    made = identify(tmp_path / "dead.csv", options=asked)
+    made = identify(tmp_path / "dead.csv", **asked)
     assert [a.code for a in made.record.alerts] == ["record.dead"]
     assert "2S+" in made.record.alerts[0].sentence
 
 
+@pytest.mark.slow
 def test_the_command_says_the_same(record, tmp_path):
     said = [
         "identify",
@@ -221,7 +226,7 @@ def test_what_is_lacking_is_asked_for(record, tmp_path):
     with pytest.raises(FemtuneError, match="there is no such file"):
         identify(tmp_path / "none.csv")
     with pytest.raises(FemtuneError, match="folder of the results is that of the measurement"):
-        identify(record, record.parent, options={"sampling_hz": 50.0, "band_hz": (1.0, 12.0)})
+        identify(record, output=record.parent, sampling_hz=50.0, band_hz=(1.0, 12.0))
 
 
 def test_output_only_methods_are_refused_for_functions(tmp_path):

@@ -104,7 +104,7 @@ def test_modes_and_info(tmp_path: Path) -> None:
     study = written(tmp_path, "")
     (found,) = steps.modes(study)
     np.testing.assert_allclose(found.freq_hz, hertz(chain(LOWER + UPPER)), rtol=1e-9)
-    facts = steps.info(study)
+    facts = steps.info(study).record
     assert {"matrices.compared", "matrices.read"} <= {n.code for n in facts.notices}
     assert facts.configurations[0].rigid_body_check.verdict == "not tested"
     assert facts.configurations[0].free_dofs == 5
@@ -113,7 +113,7 @@ def test_modes_and_info(tmp_path: Path) -> None:
 def test_supports_inside_the_matrices_and_damping_are_told(tmp_path: Path) -> None:
     (tmp_path / "mesh.inp").write_text("*NODE\n" + "".join(f"{10 * (i + 1)}, {i}., 0., 0.\n" for i in range(5)))
     damping = '[[matrix]]\nname = "RUBBER"\nkind = "viscous"\nfile = "lower.mtx"\nfactor = 1e-3\n'
-    facts = steps.info(written(tmp_path, damping, model='grid = "mesh.inp"'))
+    facts = steps.info(written(tmp_path, damping, model='grid = "mesh.inp"')).record
     check = facts.configurations[0].rigid_body_check
     assert check.verdict == "not tested"
     assert "held degrees of freedom were left out" in check.sentence
@@ -121,6 +121,7 @@ def test_supports_inside_the_matrices_and_damping_are_told(tmp_path: Path) -> No
     assert [(f.kind, f.field) for f in facts.damping.fields] == [("viscous", "viscous RUBBER")]
 
 
+@pytest.mark.slow
 def test_update_and_report(tmp_path: Path) -> None:
     run = steps.run(written(tmp_path))
     update = run.results.update
@@ -155,7 +156,7 @@ def test_other_modes_are_refused_on_import(tmp_path: Path) -> None:
 
 
 def test_without_a_list_a_warning_stays(tmp_path: Path) -> None:
-    facts = steps.info(written(tmp_path, "", listed=[]))
+    facts = steps.info(written(tmp_path, "", listed=[])).record
     assert {n.level for n in facts.notices if n.code == "matrices.not-compared"} == {"warning"}
 
 
@@ -275,11 +276,12 @@ ENDDATA
 """
 
 
+@pytest.mark.slow
 def test_the_factor_of_a_matrix_of_a_deck_is_updated_and_told(tmp_path: Path) -> None:
     (tmp_path / "deck.bdf").write_text(GRIDS.format(factor=2.5))
     (tmp_path / "true.bdf").write_text(GRIDS.format(factor=3.0))
     sensors = DofSet.parse(["1X+", "2X+", "3X+"])
-    modes = steps.mode_sets(tmp_path / "true.bdf")["as the deck"].select_dofs(sensors)
+    modes = steps.modes(tmp_path / "true.bdf").mode_sets["as the deck"].select_dofs(sensors)
     write_uff_modes(tmp_path / "chain.uff", ModalTest("chain", SI, modes=modes))
     (tmp_path / "study.toml").write_text(
         '[study]\ntitle = "x"\nunits = "m-kg-s"\ndeck = "deck.bdf"\n[modes]\ncount = 3\n'

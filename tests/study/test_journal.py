@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from femtune import steps
-from femtune.residuals import solver
-from femtune.study import RunFolder, journal, journal_entry, read_results
+from femtune.journal import entry as journal_entry
+from femtune.journal import journal
+from femtune.residuals import direct
+from femtune.results.folder import read_results
+from femtune.results.step_results import RunResult
 
 Bench = Any
 
@@ -23,7 +26,7 @@ class Solved:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.points: list[tuple[float, ...]] = []
         self.derivatives = 0
-        modes, derivative = solver.solve_modes, solver.subspace_derivative
+        modes, derivative = direct.modes, direct.derivative
 
         def count_modes(point: Any, *limits: Any) -> Any:
             self.points.append(tuple(point.x))
@@ -33,8 +36,8 @@ class Solved:
             self.derivatives += 1
             return derivative(*given)
 
-        monkeypatch.setattr(solver, "solve_modes", count_modes)
-        monkeypatch.setattr(solver, "subspace_derivative", count_derivatives)
+        monkeypatch.setattr(type(direct), "modes", staticmethod(count_modes))
+        monkeypatch.setattr(type(direct), "derivative", staticmethod(count_derivatives))
 
     @property
     def total(self) -> int:
@@ -46,7 +49,7 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> Solved:
     return Solved(monkeypatch)
 
 
-def counts(run: RunFolder) -> tuple[int, int]:
+def counts(run: RunResult) -> tuple[int, int]:
     found = run.results.journal
     assert found is not None
     assert found.solved == sum(k.solved for k in found.kinds)
@@ -54,11 +57,11 @@ def counts(run: RunFolder) -> tuple[int, int]:
     return found.solved, found.recalled
 
 
-def codes(run: RunFolder) -> list[str]:
+def codes(run: RunResult) -> list[str]:
     return [a.code for a in run.results.alerts if a.code.startswith("journal.")]
 
 
-def same(first: RunFolder, second: RunFolder) -> None:
+def same(first: RunResult, second: RunResult) -> None:
     """Equal to the last bit, but for time and counts."""
     apart = {"provenance", "journal", "alerts"}
     assert second.results.model_dump(exclude=apart) == first.results.model_dump(exclude=apart)
@@ -100,11 +103,12 @@ def test_a_second_run_solves_nothing_and_finds_the_same(beam: Bench, solved: Sol
     assert read_results(second.folder)[0].journal == second.results.journal
 
 
+@pytest.mark.slow
 def test_a_journal_changes_no_result(beam: Bench) -> None:
     study = beam.study()
     first = steps.update(study)
     replace_in(study, "[modes]", "journal = false\n[modes]")
-    second = steps.update(study, beam.folder / "other")
+    second = steps.update(study, output=beam.folder / "other")
     assert second.results.journal is None
     assert not (second.folder / "journal").exists()
     same(first, second)
@@ -124,6 +128,7 @@ def test_fresh_solves_all_again_and_empties_the_journal(beam: Bench, solved: Sol
     assert own.exists()
 
 
+@pytest.mark.slow
 def test_other_weights_share_the_points_of_the_way_that_are_the_same(beam: Bench, solved: Solved) -> None:
     study = beam.study()
     steps.update(study)
@@ -135,6 +140,7 @@ def test_other_weights_share_the_points_of_the_way_that_are_the_same(beam: Bench
     assert (0.0, 0.0) not in solved.points
 
 
+@pytest.mark.slow
 def test_bounds_do_not_matter_to_solutions_and_the_start_does(beam: Bench, solved: Solved) -> None:
     study = beam.study()
     steps.update(study)
@@ -150,6 +156,7 @@ def test_bounds_do_not_matter_to_solutions_and_the_start_does(beam: Bench, solve
     assert (0.0, 0.0) in solved.points
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -169,10 +176,9 @@ def test_another_model_is_solved(beam: Bench, solved: Solved, name: str, old: st
     steps.update(study)
     solved.points.clear()
     replace_in(beam.folder / name, old, new)
-    remarks: list[str] = []
-    changed = steps.modes(study, remarks=remarks)
+    changed = steps.modes(study)
     assert len(solved.points) == 1
-    assert steps.modes(study, fresh=True) == changed
+    assert steps.modes(study, fresh=True).records == changed.records
 
 
 def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Bench, solved: Solved) -> None:
@@ -182,36 +188,43 @@ def test_another_parameter_shares_the_modes_and_not_their_derivatives(beam: Benc
     solved.points.clear()
     solved.derivatives = 0
     replace_in(study, "PBAR 2 I1", "PBAR 2 I2")
-    found = steps.select(study)
+    found = steps.select(study).record
     assert not solved.points
     assert solved.derivatives > 0
     # another choice of parameters adds the same matrices up in another order: the last bits differ
-    close(found.model_dump(), steps.select(study, fresh=True).model_dump())
+    close(found.model_dump(), steps.select(study, fresh=True).record.model_dump())
     assert found != before.results.selection
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("step", ["modes", "correlate", "select"])
 def test_other_steps_look_up_and_write_nothing(beam: Bench, solved: Solved, step: str) -> None:
     study = beam.study()
     function = getattr(steps, step)
-    alone = function(study)
+
+    def records(**options: bool) -> Any:
+        found = function(study, **options)
+        return found.record if step == "select" else found.records
+
+    alone = records()
     assert not (beam.folder / "run").exists()
     folder = steps.update(study).folder / "journal"
     kept, total = sorted(folder.iterdir()), solved.total
-    remarks: list[str] = []
-    assert function(study, remarks=remarks) == alone
+    remarks = function(study).remarks
+    assert records() == alone
     assert solved.total == total
     assert sorted(folder.iterdir()) == kept
     assert len(remarks) == 1
     number = int(remarks[0].split()[0])
     assert remarks[0] == f"{number} of {number} solutions from the journal of an earlier run"
-    assert function(study, fresh=True) == alone
+    assert records(fresh=True) == alone
     assert solved.total == total + number
 
 
+@pytest.mark.slow
 def test_the_disk_is_full(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     study, write = beam.study(), journal_entry.write_whole_by
-    whole = steps.update(study, beam.folder / "whole")
+    whole = steps.update(study, output=beam.folder / "whole")
     left = 5
 
     def full(*given: Any) -> None:
@@ -229,6 +242,7 @@ def test_the_disk_is_full(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     same(whole, run)
 
 
+@pytest.mark.slow
 def test_the_journal_stops_at_its_size(beam: Bench) -> None:
     study = beam.study()
     replace_in(study, "[modes]", "journal_gib = 2e-5\n[modes]")
@@ -282,6 +296,7 @@ def test_a_damaged_entry_is_solved_again_and_replaced(beam: Bench, solved: Solve
     assert not codes(third)
 
 
+@pytest.mark.slow
 def test_wrong_arrays_in_a_sound_file_are_noticed(beam: Bench) -> None:
     study = beam.study()
     first = steps.update(study)
@@ -296,9 +311,10 @@ def test_wrong_arrays_in_a_sound_file_are_noticed(beam: Bench) -> None:
     same(first, second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("schema", ["version", "schema"])
 def test_another_version_finds_nothing(beam: Bench, monkeypatch: pytest.MonkeyPatch, schema: str) -> None:
-    from femtune.study import journaled  # noqa: PLC0415
+    from femtune.journal import solver as journaled  # noqa: PLC0415
 
     study = beam.study()
     steps.update(study)

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femtune.study.journal_entry import DamagedEntryError, Entry, read_entry, write_entry
+from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
 
 MOST = 1 << 24
 ENTRY = Entry(
@@ -145,7 +145,7 @@ def test_places_that_are_no_files(tmp_path: Path) -> None:
     assert "larger" in why(tmp_path / "a.npz", 100)
 
 
-@settings(max_examples=100, deadline=None, database=None)
+@settings(database=None)
 @given(st.data())
 def test_any_change_is_noticed_or_harmless(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     """Cut anywhere or with any byte changed: an error of this module, or what was written."""

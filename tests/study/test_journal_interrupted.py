@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from femtune import steps
-from femtune.residuals import solver
-from femtune.study import RunFolder, read_results
+from femtune.residuals import direct
+from femtune.results.folder import read_results
+from femtune.results.step_results import RunResult
 
 Bench = Any
 
@@ -23,8 +24,8 @@ Bench = Any
 _KILLED = """
 import os, signal, sys
 from femtune import steps
-from femtune.residuals import solver
-from femtune.study import journal_entry
+from femtune.residuals import direct
+from femtune.journal import entry as journal_entry
 study, when, last = sys.argv[1], sys.argv[2], int(sys.argv[3])
 calls = 0
 def dying(function, amid=False):
@@ -44,19 +45,19 @@ def dying(function, amid=False):
 if when == "writing":
     journal_entry._pack = dying(journal_entry._pack, True)
 else:
-    solver.solve_modes = dying(solver.solve_modes)
-    solver.subspace_derivative = dying(solver.subspace_derivative)
+    type(direct).modes = staticmethod(dying(direct.modes))
+    type(direct).derivative = staticmethod(dying(direct.derivative))
 steps.update(study)
 """
 
 
 @pytest.fixture
-def whole(finished: tuple[Bench, RunFolder]) -> RunFolder:
+def whole(finished: tuple[Bench, RunResult]) -> RunResult:
     """The run that nobody interrupted."""
     return finished[1]
 
 
-def check_same(run: RunFolder, whole: RunFolder) -> None:
+def check_same(run: RunResult, whole: RunResult) -> None:
     """The same to the last bit, and every solution of the journal solved once."""
     # alerts name files of the folder that the run was made in
     apart = {"provenance", "journal", "alerts"}
@@ -77,9 +78,10 @@ def identities(folder: Path) -> dict[str, tuple[int, int]]:
     return {p.name: (p.stat().st_ino, p.stat().st_mtime_ns) for p in (folder / "journal").glob("[!.]*.npz")}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 @pytest.mark.parametrize(("when", "last"), [("before", 9), ("after", 17), ("writing", 13)])
-def test_killed(beam: Bench, whole: RunFolder, when: str, last: int) -> None:
+def test_killed(beam: Bench, whole: RunResult, when: str, last: int) -> None:
     study = beam.study()
     ended = subprocess.run([sys.executable, "-c", _KILLED, str(study), when, str(last)], check=False)
     assert ended.returncode == -signal.SIGKILL
@@ -96,7 +98,8 @@ def test_killed(beam: Bench, whole: RunFolder, when: str, last: int) -> None:
     check_same(run, whole)
 
 
-def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each run solves one thing and is interrupted at the next; together they solve nothing twice."""
     study, solved, budget = beam.study(), 0, 0
 
@@ -107,8 +110,8 @@ def test_stopped_at_every_solution_in_turn(beam: Bench, whole: RunFolder, monkey
         solved += 1
         budget -= 1
 
-    for name in ("solve_modes", "subspace_derivative"):
-        monkeypatch.setattr(solver, name, paid(getattr(solver, name), spend))
+    for name in ("modes", "derivative"):
+        monkeypatch.setattr(type(direct), name, staticmethod(paid(getattr(direct, name), spend)))
 
     for _ in range(200):
         budget = 1
@@ -130,7 +133,8 @@ def paid(function: Any, spend: Any) -> Any:
     return run
 
 
-def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunFolder) -> None:
+@pytest.mark.slow
+def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunResult) -> None:
     class Stop:
         def step(self, text: str, done: int, total: int | None) -> None:
             if text.startswith("update") and done == 2:
@@ -147,9 +151,9 @@ def test_the_history_of_a_resumed_run_is_whole(beam: Bench, whole: RunFolder) ->
     assert len(after) > 3
 
 
-def test_a_journal_may_be_moved_to_another_folder(beam: Bench, whole: RunFolder) -> None:
+def test_a_journal_may_be_moved_to_another_folder(beam: Bench, whole: RunResult) -> None:
     shutil.copytree(whole.folder / "journal", beam.folder / "moved/journal")
-    run = steps.update(beam.study(), beam.folder / "moved")
+    run = steps.update(beam.study(), output=beam.folder / "moved")
     assert run.results.journal is not None
     assert run.results.journal.solved == 0
     check_same(run, whole)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
-from femtune.study.load import load_study
 
 from .conftest import Bench
 
@@ -69,8 +67,8 @@ def study_of(bench: Bench, method: str = "direct", ratios: str = "ratios = [0.02
 @pytest.mark.parametrize("method", ["real modes", "complex modes", "direct"])
 def test_responses_at_the_start_have_the_ratios_of_the_parameters(bench: Bench, method: str) -> None:
     """A factor starts at the ratio of [response], an absolute one at its own nominal value."""
-    arrays: dict[str, NDArray[Any]] = {}
-    (found,) = steps.respond(study_of(bench, method), arrays=arrays)
+    result = steps.respond(study_of(bench, method))
+    (found,), arrays = result, result.arrays
     assert found.frfs is not None
     K, M = np.array([[1800.0, -800.0], [-800.0, 800.0]]), np.diag([2.5, 2.0])
     values, shapes = np.linalg.eig(np.linalg.solve(M, K))

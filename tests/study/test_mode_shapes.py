@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
 from femtune.fem import NodeTable
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.model import Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
-from femtune.study import RunFolder, record_shapes
-from femtune.study.drawn_mesh import ELEMENT, RIGID, DrawnMesh, active_faces, active_lines, mesh_beside, thinned
-from femtune.study.record_shapes import grid_translations
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from femtune.results import shapes as record_shapes
+from femtune.results.shapes import grid_translations
+from femtune.results.step_results import RunResult
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 # a portal: two columns, a rigid floor from grid 5 to their tops, a spring of no length, a mass without lines
 PORTAL = """BEGIN BULK
@@ -78,13 +79,13 @@ def test_motion_is_in_basic_axes_whatever_the_displacement_frames(tmp_path: Path
     np.testing.assert_allclose(skew * signs, plain, atol=1e-9 * np.abs(plain).max())
 
 
-def test_a_run_keeps_the_shapes_before_and_as_written(finished: tuple[Any, RunFolder]) -> None:
+def test_a_run_keeps_the_shapes_before_and_as_written(finished: tuple[Any, RunResult]) -> None:
     results = finished[1].results
     assert [m.stage for m in results.mode_shapes] == ["before", "after as written"]
     assert all(m.reason == "" for m in results.mode_shapes)
 
 
-def test_the_model_at_the_sensors_is_the_motion_of_their_points(finished: tuple[Any, RunFolder]) -> None:
+def test_the_model_at_the_sensors_is_the_motion_of_their_points(finished: tuple[Any, RunResult]) -> None:
     """Sensors Y and Z at grid points 2 to 5, and the test is made of modes of such a beam."""
     run = finished[1]
     kept = run.results.mode_shapes[-1]
@@ -97,6 +98,7 @@ def test_the_model_at_the_sensors_is_the_motion_of_their_points(finished: tuple[
     assert read["test_shapes_key"].shape == (len(rows), 4)
 
 
+@pytest.mark.slow
 def test_of_very_large_models_a_coarser_mesh_is_kept(beam: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_lines=3))
     run = steps.run(beam.study())

@@ -16,14 +16,14 @@ def _by_check(checks: Any) -> dict[str, Any]:
 
 
 def test_info_knows_the_mass_only(beam: Bench) -> None:
-    (check,) = steps.info(beam.study()).checks
+    (check,) = steps.info(beam.study()).record.checks
     assert (check.check, check.verdict) == ("weighed mass", "not tested")
     assert "was not weighed" in check.sentence
 
 
 def test_select_and_run_look_at_mass_and_mesh(beam: Bench) -> None:
     study = beam.study(beam.parameters + "[checks]\nrefinement = true\nmesh_error = 0.0001")
-    selected = _by_check(steps.select(study).model_checks)
+    selected = _by_check(steps.select(study).record.model_checks)
     assert {name: c.verdict for name, c in selected.items()} == {
         "weighed mass": "not tested", "lumped or consistent mass": "fail", "mesh": "fail"}  # fmt: skip
     run = steps.run(study)
@@ -36,13 +36,13 @@ def test_select_and_run_look_at_mass_and_mesh(beam: Bench) -> None:
 
 def test_the_limit_is_the_studys(beam: Bench) -> None:
     found = _by_check(
-        steps.select(beam.study(beam.parameters + "[checks]\nrefinement = true\nmesh_error = 0.9")).model_checks
+        steps.select(beam.study(beam.parameters + "[checks]\nrefinement = true\nmesh_error = 0.9")).record.model_checks
     )
     assert (found["mesh"].verdict, found["mesh"].limit) == ("pass", pytest.approx(90.0))
     assert found["mesh"].measured < -1.0
 
 
 def test_without_refinement_the_mesh_is_not_tested(beam: Bench) -> None:
-    found = _by_check(steps.select(beam.study()).model_checks)["mesh"]
+    found = _by_check(steps.select(beam.study()).record.model_checks)["mesh"]
     assert (found.verdict, found.measured) == ("not tested", None)
     assert "refinement = true" in found.sentence

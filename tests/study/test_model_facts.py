@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from femtune import steps
-from femtune.report.sections.model_summary import model_summary
-from femtune.report.source import Source
-from femtune.study.modes_results import modes_results
-from femtune.study.results_model import ModelConfiguration
-from femtune.testing import subframe
+from femtune.reporting.sections.summary import model_summary
+from femtune.reporting.source import ReportSource
+from femtune.results.model import ModelConfiguration
+from structures import subframe
 
 _HEAD = "SOL 103\nCEND\n{case}BEGIN BULK\n"
 _BEAM = """GRID,1,,0.,0.,0.,,123456
@@ -33,7 +32,7 @@ EIGRL,1,,,2
 def _facts(folder: Path, case: str = "SPC = 7\n", more: str = "") -> ModelConfiguration:
     path = folder / "beam.bdf"
     path.write_text(_HEAD.format(case=case) + _BEAM + more + "ENDDATA\n")
-    return steps.info(path).configurations[0]
+    return steps.info(path).record.configurations[0]
 
 
 def test_each_dof_is_counted_where_it_is_held(tmp_path: Path) -> None:
@@ -53,7 +52,7 @@ def test_overlays_change_the_counts(tmp_path: Path) -> None:
         '[[configuration]]\nname = "a"\nsupports_added = ["3:12"]\nsupports_removed = ["3:6", "2:4"]\n'
         "elements_off = [9]\n"
     )
-    (found,) = steps.info(study).configurations
+    (found,) = steps.info(study).record.configurations
     # 4 of grid 2 was held twice, and is free now
     assert found.supports == ("grid points themselves (PS): 6 DOFs", "SPC set 7: 2 DOFs", "configuration: 2 DOFs")
     assert found.constraints == ()
@@ -75,15 +74,17 @@ def deck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_free_structure_of_shells_and_solids_is_called_free(deck: Path) -> None:
-    results, arrays = modes_results(deck, count=7)
+    found = steps.modes(deck, count=7)
+    results, arrays = found.results, found.arrays
     assert results.model is not None
     (found,) = results.model.configurations
     check = found.rigid_body_check
     assert (check.verdict, check.grounded, check.worst_dofs) == ("pass", False, ())
     assert check.sentence == "without its supports the model moves in all six rigid motions without strain"
     assert (found.supports, results.modes[0].rigid_body_modes) == ((), 6)
-    numbers = {n.name: n for n in model_summary(Source(results, arrays))[0].numbers}  # type: ignore[union-attr]
+    numbers = {n.name: n for n in model_summary(ReportSource(results, arrays))[0].numbers}  # type: ignore[union-attr]
     supports = numbers["Supports"]
     assert supports.before == "free"
     assert supports.remark == f"AUTOSPC: {len(found.held_dofs)} DOFs; {found.constraints[0]}"

@@ -10,9 +10,9 @@ import pytest
 from tests.study.conftest import CANTILEVER, Bench
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.model import Configuration, solve_modes
-from femtune.study.load import load_study
 
 OFFSET = CANTILEVER.replace(
     "CBAR    3       2       3       4       0.0     1.0     0.0\n",
@@ -49,6 +49,7 @@ def test_the_factor_of_a_region_is_found_and_said_to_be_unwritten(bench: Bench) 
     assert (run.folder / "updated.bdf").read_text() == (bench.folder / "beam.bdf").read_text()
 
 
+@pytest.mark.slow
 def test_an_offset_is_found_and_written_to_its_fields(bench: Bench) -> None:
     truth = (("0.0     0.02    0.0     0.0     0.02    0.0", "0.0     0.03    0.0     0.0     0.03    0.0"),)
     tail = _parameter("a", '["CBAR 3 W2A", "CBAR 3 W2B"]') + '[[derived]]\nname = "twice"\nexpression = "0.04*a"\n'
@@ -79,6 +80,7 @@ def test_offsets_of_a_region_by_the_name_of_the_card(bench: Bench) -> None:
 GENERIC = '[[generic]]\nname = "JOINT"\nelements = "1 THRU 2"\ncomponents = "26"\n'
 
 
+@pytest.mark.slow
 def test_an_eigenvalue_of_a_group_is_found(bench: Bench) -> None:
     """A test made with κ 1 at 1.4: the study finds it, and says that no card holds it."""
     tail = GENERIC + _parameter("k", '["GENERIC JOINT K1"]')
@@ -159,6 +161,7 @@ def test_what_cannot_be_is_refused_with_its_place(bench: Bench, tail: str, code:
     assert _code(bench, tail) == code
 
 
+@pytest.mark.slow
 def test_a_derived_quantity_without_a_value_at_the_end_loses_nothing(bench: Bench) -> None:
     truth = (("PBAR    1       1       1.0-3   2.0-7 ", "PBAR    1       1       1.0-3   3.0-7 "),)
     tail = _parameter("root", '["PBAR 1 I1"]') + '[[derived]]\nname = "d"\nexpression = "sqrt(1.2-root)"\n'
@@ -182,6 +185,7 @@ supports_added = ["1 THRU 5:345"]
 """
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     ("first", "second", "redundant"),
     [
@@ -196,6 +200,6 @@ def test_what_the_guide_calls_redundant(bench: Bench, first: str, second: str, r
     bench.write("beam.bdf", PLATE if "PBARL" in first else CANTILEVER)
     held = Configuration(supports_added=tuple((n, "345") for n in range(1, 6)))
     bench.uff(bench.measure(bench.folder / "beam.bdf", *(f"{n}Y+" for n in range(2, 6)), configuration=held, count=3))
-    found = steps.select(bench.study(IN_PLANE + _parameter("p", first) + _parameter("q", second), test=None))
+    found = steps.select(bench.study(IN_PLANE + _parameter("p", first) + _parameter("q", second), test=None)).record
     assert (found.singular_values[1] < 1e-9 * found.singular_values[0]) == redundant
     assert bool(found.undetermined) >= redundant

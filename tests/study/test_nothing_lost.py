@@ -11,7 +11,8 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.study import read_results, run
+from femtune.results.folder import read_results
+from femtune.study import run
 
 Bench = Any
 
@@ -33,6 +34,7 @@ def history(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (folder / "history.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("last", [0, 2])
 def test_interrupted_update_leaves_its_history(beam: Bench, last: int) -> None:
     with pytest.raises(KeyboardInterrupt):
@@ -52,6 +54,7 @@ def test_a_run_that_is_interrupted_keeps_the_results_of_an_earlier_one(beam: Ben
     assert (first.folder / "updated.bdf").read_bytes() == deck
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("fault", ["gate", "deck", "parameter"])
 def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, fault: str) -> None:
     study = beam.study()
@@ -68,6 +71,7 @@ def test_a_run_that_fails_early_keeps_everything_of_an_earlier_one(beam: Bench, 
     assert {p: p.read_bytes() for p in first.folder.iterdir() if p.is_file()} == kept
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt(), MemoryError()])
 def test_results_are_kept_when_the_write_back_fails(
     beam: Bench, monkeypatch: pytest.MonkeyPatch, fault: BaseException
@@ -101,6 +105,7 @@ def test_an_error_of_the_write_back_says_where_the_results_are(beam: Bench) -> N
     assert read_results(beam.folder / "run")[0].update is not None
 
 
+@pytest.mark.slow
 def test_inputs_that_vanish_during_the_run_do_not_spoil_it(beam: Bench) -> None:
     def remove(text: str, done: int) -> bool:
         if text.startswith("update") and done == 1:
@@ -127,6 +132,7 @@ def test_progress_names_the_steps_in_their_order(beam: Bench) -> None:
     assert all(total is None or 0 <= done <= total for _, done, total in told.lines)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("step", ["info", "modes", "correlate", "select"])
 def test_every_step_says_something(beam: Bench, step: str) -> None:
     told = Told()

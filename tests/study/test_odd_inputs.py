@@ -23,6 +23,7 @@ def test_missing_enddata_is_an_alert(beam: Bench) -> None:
     assert any(a.code == "deck.no-enddata" for a in steps.update(beam.study()).results.alerts)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("name", ["bläu & co", "two words", "it's", 'say "x"', "<b>", "a;b$(c)", "ß=1"])
 def test_strange_names_of_files_and_folders(beam: Bench, name: str) -> None:
     head, grids, tail = beam.text.partition("GRID    3               0.5     0.0     0.0\n")
@@ -33,11 +34,12 @@ def test_strange_names_of_files_and_folders(beam: Bench, name: str) -> None:
     (beam.folder / "beam.uff").rename(beam.folder / name / f"{name}.uff")
     toml = name.replace('"', '\\"')
     study = beam.study(deck=f"{toml}/{toml}.bdf", test=f"{toml}/{toml}.uff")
-    run = steps.update(study, beam.folder / f"run {name}")
+    run = steps.update(study, output=beam.folder / f"run {name}")
     again = steps.modes(run.folder / "updated.bdf")[0]
     assert again.freq_hz[:6] == pytest.approx(run.results.modes[-1].freq_hz)
 
 
+@pytest.mark.slow
 def test_a_long_title_of_markup_is_text(beam: Bench) -> None:
     title = "<script>alert(1)</script>" * 400
     study = beam.study()

@@ -11,9 +11,9 @@ import pytest
 from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.files.study_file import QuantifyTable
-from femtune.report import build_report
+from femtune.reporting import build_report
+from femtune.results.quantify import QuantifyResults
 from femtune.study.quantify import in_words_of_the_study
-from femtune.study.results_quantify import QuantifyResults
 
 from .conftest import EI, Bench
 
@@ -64,8 +64,8 @@ def assert_near(found: QuantifyResults, factors: np.ndarray, rtol: float) -> Non
 def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
-    arrays: dict = {}
-    found = steps.quantify(_study(bench), arrays=arrays)
+    result = steps.quantify(_study(bench))
+    found, arrays = result.record, result.arrays
     assert found.ok
     assert found.agrees
     assert_near(found, factors, 5e-4)
@@ -78,16 +78,18 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     assert {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key} == set(arrays)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["perturbation", "cross-covariance", "output-difference"])
 def test_every_method_of_a_study(repeated, method: str):
     bench, factors, hz = repeated
     _table(bench, hz)
-    found = steps.quantify(_study(bench, f'method = "{method}"\n'))
+    found = steps.quantify(_study(bench, f'method = "{method}"\n')).record
     assert found.ok
     assert_near(found, factors, 3e-3)
     assert found.solutions > (60 if method != "perturbation" else 0)
 
 
+@pytest.mark.slow
 def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
     bench, factors, _ = repeated
     names = []
@@ -99,12 +101,13 @@ def test_universal_files_are_paired_by_shape_and_a_lost_mode_is_a_gap(repeated):
             test = type(test)(test.name, test.units, test.geometry, modes=type(modes)(
                 modes.freq_hz[keep], modes.shapes[:, keep], modes.dofs, normalisation="mass"))  # fmt: skip
         names.append(bench.uff(test, f"repeat{i}.uff").name)
-    found = steps.quantify(_study(bench, repeats=str(names)))
+    found = steps.quantify(_study(bench, repeats=str(names))).record
     assert [o.repeats for o in found.outputs] == [12, 11, 12]
     assert any("1 of 36 values were not measured" in s for s in found.sentences)
     assert_near(found, factors, 3e-3)
 
 
+@pytest.mark.slow
 def test_a_run_keeps_it_in_results_and_report(repeated):
     bench, factors, hz = repeated
     _table(bench, hz)
@@ -127,25 +130,28 @@ def test_a_study_without_repeats_says_so_in_its_report(finished):
     assert "no repeated tests" in str(section.blocks)
 
 
+@pytest.mark.slow
 def test_columns_may_have_names_of_their_own(repeated):
     bench, factors, hz = repeated
     _table(bench, np.column_stack([np.arange(COUNT), hz]), "test,f1_Hz,f3_Hz,f5_Hz")
-    found = steps.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n'))
+    found = steps.quantify(_study(bench, 'columns = ["", "1", "3", "5"]\n')).record
     assert_near(found, factors, 5e-4)
 
 
+@pytest.mark.slow
 def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
     """One factor on the root alone, where root and tip scatter."""
     bench, _, hz = repeated
     _table(bench, hz)
     one = '[[parameter]]\nname = "root"\nfields = ["PBAR 1 I1"]\nlower = 0.5\nupper = 2.0\n'
     study = bench.study(f'{LEFT_OUT}{one}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n')
-    found = steps.quantify(study)
+    found = steps.quantify(study).record
     assert not found.agrees
     assert found.unexplained_percent > 2.0
     assert "does not repeat what was measured" in found.sentences[0]
 
 
+@pytest.mark.slow
 def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
     """Root and tip scatter; a tip mass that does not is the third candidate; four frequencies of the plane."""
     factors = _written(_factors())
@@ -158,7 +164,7 @@ def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
     text = f'leave_out = [{out}]\n{EI}{mass}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n'
     study = bench.study(text)
     study.write_text(study.read_text().replace("count = 6", "count = 8"))
-    found = steps.quantify(study)
+    found = steps.quantify(study).record
     root, tip, third = (p.cosine_distance for p in found.parameters)
     assert max(root, tip) < 0.01
     assert third > 0.05
@@ -190,13 +196,13 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("a,b\n1,2\n3,4\n"), "quantify.columns", "'a' is no mode of the test"),
         (_broken("1,1\n1,2\n3,4\n"), "quantify.columns", "a mode twice"),
         (_broken("1,2\n1,2,3\n"), "quantify.file", "3 values under 2 headings"),
-        (_broken("1,2\n1,x\n"), "quantify.file", "'x' under '2' is no finite number"),
+        (_broken("1,2\n1,x\n"), "quantify.file", "'x' under '2' is not finite"),
         (_broken("1,2\n1,inf\n"), "quantify.file", "'inf' under '2'"),
         (_broken("1,2\n1,-5\n"), "quantify.file", "repeat 1 gives mode 2 -5 Hz"),
         (_broken("1,2\n1,5\n0,5\n"), "quantify.file", "repeat 2 gives mode 1 0 Hz"),
         (_broken("1,2\n1,1e300\n"), "quantify.file", "which is no natural frequency"),
         (_broken("1,2\n"), "quantify.file", "no line of values"),
-        (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 does not scatter"),
+        (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 does not vary"),
         (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names the configuration C"),
     ],
@@ -228,5 +234,5 @@ def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
     assert run.results.update.ok
     assert run.results.quantify is None
     assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
-        "scatter of the parameters: mode 1 does not scatter: its variance is zero"
+        "scatter of the parameters: mode 1 does not vary: its variance is zero"
     ]

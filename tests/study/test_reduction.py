@@ -9,8 +9,8 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.report.build import build_report
-from femtune.study import RunFolder
+from femtune.reporting.build import build_report
+from femtune.results.step_results import RunResult
 from femtune.study.reduction import TrainingProgress
 
 Bench = Any
@@ -30,7 +30,7 @@ upper = 2.0
 """
 
 
-def _run(bench: Bench, table: str) -> RunFolder:
+def _run(bench: Bench, table: str) -> RunResult:
     bench.uff(bench.measure(bench.truth()))
     return steps.update(bench.study(EI + table))
 
@@ -60,6 +60,7 @@ def test_what_is_not_certified_is_a_problem(bench: Bench) -> None:
     assert "more than the tolerance" in alert.sentence
 
 
+@pytest.mark.slow
 def test_a_run_that_is_repeated_solves_nothing_again(bench: Bench) -> None:
     first = _run(bench, "[reduction]\n")
     second = steps.update(bench.folder / "study.toml")
@@ -76,6 +77,7 @@ def test_keys_are_checked(bench: Bench, key: str) -> None:
         _run(bench, f"[reduction]\n{key}\n")
 
 
+@pytest.mark.slow
 def test_the_report_says_order_price_and_errors(bench: Bench) -> None:
     run = _run(bench, "[reduction]\n")
     assert run.results.update is not None
@@ -96,6 +98,7 @@ class _Heard:
         self.lines.append((text, done, total))
 
 
+@pytest.mark.slow
 def test_progress_says_cost_order_and_errors(bench: Bench) -> None:
     bench.uff(bench.measure(bench.truth()))
     heard = _Heard()

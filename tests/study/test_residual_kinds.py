@@ -18,6 +18,7 @@ from femtune.modal import ModeSet
 from femtune.model import Configuration, configure, parametric_model
 from femtune.model.response import make_ports, static_response
 from femtune.parameters import ParameterSet
+from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest
 
 from .conftest import CANTILEVER, EI, Bench, modes_of_deck
@@ -57,10 +58,11 @@ OF_MODES = {
 }
 
 
-def run(bench: Bench, tail: str, test: str | None = "beam.uff") -> steps.RunFolder:
+def run(bench: Bench, tail: str, test: str | None = "beam.uff") -> RunResult:
     return steps.run(bench.study(EI + tail, test=test))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", OF_MODES)
 def test_kinds_of_modes(name: str, beam: Bench):
     # shapes know the ratio of the two stiffnesses only
@@ -126,6 +128,7 @@ def test_a_model_without_mass(bench: Bench):
     assert found.modes == ()
 
 
+@pytest.mark.slow
 def test_forces_that_measured_displacements_need(bench: Bench):
     truth = bench.truth()
     table = f'[[residual]]\nkind = "static-force"\nname = "bench"\n{LOAD}\n{measured_table(truth)}\nsd = 1.0\n'
@@ -134,6 +137,7 @@ def test_forces_that_measured_displacements_need(bench: Bench):
     assert [p.value for p in update.parameters] == pytest.approx([1.3, 0.85], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_strain_shapes(bench: Bench):
     """Gauges that see the curvature of three spans beside the displacement sensors of the same modes."""
     labels = ("2Y+", "3Y+", "4Y+", "5Y+", "2Z+", "3Z+", "4Z+", "5Z+")
@@ -161,6 +165,7 @@ def with_gauges(truth: Path, test: ModalTest) -> ModalTest:
     return replace(test, modes=both)
 
 
+@pytest.mark.slow
 def test_modes_that_nothing_compares_are_named(beam: Bench):
     found = run(beam, '[[residual]]\nkind = "mass"\nmass = 9.85\nsd = 0.01\n' + FREQUENCIES_BY_RULE)
     assert not [a for a in found.results.alerts if a.code == "residual.modes-unused"]
@@ -192,12 +197,12 @@ BAD = {
         'kind = "shape"\nsensors = ["2Y+", "3Y+"]\ncovariance = [[1.0, 0.0], [0.0, 0.0]]',
         "beam.uff", "residual.zero-variance", "variance of value 2"),
     "no scatter in the test": (
-        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "gives no scatter"),
+        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "gives no standard deviations"),
     "no covariance in the test": (
-        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "gives no scatter"),
+        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "gives no standard deviations"),
     "a load on a support": (
         "kind = 'static-force'\nname = 'p'\nforces = { '1Y+' = 1.0 }\ndisplacements = { '5Y+' = 1.0 }\nsd = 1.0",
-        None, "response.held-port", "is held"),
+        None, "response.held-port", "is constrained"),
     "a load on nothing": (
         "kind = 'static-force'\nname = 'p'\nforces = { '99Y+' = 1.0 }\ndisplacements = { '5Y+' = 1.0 }\nsd = 1.0",
         None, "model.unknown-node", "99"),

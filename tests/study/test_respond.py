@@ -20,7 +20,7 @@ from femtune.modal import FrfSet, as_kind
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
-from femtune.study.results_response import ResponseResults
+from femtune.results.response import ResponseResults
 from femtune.testdata import ModalTest
 from femtune.units import SI
 
@@ -40,12 +40,11 @@ WAYS = ("real modes", "complex modes", "direct")
 
 def _respond(path: Path, **options: Any) -> tuple[ResponseResults, NDArray[np.float64], NDArray[np.complex128]]:
     """The only record of a deck or study, its lines and values."""
-    arrays: dict[str, NDArray] = {}
-    (found,) = steps.respond(path, arrays=arrays, options=options)
-    assert found.frfs is not None
-    return found, arrays[found.frfs.freq_key], arrays[found.frfs.values_key]
+    found = steps.respond(path, **options)
+    return found[0], found.frfs.freq_hz, found.frfs.values
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("method", WAYS)
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 def test_one_mass(bench: Bench, method: str, kind: str) -> None:
@@ -122,7 +121,7 @@ class _Told:
 def test_the_direct_way_tells_its_lines(bench: Bench) -> None:
     told = _Told()
     asked = {"inputs": ("1S+",), "from_hz": 1.0, "to_hz": 9.0, "lines": 3, "method": "direct"}
-    steps.respond(bench.write("one.bdf", OSCILLATOR), told, options=asked)
+    steps.respond(bench.write("one.bdf", OSCILLATOR), progress=told, **asked)
     lines = [(done, total) for text, done, total in told.steps if text.endswith("before: frequency lines, directly")]
     assert lines == [(1, 3), (2, 3), (3, 3)]
 
@@ -186,8 +185,8 @@ def measured(bench: Bench) -> tuple[Bench, FrfSet]:
 
 def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
-    arrays: dict[str, NDArray] = {}
-    (found,) = steps.respond(bench.study(EI + RESPONSE), arrays=arrays, options={"kind": "mobility"})
+    result = steps.respond(bench.study(EI + RESPONSE), kind="mobility")
+    (found,), arrays = result, result.arrays
     record = found.frfs
     assert record is not None
     assert (record.outputs, record.inputs) == (("5Z+", "3Y-", "4RY+"), ("5Z+", "4Y+"))
@@ -203,9 +202,9 @@ def test_functions_of_the_test_are_beside_the_model(measured: tuple[Bench, FrfSe
 
 def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
-    arrays: dict[str, NDArray] = {}
     options = {"outputs": ("2Z+", "3Y+"), "inputs": ("4Y-",), "from_hz": 10.0, "to_hz": 100.0, "step_hz": 2.0}
-    (found,) = steps.respond(bench.study(EI + RESPONSE), arrays=arrays, options=options)
+    result = steps.respond(bench.study(EI + RESPONSE), **options)
+    (found,), arrays = result, result.arrays
     assert found.frfs is not None
     assert found.frfs.test_values_key is not None
     test = arrays[found.frfs.test_values_key]
@@ -213,6 +212,7 @@ def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Be
     np.testing.assert_allclose(test[1, 0], frfs.values[1, 1], atol=1e-9 * np.abs(frfs.values[1, 1]).max())
 
 
+@pytest.mark.slow
 def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured
     study = bench.study(EI + RESPONSE)
@@ -245,9 +245,9 @@ def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) ->
     np.testing.assert_array_equal(again.arrays[after.frfs.values_key], values)
     other = study.read_text().replace("ratio = 0.01", "ratio = 0.02")
     study.write_text(other)
-    remarks: list[str] = []
-    assert steps.respond(study, remarks=remarks) != (before,)
-    assert remarks == ["2 of 3 solutions from the journal of an earlier run"]
+    changed = steps.respond(study)
+    assert changed.records != (before,)
+    assert changed.remarks == ("2 of 3 solutions from the journal of an earlier run",)
 
 
 def test_a_tip_load(bench: Bench) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from femtune.study.results import SCHEMA_VERSION, json_schema, record_types
-from femtune.study.results_base import Alert, Record
-from femtune.study.schema_page import schema_page
+from femtune.results.base import Alert, Record, descriptions
+from femtune.results.results import SCHEMA_VERSION, json_schema, record_types
+from femtune.results.schema_page import schema_page
 
 _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 
@@ -17,8 +17,9 @@ _PAGE = Path(__file__).resolve().parents[2] / "docs" / "results-schema.md"
 @pytest.mark.parametrize("record", record_types(), ids=lambda r: r.__name__)
 def test_each_field_is_on_the_page_with_its_meaning(record: type[Record]) -> None:
     section = _PAGE.read_text("utf-8").split(f"\n## {record.__name__}\n")[1].split("\n## ")[0]
-    for name, field in record.model_fields.items():
-        assert field.description, name
+    texts = descriptions(record)
+    for name in record.model_fields:
+        assert texts[name], name
         assert f"| `{name}` |" in section
 
 

@@ -8,9 +8,9 @@ import pytest
 from femtune.model import Configuration, EigenSolution, configure, parametric_model, solve_modes
 from femtune.model.response.rigid import is_rigid
 from femtune.parameters import ParameterSet
-from femtune.study.record_model import model_modes
-from femtune.testing.springs import spring_structure
-from femtune.testing.structures import make_structure, scalars
+from femtune.results.model import model_modes
+from structures.frames import make_structure, scalars
+from structures.springs import spring_structure
 
 GROUND = -1
 

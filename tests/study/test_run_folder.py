@@ -14,8 +14,8 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.files import whole_file
-from femtune.study.results import Results
-from femtune.study.run_folder import _read_arrays, check_writable, read_results, write_results
+from femtune.results.folder import _read_arrays, check_writable, read_results, write_results
+from femtune.results.results import Results
 
 _FILE = {"path": "study.toml", "sha256": "0" * 64}
 _PROVENANCE = {
@@ -203,7 +203,7 @@ def test_an_array_of_objects_is_refused(tmp_path: Path) -> None:
 
 
 def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("femtune.study.run_folder._MOST_BYTES", 1000)
+    monkeypatch.setattr("femtune.results.folder._MOST_BYTES", 1000)
     folder = tmp_path / "run"
     folder.mkdir()
     with zipfile.ZipFile(folder / "arrays.npz", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -211,3 +211,19 @@ def test_arrays_that_unpack_to_more_than_memory_are_refused(tmp_path: Path, monk
     with pytest.raises(FemtuneError) as caught:
         _read_arrays(folder / "arrays.npz")
     assert caught.value.code == "run.damaged"
+
+
+def test_results_of_an_earlier_state_still_load():
+    """The files are those of a whole run, written before classes of records were renamed."""
+    results, arrays = read_results(Path(__file__).parent / "written_before")
+    assert results.update is not None
+    assert results.selection is not None
+    assert results.model is not None
+    assert [c.stage for c in results.correlations] == ["before", "after", "after as written"]
+    assert {p.name: round(p.value, 3) for p in results.update.parameters if p.name != "torsion"} == {
+        "root": 1.3,
+        "tip": 0.85,
+    }
+    assert [share.parameter for share in results.selection.undetermined[0].shares] == ["torsion"]
+    assert results.model.deck_parameters[0].name == "GRDPNT"
+    assert set(results.array_keys()) <= set(arrays)

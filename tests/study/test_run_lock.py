@@ -55,6 +55,7 @@ def test_a_lock_is_there_while_it_is_held_and_gone_afterwards(tmp_path: Path) ->
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_living_process_holds_and_a_killed_one_does_not(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", _HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True) as other:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.progress import silent
+from femtune.assembly.study import load_study
 from femtune.model import eigenvalue_derivatives
-from femtune.report import build_report
-from femtune.report.steps import selection_document, subject_of
-from femtune.study.load import load_study
-from femtune.study.progress import silent
-from femtune.study.results_select import SelectionMeasures
-from femtune.study.stages import solved_cases
+from femtune.reporting import build_report
+from femtune.reporting.single_steps import selection_document, subject_of
+from femtune.results.selection import SelectionMeasures
+from femtune.results.solved import solved_cases
 
 from .conftest import EI, Bench
 
@@ -32,7 +32,7 @@ upper = 2.0
 
 
 def _measures(study) -> SelectionMeasures:
-    found = steps.select(study).measures
+    found = steps.select(study).record.measures
     assert found is not None
     return found
 
@@ -114,6 +114,6 @@ def test_report_and_terminal_show_the_measures(beam: Bench):
     titles = [getattr(b, "title", "") for b in section.blocks]
     assert "Choice of parameters" in titles
     assert sum(t.startswith("Energies:") for t in titles) == 4
-    document = selection_document(subject_of(study), steps.select(study))
+    document = selection_document(subject_of(study), steps.select(study).record)
     shown = next(s for s in document.short if s.id == "choice")
     assert any(getattr(b, "title", "") == "Choice of parameters" for b in shown.blocks)

@@ -38,7 +38,7 @@ def test_rigid_body_motions_are_left_out_and_a_sign_turns_label_and_motion(bench
     deck = bench.write("free.bdf", bench.text.replace("123456  1", "14      1"))
     plain, turned = bench.folder / "plain.uff", bench.folder / "turned.uff"
     modes = steps.modes(deck, count=9, simulate=SimulatedTest(plain, ("2Y+", "5Z+"), "m-kg-s"))[0]
-    steps.modes_report(deck, bench.folder / "p.html", count=9, simulate=SimulatedTest(turned, ("2Y-", "5Z+"), "m-kg-s"))
+    steps.modes(deck, report=bench.folder / "p.html", count=9, simulate=SimulatedTest(turned, ("2Y-", "5Z+"), "m-kg-s"))
     freq, shapes, labels = _written(plain)
     assert labels == ["2Y+", "5Z+"]
     assert freq == pytest.approx(modes.freq_hz[modes.rigid_body_modes :], rel=1e-5)
@@ -76,7 +76,7 @@ def test_scatter_is_that_asked_for_and_the_same_again(bench: Bench) -> None:
 def test_what_cannot_be_written_is_refused_before_anything_is_solved(
     bench: Bench, options: dict[str, Any], code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("femtune.study.stages.solve", lambda *_: pytest.fail("it was solved"))
+    monkeypatch.setattr("femtune.results.solved.solve", lambda *_: pytest.fail("it was solved"))
     asked = {"path": bench.folder / "t.uff", "sensors": ("2Z+",), "units": "m-kg-s", **options}
     with pytest.raises(FemtuneError) as caught:
         steps.modes(bench.folder / "beam.bdf", simulate=SimulatedTest(**asked))

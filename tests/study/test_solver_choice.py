@@ -8,7 +8,7 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.testing import subframe
+from structures import subframe
 
 from .conftest import CANTILEVER
 
@@ -45,7 +45,7 @@ def test_sparse_modes_tell_their_sparse_solver(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setenv("FEMTUNE_SOLVER", "SuperLU")
     deck = tmp_path / "a.bdf"
     subframe.main(["5000", str(deck)])
-    results = steps.modes_report(deck, tmp_path / "page.html", count=4)
+    results = steps.modes(deck, report=tmp_path / "page.html", count=4).results
     assert results.modes[0].solver == "block Lanczos, sparse factors by SuperLU"
     assert results.provenance.eigen_solver == results.modes[0].solver
     assert "block Lanczos, sparse factors by SuperLU" in (tmp_path / "page.html").read_text()

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from femtune import steps
-from femtune.residuals import solver
+from femtune.assembly.study import read_study
+from femtune.files.uff import scan_uff
+from femtune.residuals import direct
 
 Bench = Any
 
 
 def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     solved: list[tuple[float, ...]] = []
-    solve = solver.solve_modes
+    solve = direct.modes
 
     def counted(point: Any, *limits: Any) -> Any:
         solved.append(tuple(point.x))
         return solve(point, *limits)
 
-    monkeypatch.setattr(solver, "solve_modes", counted)
+    monkeypatch.setattr(type(direct), "modes", staticmethod(counted))
     run = steps.update(beam.study())
     update = run.results.update
     assert update is not None
@@ -28,3 +31,17 @@ def test_start_and_end_are_solved_once(beam: Bench, monkeypatch: pytest.MonkeyPa
     assert len(update.history) + 1 <= len(solved) <= len(update.history) + 3
     assert solved.count((0.0, 0.0)) == 1
     assert solved.count(()) == 1
+
+
+def test_a_file_of_several_tests_is_parsed_once(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    parsed: list[str] = []
+
+    def counted(path: Any) -> Any:
+        parsed.append(Path(path).name)
+        return scan_uff(path)
+
+    monkeypatch.setattr("femtune.files.uff.read.scan_uff", counted)
+    tables = "".join(f'[[configuration]]\nname = "{name}"\ntest = "beam.uff"\n' for name in ("A", "B"))
+    study = read_study(beam.study(head=tables, test=None))
+    assert [len(case.modal.test) for case in study.cases if case.modal is not None] == [4, 4]
+    assert parsed == ["beam.uff"]

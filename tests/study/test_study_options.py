@@ -14,7 +14,7 @@ from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.model import Configuration
 from femtune.model.configuration import AddedMass
-from femtune.study import RunFolder
+from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.testdata.convert import convert_units, place
 from femtune.units import unit_system
@@ -22,16 +22,16 @@ from femtune.units import unit_system
 Bench = Any
 
 
-def values(run: RunFolder) -> dict[str, float]:
+def values(run: RunResult) -> dict[str, float]:
     assert run.results.update is not None
     return {p.name: p.value for p in run.results.update.parameters}
 
 
-def is_true(run: RunFolder, rel: float = 1e-4) -> bool:
+def is_true(run: RunResult, rel: float = 1e-4) -> bool:
     return values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=rel)
 
 
-def before(run: RunFolder) -> Any:
+def before(run: RunResult) -> Any:
     return run.results.correlations[0]
 
 
@@ -89,6 +89,7 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
                                  '[[configuration]]\nname="p"\nsupports_added=["5:23"]'))[0].freq_hz)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_configuration_for_validation_is_predicted_and_not_used(states: Bench) -> None:
     run = steps.update(states.study(blocks(propped='use = "validation"') + states.parameters, test=None))
     assert is_true(run)
@@ -102,6 +103,7 @@ def test_a_configuration_for_validation_is_predicted_and_not_used(states: Bench)
     assert not any("keeps no configuration" in text for text in run.results.validation.not_tested)
 
 
+@pytest.mark.slow
 def test_a_configuration_without_test_is_solved_only(states: Bench) -> None:
     more = '[[configuration]]\nname = "bare"\n'
     run = steps.update(states.study(blocks() + more + states.parameters, test=None))
@@ -111,6 +113,7 @@ def test_a_configuration_without_test_is_solved_only(states: Bench) -> None:
     assert "bare: it has no test with modes" in run.results.validation.not_tested
 
 
+@pytest.mark.slow
 def test_names_of_configurations_may_be_strange(states: Bench) -> None:
     names = {"light": "a/b", "loaded": "../..", "propped": '<b>"ü"</b>', "loose": "x\\u0000y"}
     text = blocks()
@@ -169,6 +172,7 @@ def test_sensors_find_the_nearest_grid_point(beam: Bench) -> None:
     assert sensors.matched[0].distance == pytest.approx(0.01 * np.sqrt(3))
 
 
+@pytest.mark.slow
 def test_default_tolerance_is_reported(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.01))
     with pytest.raises(FemtuneError) as caught:
@@ -178,6 +182,7 @@ def test_default_tolerance_is_reported(beam: Bench) -> None:
     assert steps.update(beam.study()).results.sensors[0].tolerance == pytest.approx(1e-3)
 
 
+@pytest.mark.slow
 def test_sensors_by_hand(beam: Bench) -> None:
     beam.uff(shifted(beam.measure(beam.truth()), 0.5))
     hand = '[sensors]\nnodes = { "102" = 2, "103" = 3, "104" = 4, "105" = 5 }\n'
@@ -219,6 +224,7 @@ def test_pairs_fixed_by_hand(beam: Bench) -> None:
     assert held.pairs[0].model_freq_hz == pytest.approx(beam.modes(beam.folder / "beam.bdf")[1])
 
 
+@pytest.mark.slow
 def test_complex_shapes_are_turned_to_real_ones(beam: Bench) -> None:
     seen = beam.measure(beam.truth())
     turned = seen.modes.shapes * np.exp(1j * np.linspace(0.3, 2.0, len(seen.modes)))
@@ -229,6 +235,7 @@ def test_complex_shapes_are_turned_to_real_ones(beam: Bench) -> None:
     assert min(p.mac for p in before(run).pairs) > 0.99
 
 
+@pytest.mark.slow
 def test_configurations_whose_tests_have_other_sensors(bench: Bench) -> None:
     true = bench.truth()
     bench.uff(bench.measure(true, "3Y+", "5Y+", "5Z+"), "few.uff")
@@ -239,6 +246,7 @@ def test_configurations_whose_tests_have_other_sensors(bench: Bench) -> None:
     assert [len(s.matched) for s in run.results.sensors] == [3, 4]
 
 
+@pytest.mark.slow
 def test_minimum_change_and_prior(beam: Bench) -> None:
     free = steps.update(beam.study())
     near = steps.update(beam.study(beam.parameters + '[update]\nregularisation = "minimum-change"\nweight = 100.0\n'))
@@ -316,6 +324,7 @@ upper = 2.0
 """
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_double_modes_in_any_orientation(mast: Bench, angle: float) -> None:
     seen = mast.measure(mast.folder / "truth/true.bdf", "2X+", "2Y+", "3X+", "3Y+", count=4)
@@ -349,6 +358,7 @@ FREE = (
 )
 
 
+@pytest.mark.slow
 def test_free_structure_with_six_rigid_body_modes(bench: Bench) -> None:
     text = bench.text
     for old, new in FREE:
@@ -370,13 +380,14 @@ def test_free_structure_with_six_rigid_body_modes(bench: Bench) -> None:
     assert run.results.model.configurations[0].rigid_body_check.verdict == "pass"
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("page", [False, True])
 def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(beam: Bench, page: bool) -> None:
     study = beam.study()
 
     def found(**asked: float) -> tuple[float, ...]:
         if page:
-            return steps.modes_report(study, beam.folder / "modes.html", **asked).modes[0].freq_hz  # type: ignore[arg-type]
+            return steps.modes(study, report=beam.folder / "modes.html", **asked)[0].freq_hz  # type: ignore[arg-type]
         return steps.modes(study, **asked)[0].freq_hz  # type: ignore[arg-type]
 
     usual = found()

@@ -11,17 +11,18 @@ import pytest
 from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.files.study_file.reading import study_from_text
-from femtune.study import RunFolder
+from femtune.results.step_results import RunResult
 from femtune.study.starts import STARTS_FILE
 
 Bench = Any
 
 
-def values(run: RunFolder) -> dict[str, float]:
+def values(run: RunResult) -> dict[str, float]:
     assert run.results.update is not None
     return {p.name: p.value for p in run.results.update.parameters}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "extra"),
     [
@@ -43,6 +44,7 @@ def test_every_word_holds_the_parameters_back(beam: Bench, word: str, extra: str
         assert sum(abs(v - 1.0) for v in found.values()) < sum(abs(v - 1.0) for v in free.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("search", ["line-search", "gauss-newton"])
 def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
     free = values(steps.update(beam.study()))
@@ -52,6 +54,7 @@ def test_other_searches_end_at_the_same(beam: Bench, search: str) -> None:
     assert "Gauss-Newton" in run.results.update.method
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("rule", ["l-curve", "gcv"])
 def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
     run = steps.update(beam.study(f'{beam.parameters}[update]\nregularisation = "link"\nweight = "{rule}"\n'))
@@ -66,6 +69,7 @@ def test_a_weight_that_a_rule_finds_is_told(beam: Bench, rule: str) -> None:
     assert run.report is None or "norm of the side constraint" in run.report.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     text = f"{beam.parameters}[update]\nstarts = 5\nseed = 2\nhops = 1\n"
     run = steps.update(beam.study(text))

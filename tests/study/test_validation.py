@@ -9,7 +9,7 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.study import RunFolder
+from femtune.results.step_results import RunResult
 
 Bench = Any
 
@@ -22,17 +22,17 @@ upper = 2.0
 """
 
 
-def _validation(run: RunFolder) -> Any:
+def _validation(run: RunResult) -> Any:
     assert run.results.validation is not None
     return run.results.validation
 
 
-def _goodness(run: RunFolder) -> Any:
+def _goodness(run: RunResult) -> Any:
     assert run.results.update is not None
     return run.results.update.goodness
 
 
-def _values(run: RunFolder) -> dict[str, float]:
+def _values(run: RunResult) -> dict[str, float]:
     assert run.results.update is not None
     return {p.name: p.value for p in run.results.update.parameters}
 
@@ -62,6 +62,7 @@ def test_held_out_modes_have_no_residual_and_are_judged(beam: Bench) -> None:
     assert not any("beyond" in line or "held" in line for line in found.not_tested)
 
 
+@pytest.mark.slow
 def test_modes_beyond_a_frequency_are_held_out(beam: Bench) -> None:
     hz = beam.measure(beam.truth()).modes.freq_hz
     run = steps.update(beam.study(beam.parameters + f"[[hold_out]]\nabove_hz = {0.5 * (hz[2] + hz[3]):.3f}\n"))
@@ -69,6 +70,7 @@ def test_modes_beyond_a_frequency_are_held_out(beam: Bench) -> None:
     assert [(p.test_label, p.data) for p in found.predictions] == [("4", "beyond the frequencies used")]
 
 
+@pytest.mark.slow
 def test_own_numbers_decide(beam: Bench) -> None:
     """Only the root is free, so that the model misses; the verdicts turn where the limits are set."""
     held = '[[hold_out]]\nmodes = ["3"]\n[validate]\nprofile = "own"\nfrequency_error = '
@@ -109,6 +111,7 @@ def test_held_out_sensors_are_predicted_by_shape(beam: Bench) -> None:
     assert all(0.3 < s.noise_percent < 3.0 for s in found.shapes)
 
 
+@pytest.mark.slow
 def test_a_configuration_tells_in_what_it_differs(bench: Bench) -> None:
     from femtune.model import Configuration  # noqa: PLC0415
     from femtune.model.configuration import AddedMass  # noqa: PLC0415
@@ -146,12 +149,13 @@ def test_residuals_that_are_noise_pass(bench: Bench) -> None:
     assert not [a for a in run.results.alerts if a.code == "update.misfit"]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("tail", "percent"),
     [
         ("sd = 0.004", 0.4),
         ('sd = 0.004\nform = "eigenvalue"', 0.2),
-        ("sd = 0.004\n[residuals]\nfrequency_sd = 0.002", 0.2),
+        ("sd = 0.004\n[residuals]\nfrequency_sd = 0.002", 0.4),  # the larger of two statements
     ],
 )
 def test_scatter_of_a_prediction_is_what_the_residuals_state(beam: Bench, tail: str, percent: float) -> None:
@@ -174,17 +178,21 @@ def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
             if a.code == "update.misfit"] == [True]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("form", "reason"),
-    [('shape_form = "mac"', "no normal variable"), ('shape_scaling = "largest-entry"', "largest entry")],
-)
-def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench, form: str, reason: str) -> None:
-    tail = f"[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\n{form}"
+@pytest.mark.slow
+def test_shapes_that_are_not_normal_stay_out_of_the_test(beam: Bench) -> None:
+    tail = '[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\nshape_form = "mac"'
     found = _goodness(steps.update(beam.study(beam.parameters + tail)))
     assert [k.kind for k in found.by_kind] == ["frequency"]
     alone = _goodness(steps.update(beam.study(beam.parameters + tail.replace("0.002", "0"))))
     assert alone.verdict == "not tested"
-    assert reason in alone.sentence
+    assert "quadratic form" in alone.sentence
+
+
+@pytest.mark.slow
+def test_shapes_scaled_by_their_largest_entry_are_tested(beam: Bench) -> None:
+    tail = '[residuals]\nfrequency_sd = 0.002\nshape_sd = 0.01\nshape_scaling = "largest-entry"'
+    found = _goodness(steps.update(beam.study(beam.parameters + tail)))
+    assert [k.kind for k in found.by_kind] == ["frequency", "shape"]
 
 
 @pytest.mark.parametrize(
@@ -221,9 +229,11 @@ def test_validate_is_a_step_and_the_report_shows_it(beam: Bench) -> None:
 
 def test_residuals_that_tell_their_own_scatter_cannot_be_tested_by_it(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters + '[residuals]\nscatter = "estimated"'))
-    assert _goodness(run).sentence == "not tested: frequency residuals: their scatter is estimated from themselves"
+    said = "not tested: frequency residuals: their standard deviations are estimated from the residuals themselves"
+    assert _goodness(run).sentence == said
 
 
+@pytest.mark.slow
 def test_the_page_marks_modes_that_the_update_did_not_see(beam: Bench) -> None:
     run = steps.run(beam.study(beam.parameters + '[[hold_out]]\nmodes = ["4"]'))
     assert run.report is not None

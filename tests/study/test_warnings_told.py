@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from femtune import steps
 from femtune.cli.commands import main
+from femtune.errors import FemtuneError
 
 Bench = Any
 
@@ -17,9 +18,7 @@ Bench = Any
 def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     path = beam.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
-    remarks: list[str] = []
-    getattr(steps, step)(beam.study(), remarks=remarks)
-    assert [r for r in remarks if "[deck.no-enddata]" in r] == [
+    assert [r for r in getattr(steps, step)(beam.study()).remarks if "[deck.no-enddata]" in r] == [
         f"[deck.no-enddata] the deck has no ENDDATA: is it complete? at {path}:21"
     ]
 
@@ -36,14 +35,13 @@ def test_the_terminal_says_it_and_quiet_does_not(bench: Bench) -> None:
 def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:
     text = bench.text.replace("0.3     7850.", "0.3     -7850.").replace("ENDDATA", "MAT1,2,1.+9,,.3,-5.\nENDDATA")
     path = bench.write("light.bdf", text)
-    notices = [n for n in steps.info(path).notices if n.code == "deck.negative-density"]
+    notices = [n for n in steps.info(path).record.notices if n.code == "deck.negative-density"]
     assert [n.sentence for n in notices] == [
         "the density of MAT1 1 is negative (-7850): it takes mass away",
         "the density of MAT1 2 is negative (-5): it takes mass away",
     ]
     assert notices[0].where == f"{path}:13 (MAT1 1)"
     assert "the density of MAT1 1 is negative" in " ".join(CliRunner().invoke(main, ["info", str(path)]).output.split())
-    remarks: list[str] = []
-    with pytest.raises(Exception, match="mass"):
-        steps.modes(path, remarks=remarks)
-    assert remarks[0].endswith("; and 1 more of this kind")
+    with pytest.raises(FemtuneError, match="mass") as failed:
+        steps.modes(path)
+    assert failed.value.__notes__[0].endswith("; and 1 more of this kind")

@@ -12,34 +12,35 @@ import pytest
 
 from femtune import steps
 from femtune.errors import FemtuneError
-from femtune.study import RunFolder, read_results
-from femtune.study.results import Results, json_schema
+from femtune.results.folder import read_results
+from femtune.results.results import Results, json_schema
+from femtune.results.step_results import RunResult
 
 Bench = Any
 
 
 @pytest.fixture(scope="module")
-def done(finished: tuple[Bench, RunFolder]) -> RunFolder:
+def done(finished: tuple[Bench, RunResult]) -> RunResult:
     """A run that several tests look at."""
     return finished[1]
 
 
 @pytest.fixture(scope="module")
-def own(finished: tuple[Bench, RunFolder]) -> Bench:
+def own(finished: tuple[Bench, RunResult]) -> Bench:
     """The bench of that run."""
     return finished[0]
 
 
-def value(run: RunFolder, name: str) -> float:
+def value(run: RunResult, name: str) -> float:
     assert run.results.update is not None
     return next(p.value for p in run.results.update.parameters if p.name == name)
 
 
-def frequencies(run: RunFolder, stage: str, configuration: int = 0) -> tuple[float, ...]:
+def frequencies(run: RunResult, stage: str, configuration: int = 0) -> tuple[float, ...]:
     return [m.freq_hz for m in run.results.modes if m.stage == stage][configuration]
 
 
-def test_true_values_are_found(done: RunFolder) -> None:
+def test_true_values_are_found(done: RunResult) -> None:
     # shapes and frequencies of the file have six digits
     assert value(done, "root") == pytest.approx(1.3, rel=2e-5)
     assert value(done, "tip") == pytest.approx(0.85, rel=2e-5)
@@ -47,12 +48,12 @@ def test_true_values_are_found(done: RunFolder) -> None:
     assert done.results.update.ok
 
 
-def test_the_folder_holds_all_files(done: RunFolder) -> None:
+def test_the_folder_holds_all_files(done: RunResult) -> None:
     names = {"results.json", "arrays.npz", "history.jsonl", "updated.bdf", "report.html", "journal"}
     assert {p.name for p in done.folder.iterdir()} == names
 
 
-def test_results_are_read_again(done: RunFolder) -> None:
+def test_results_are_read_again(done: RunResult) -> None:
     results, arrays = read_results(done.folder)
     assert results == done.results
     assert results == Results.model_validate_json((done.folder / "results.json").read_text())
@@ -61,11 +62,11 @@ def test_results_are_read_again(done: RunFolder) -> None:
         np.testing.assert_array_equal(arrays[key], done.arrays[key])
 
 
-def test_results_obey_the_published_schema(done: RunFolder) -> None:
+def test_results_obey_the_published_schema(done: RunResult) -> None:
     jsonschema.validate(json.loads((done.folder / "results.json").read_text()), json_schema())
 
 
-def test_history_is_the_way_of_the_update(done: RunFolder) -> None:
+def test_history_is_the_way_of_the_update(done: RunResult) -> None:
     lines = [json.loads(line) for line in (done.folder / "history.jsonl").read_text().splitlines()]
     update = done.results.update
     assert update is not None
@@ -74,20 +75,20 @@ def test_history_is_the_way_of_the_update(done: RunFolder) -> None:
     assert lines[-1]["parameters"] == {"root": value(done, "root"), "tip": value(done, "tip")}
 
 
-def test_provenance_names_the_word_that_was_run(done: RunFolder) -> None:
-    assert done.results.provenance.command.startswith("femtune.steps.run(")
+def test_provenance_names_the_word_that_was_run(done: RunResult) -> None:
+    assert done.results.provenance.command.startswith("femtune.run(")
 
 
-def test_before_is_the_users_deck(done: RunFolder, own: Bench) -> None:
+def test_before_is_the_users_deck(done: RunResult, own: Bench) -> None:
     assert frequencies(done, "before") == pytest.approx(own.modes(own.folder / "beam.bdf"), rel=1e-9)
 
 
-def test_after_as_written_is_the_written_deck(done: RunFolder, own: Bench) -> None:
+def test_after_as_written_is_the_written_deck(done: RunResult, own: Bench) -> None:
     """Read, built and solved past the study."""
     assert frequencies(done, "after as written") == pytest.approx(own.modes(done.folder / "updated.bdf"), rel=1e-9)
 
 
-def test_only_the_updated_fields_differ(done: RunFolder, own: Bench) -> None:
+def test_only_the_updated_fields_differ(done: RunResult, own: Bench) -> None:
     old, new = (p.read_bytes().splitlines() for p in (own.folder / "beam.bdf", done.folder / "updated.bdf"))
     changed = [i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b]
     assert [old[i][:16].split() for i in changed] == [[b"PBAR", b"1"], [b"PBAR", b"2"]]
@@ -95,7 +96,7 @@ def test_only_the_updated_fields_differ(done: RunFolder, own: Bench) -> None:
         assert old[i][:32] + old[i][40:] == new[i][:32] + new[i][40:]
 
 
-def test_edits_name_old_and_new_text(done: RunFolder) -> None:
+def test_edits_name_old_and_new_text(done: RunResult) -> None:
     assert done.results.write_back is not None
     edit = done.results.write_back.edits[0]
     assert (edit.card, edit.field, edit.file, edit.old_text, edit.parameter) == (
@@ -109,9 +110,13 @@ def test_edits_name_old_and_new_text(done: RunFolder) -> None:
     assert edit.value == pytest.approx(2e-7 * value(done, "root"), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_small_field_rounds_and_wide_does_not(beam: Bench) -> None:
     study = beam.study(beam.parameters.replace('"PBAR 2 I1"', '"MAT1 1 E"'))
-    small, wide = steps.update(study, beam.folder / "small"), steps.update(study, beam.folder / "wide", wide=True)
+    small, wide = (
+        steps.update(study, output=beam.folder / "small"),
+        steps.update(study, output=beam.folder / "wide", wide=True),
+    )
     for run, digits in ((small, 1e-3), (wide, 1e-9)):
         assert run.results.update is not None
         for p in run.results.update.parameters:
@@ -127,23 +132,23 @@ def test_small_field_rounds_and_wide_does_not(beam: Bench) -> None:
 
 def test_updated_deck_is_a_deck_for_the_next_study(beam: Bench) -> None:
     steps.update(beam.study())
-    again = steps.update(beam.study(deck="run/updated.bdf"), beam.folder / "second")
+    again = steps.update(beam.study(deck="run/updated.bdf"), output=beam.folder / "second")
     assert value(again, "root") == pytest.approx(1.0, abs=1e-4)
     assert again.results.update is not None
     assert again.results.update.objective_before_percent < 0.01
 
 
-def test_single_steps_agree_with_the_run(done: RunFolder, own: Bench) -> None:
+def test_single_steps_agree_with_the_run(done: RunResult, own: Bench) -> None:
     study = own.folder / "study.toml"
     assert steps.modes(study)[0] == done.results.modes[0]
     assert steps.correlate(study)[0] == done.results.correlations[0]
-    assert steps.select(study) == done.results.selection
-    assert steps.info(study) == done.results.model
+    assert steps.select(study).record == done.results.selection
+    assert steps.info(study).record == done.results.model
 
 
 def test_info_and_modes_take_a_deck_alone(beam: Bench) -> None:
     deck = beam.folder / "beam.bdf"
-    facts = steps.info(deck)
+    facts = steps.info(deck).record
     # length 1 m, 1e-3 m² of steel, and 2 kg at the tip
     assert facts.configurations[0].mass == pytest.approx(7.85 + 2.0)
     assert facts.configurations[0].centre_of_gravity[0] == pytest.approx((7.85 * 0.5 + 2.0) / 9.85)
@@ -157,7 +162,8 @@ def test_other_steps_want_a_study(beam: Bench, step: Any) -> None:
     assert caught.value.code == "study.deck-alone"
 
 
-def test_report_is_written_again_from_the_study_or_the_folder(done: RunFolder, own: Bench) -> None:
+@pytest.mark.slow
+def test_report_is_written_again_from_the_study_or_the_folder(done: RunResult, own: Bench) -> None:
     assert done.report is not None
     first = done.report.read_bytes()
     done.report.unlink()
@@ -165,7 +171,7 @@ def test_report_is_written_again_from_the_study_or_the_folder(done: RunFolder, o
     assert steps.report(done.folder) == done.report
 
 
-def test_provenance_names_every_file_with_its_sum(done: RunFolder) -> None:
+def test_provenance_names_every_file_with_its_sum(done: RunResult) -> None:
     provenance = done.results.provenance
     assert [f.path for f in provenance.input_files] == ["beam.bdf", "beam.uff"]
     assert provenance.study_file.path == "study.toml"

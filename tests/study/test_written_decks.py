@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.report.document import Cell
-from femtune.report.sections.write_back import write_back
-from femtune.report.source import Source
-from femtune.study import RunFolder, load_study
-from femtune.study.alerts import alerts_of
-from femtune.study.record_update import parameter_facts
+from femtune.reporting.document import Cell
+from femtune.reporting.sections.write_back import write_back
+from femtune.reporting.source import ReportSource
+from femtune.results.alerts import alerts_of
+from femtune.results.step_results import RunResult
+from femtune.results.update import parameter_facts
 
 Bench = Any
 
@@ -35,16 +36,16 @@ STIFF_CLAMP = (
 )
 
 
-def frequencies(run: RunFolder, stage: str) -> tuple[float, ...]:
+def frequencies(run: RunResult, stage: str) -> tuple[float, ...]:
     return next(m.freq_hz for m in run.results.modes if m.stage == stage)
 
 
-def values(run: RunFolder) -> dict[str, float]:
+def values(run: RunResult) -> dict[str, float]:
     assert run.results.update is not None
     return {p.name: p.value for p in run.results.update.parameters}
 
 
-def codes(run: RunFolder) -> list[str]:
+def codes(run: RunResult) -> list[str]:
     """Without those about the mass and the few bars of the mesh."""
     return [a.code for a in run.results.alerts if a.code != "model.lumped-mass"]
 
@@ -78,6 +79,7 @@ def test_shared_card_is_not_written_without_split(clamp: Bench) -> None:
     assert update.parameters[0].written == ()
 
 
+@pytest.mark.slow
 def test_two_regions_of_one_card_are_both_not_written_without_split(clamp: Bench) -> None:
     rest = SHARED.replace("clamp", "rest").replace("elements = [1]", "elements = [2]")
     run = steps.update(clamp.study(SHARED + rest))
@@ -94,6 +96,7 @@ def test_without_split_the_alert_does_not_blame_rounding(clamp: Bench) -> None:
     assert "write.rounding" not in found
 
 
+@pytest.mark.slow
 def test_rounding_that_matters_is_an_alert(beam: Bench) -> None:
     study = beam.study()
     results = steps.update(study).results
@@ -120,6 +123,7 @@ def test_split_gives_the_region_a_card_of_its_own(clamp: Bench) -> None:
     assert run.results.update.parameters[0].written[0].value == role(deck, 1, "I1")
 
 
+@pytest.mark.slow
 def test_new_cards_and_the_elements_on_them_are_recorded(clamp: Bench) -> None:
     run = steps.update(clamp.study(SHARED + "[write]\nsplit = true\n"))
     found = run.results.write_back
@@ -133,11 +137,12 @@ def test_new_cards_and_the_elements_on_them_are_recorded(clamp: Bench) -> None:
     assert value.rounded_value == role(run.folder / "updated.bdf", 1, "I1")
     (moved,) = found.repointed
     assert (moved.card, moved.field, moved.before, moved.after, moved.elements) == ("CBAR", "PID", "1", "PBAR 3", (1,))
-    page = " ".join(c.text for b in write_back(Source(run.results, run.arrays)) for c in cells(b))
+    page = " ".join(c.text for b in write_back(ReportSource(run.results, run.arrays)) for c in cells(b))
     assert "1 CBAR now refers to PBAR 3" in page
     assert "PBAR 3 PBAR 1 1 I1 2.0-7" in page
 
 
+@pytest.mark.slow
 def test_a_copied_material_names_its_new_property(clamp: Bench) -> None:
     text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\n"
     run = steps.update(clamp.study(text))
@@ -177,6 +182,7 @@ upper = 2.0
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["[1]", "[1, 2]", "[2]"])
 def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) -> None:
     run = steps.update(clamp.study(TWO_ON_ONE_REGION.format(side=side)))
@@ -188,12 +194,14 @@ def test_two_parameters_on_one_card_each_with_a_region(clamp: Bench, side: str) 
         assert role(deck, element, "I2") == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_region_and_all_others_of_one_card(clamp: Bench) -> None:
     rest = '[[parameter]]\nname = "rest"\nfields = ["PBAR 1 I2"]\nlower = 0.5\nupper = 2.0\n'
     run = steps.update(clamp.study(SHARED + rest + "[write]\nsplit = true\nwide = true\n"))
     assert frequencies(run, "after as written") == pytest.approx(frequencies(run, "after"), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_material_of_a_region_with_derived_shear_modulus(clamp: Bench) -> None:
     text = SHARED.replace("PBAR 1 I1", "MAT1 1 E") + "[write]\nsplit = true\nwide = true\n"
     run = steps.update(clamp.study(text))
@@ -215,10 +223,11 @@ def parts(beam: Bench) -> Bench:
     return beam
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("folder", ["run", "far/away from here", "../elsewhere", "."])
 def test_includes_are_kept(parts: Bench, folder: str) -> None:
     inputs = {p: p.read_bytes() for p in parts.folder.rglob("*") if p.is_file()}
-    run = steps.update(parts.study(), parts.folder / folder)
+    run = steps.update(parts.study(), output=parts.folder / folder)
     assert {p: p.read_bytes() for p in inputs} == inputs
     assert run.results.write_back is not None
     assert run.results.write_back.files == ("updated.bdf", "props.inc")
@@ -234,7 +243,7 @@ def test_includes_are_kept(parts: Bench, folder: str) -> None:
 
 def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> None:
     original = (parts.folder / "parts/props.inc").read_bytes()
-    run = steps.update(parts.study(), parts.folder / "parts")
+    run = steps.update(parts.study(), output=parts.folder / "parts")
     assert (parts.folder / "parts/props.inc").read_bytes() == original
     assert run.results.write_back is not None
     assert run.results.write_back.files == ("updated.bdf", "props_2.inc")
@@ -244,7 +253,7 @@ def test_an_included_file_is_not_overwritten_in_its_own_folder(parts: Bench) -> 
 def refused(bench: Bench, study: Path, folder: Path) -> FemtuneError:
     before = {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()}
     with pytest.raises(FemtuneError) as caught:
-        steps.run(study, folder)
+        steps.run(study, output=folder)
     assert {p: p.read_bytes() for p in bench.folder.rglob("*") if p.is_file()} == before
     return caught.value
 
@@ -273,6 +282,7 @@ def test_hard_links_and_links_to_other_files_are_replaced(beam: Bench) -> None:
     assert (folder / "updated.bdf").read_text() != beam.text
 
 
+@pytest.mark.slow
 def test_parameter_of_ties_only_is_listed(beam: Bench) -> None:
     tail = """
 [[parameter]]
@@ -330,6 +340,7 @@ def test_tied_absolute_parameter_needs_no_start_value(beam: Bench) -> None:
     assert values(run)["both"] == pytest.approx(2e-7 * values(run)["root"])
 
 
+@pytest.mark.slow
 def test_start_value_other_than_the_decks(beam: Bench) -> None:
     run = steps.update(beam.study(beam.parameters.replace("upper = 2.0", "upper = 2.0\nnominal = 1.2")))
     assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-4)

@@ -12,9 +12,8 @@ from femtune.files.uff import read_uff
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.model.response import mass_response
 from femtune.parameters import ParameterSet
-from femtune.testing.exhaust import CLAMP, FRONT, REAR, exhaust_deck
-from femtune.testing.exhaust_tests import KNOWN, WHOLE, Noise, simulated_tests, write_tests
 from femtune.units import SI
+from structures.exhaust import CLAMP, FRONT, KNOWN, REAR, WHOLE, Noise, exhaust_deck, simulated_tests, write_tests
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +53,7 @@ def test_a_tube_weighs_what_it_should(deck: Path):
     assert mass_response(point).properties.mass == pytest.approx(7850.0 * area * length, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_tests_scatter_as_they_say(deck: Path, tmp_path: Path):
     exhaust = exhaust_deck()
     exact, noisy = (
@@ -74,6 +74,7 @@ def test_the_tests_scatter_as_they_say(deck: Path, tmp_path: Path):
         assert content.test.frfs.values.shape == one.test.frfs.values.shape
 
 
+@pytest.mark.slow
 def test_light_damping_is_told_by_energy(deck: Path):
     """Damping ratios lie between half the loss factors of what is strained."""
     front = simulated_tests(exhaust_deck(), deck, 0, Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 50.0)[0]

@@ -9,12 +9,13 @@ from femtune.dofs import Dof, DofSet
 from femtune.model import Configuration, configure, damping_by_mode, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
-from femtune.testing.laboratory import (
+from structures.braced_building import braced_building
+from structures.frames import make_structure, scalars
+from structures.laboratory import (
     Clock,
     MeasuringChain,
     accelerance,
     accelerations,
-    braced_building,
     burst_random,
     chirp,
     multisine,
@@ -27,7 +28,6 @@ from femtune.testing.laboratory import (
     white_noise,
     with_sensor_masses,
 )
-from femtune.testing.structures import make_structure, scalars
 
 DOFS = DofSet([Dof(1, "X"), Dof(2, "X")])
 STIFFNESS = np.array([[800.0, -400.0], [-400.0, 400.0]])

@@ -13,18 +13,19 @@ from scipy.sparse.csgraph import connected_components
 from femtune.fem import Structure
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import BuiltModel, build_structure, read_deck
-from femtune.testing.shells import model_at_nominal, natural_frequencies
-from femtune.testing.subframe import (
+from structures.meshed import MeshedStructure
+from structures.shells import model_at_nominal, natural_frequencies
+from structures.subframe import (
     FIRST_SENSOR,
     SENSORS,
     Subframe,
+    batch_masses,
     main,
+    mesh_quality,
     subframe,
     subframe_study_parameters,
     write_subframe,
 )
-from femtune.testing.subframe_quality import batch_masses, mesh_quality
-from femtune.testing.subframe_structure import MeshedStructure
 
 SIZES = (5_000, 10_000, 40_000)
 FINE = 150_000
@@ -60,6 +61,7 @@ def fine(request: pytest.FixtureRequest) -> Subframe:
     return subframe(FINE, request.param)
 
 
+@pytest.mark.slow
 def test_the_size_is_met_and_the_mass_stays(fine: Subframe) -> None:
     mass = mesh_quality(fine).mass
     assert 15.0 < mass < 25.0
@@ -69,6 +71,7 @@ def test_the_size_is_met_and_the_mass_stays(fine: Subframe) -> None:
         assert mesh_quality(made).mass == pytest.approx(mass, rel=0.01)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("n_dofs", [*SIZES, FINE])
 def test_elements_are_not_badly_distorted(n_dofs: int) -> None:
     quality = mesh_quality(subframe(n_dofs))
@@ -78,6 +81,7 @@ def test_elements_are_not_badly_distorted(n_dofs: int) -> None:
     assert quality.jacobian > 0.3
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("n_dofs", SIZES)
 def test_it_is_one_piece_without_free_or_double_nodes(n_dofs: int) -> None:
     made = subframe(n_dofs)
@@ -122,6 +126,7 @@ def test_six_rigid_modes_and_no_mechanism(smallest: Subframe, built: BuiltModel)
     assert np.all(freq_hz[6:] > 60.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("boundary", ["held", "loaded"])
 def test_held_or_loaded_at_its_mounts(smallest: Subframe, tmp_path: Path, boundary: str) -> None:
     deck = read_deck(write_subframe(smallest, tmp_path / "deck.bdf", boundary))
@@ -153,6 +158,7 @@ def test_another_seed_puts_the_sensors_elsewhere(smallest: Subframe) -> None:
     assert not np.array_equal(*places)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("solids", [True, False])
 def test_the_parameters_of_the_study_are_fields_of_the_deck(tmp_path: Path, solids: bool) -> None:
     deck = write_subframe(subframe(5_000, solids), tmp_path / "deck.bdf")

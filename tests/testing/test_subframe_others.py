@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from femtune.files.nastran import build_structure, read_deck
-from femtune.testing.shells import natural_frequencies
-from femtune.testing.subframe_bracket import solid_bracket, solid_bracket_parameters
-from femtune.testing.subframe_deck import write_structure
-from femtune.testing.subframe_frame import shell_frame, shell_frame_parameters
-from femtune.testing.subframe_quality import aspect_ratios, corner_ratios, extents, mesh_quality, skews_deg, warps
-from femtune.testing.subframe_structure import Elements, MeshedStructure
+from structures.bracket import solid_bracket, solid_bracket_parameters
+from structures.ladder_frame import shell_frame, shell_frame_parameters
+from structures.meshed import Elements, MeshedStructure, write_structure
+from structures.shells import natural_frequencies
+from structures.subframe import aspect_ratios, corner_ratios, extents, mesh_quality, skews_deg, warps
 
 CUBE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("make", "n_dofs"), [(shell_frame, 4_000), (shell_frame, 40_000), (solid_bracket, 200_000)])
 def test_sizes_and_shapes(make: Callable[[int], MeshedStructure], n_dofs: int) -> None:
     made = make(n_dofs)
@@ -35,6 +35,7 @@ def test_mass_does_not_depend_on_the_mesh(make: Callable[[int], MeshedStructure]
     assert mesh_quality(make(n_dofs)).mass == pytest.approx(mesh_quality(make(20 * n_dofs)).mass, rel=0.01)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("made", "parameters"),
     [(shell_frame(4_000), shell_frame_parameters()), (solid_bracket(2_200), solid_bracket_parameters())],

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from femtune.testing.subframe_patches import Hole, Patch, holed_sheet, sheet, solid_ring, ticks, triangle_sheet, weld
-from femtune.testing.subframe_quality import extents
-from femtune.testing.subframe_structure import Elements
+from structures.meshed import Elements, Hole, Patch, holed_sheet, sheet, solid_ring, ticks, triangle_sheet, weld
+from structures.subframe import extents
 
 
 def _area(patch: Patch) -> float:

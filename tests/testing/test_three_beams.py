@@ -8,8 +8,8 @@ import pytest
 from femtune.fem.assemble import assemble
 from femtune.model import configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
-from femtune.testing.structures import bars, make_structure, rods
-from femtune.testing.three_beams import CLAMPED, OFFSET_M, TRUE_HZ, three_beams
+from structures.beams import CLAMPED, OFFSET_M, TRUE_HZ, three_beams
+from structures.frames import bars, make_structure, rods
 
 SECTION = {"E": 1.0, "G": 1.0, "A": 3.0, "J": 1.0, "rho": 2.0}
 BENDING = {"I1": 1.0, "I2": 1.0}

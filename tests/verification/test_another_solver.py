@@ -15,7 +15,7 @@ import pytest
 from femtune.fem.structure import Structure, join_constraints
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.testing.structures import dense_modes
+from structures.frames import dense_modes
 
 DECK = """SOL 103
 CEND

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from femtune.testing.beams import (
+from structures.beams import (
     I1,
     I2,
     RHO,
@@ -21,7 +21,7 @@ from femtune.testing.beams import (
     orders,
     straight_line,
 )
-from femtune.testing.structures import bars, dense_modes, make_structure, rods
+from structures.frames import bars, dense_modes, make_structure, rods
 
 
 def rate(errors: list[float]) -> float:
@@ -56,6 +56,7 @@ def test_fixed_free_beam_twists(consistent: bool):
 BEAM_CASES = [(s, p, c) for s in SUPPORTS for p in (1, 2) for c in (False, True)]
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize(("support", "plane", "consistent"), BEAM_CASES)
 def test_euler_beam(support: tuple[str, str], plane: int, consistent: bool):
     errors = bending_errors(support, plane, consistent, shear=False, rotary=False)
@@ -68,6 +69,7 @@ def test_euler_beam(support: tuple[str, str], plane: int, consistent: bool):
     assert np.abs(errors[-1]).max() < (1e-5 if consistent else 1e-2)
 
 
+@pytest.mark.quick(10)
 @pytest.mark.parametrize("rotary", [False, True])
 @pytest.mark.parametrize(("support", "plane", "consistent"), BEAM_CASES)
 def test_timoshenko_beam(support: tuple[str, str], plane: int, consistent: bool, rotary: bool):

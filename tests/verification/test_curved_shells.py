@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,
@@ -62,6 +62,7 @@ def mindlin(t: float) -> np.ndarray:
     return np.sqrt(D * k2**2 / (RHO * t) / (1 + D * k2 / (SHEAR * E / (2 + 2 * NU) * t))) / (2 * np.pi)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("cells", CELLS)
 @pytest.mark.parametrize("t", [0.1, 0.01, 1e-4])
 def test_simply_supported_plates_thick_and_thin(cells: str, t: float):
@@ -72,6 +73,7 @@ def test_simply_supported_plates_thick_and_thin(cells: str, t: float):
     assert (rates[:4] > (3.5 if cells == "quad8" else 3.2)).all()
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("cells", ["quad8", "right6", "union6"])
 @pytest.mark.parametrize("distort", [0.0, 0.25])
 def test_thin_plates_do_not_lock(cells: str, distort: float):
@@ -111,6 +113,7 @@ def annulus(cells: str, n: int, components: str) -> np.ndarray:
     return natural_frequencies(shell_structure(mesh.xyz, [part], held=held, consistent_mass=True), 6)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("cells", CELLS)
 def test_annular_plate(cells: str):
     """Vogel and Skinner 1965, in Leissa 1969: ω a² √(ρt/D) = 6.55 6.66 7.96 13.3 to three digits."""
@@ -120,6 +123,7 @@ def test_annular_plate(cells: str):
     assert found[5] == pytest.approx(13.3, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", CELLS)
 def test_curved_sides_keep_the_order_in_the_plane(cells: str):
     coarse, middle, fine = (annulus(cells, n, "345") for n in (1, 2, 4))
@@ -162,6 +166,7 @@ def straight(shape: str, cells: str) -> ShellMesh:
     return mesh
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize("shape", ["rectangle", "trapezoid", "parallelogram"])
 def test_straight_beam(cells: str, shape: str):
@@ -218,6 +223,7 @@ def hemisphere(cells: str, n: int, t: float = 0.04) -> float:
     return float(u[a, 0] / 0.0940 * (t / 0.04) ** 3)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("cells", CELLS)
 def test_curved_benchmarks(cells: str):
     """Scordelis-Lo roof, pinched cylinder, hemisphere; the cylinder goes on growing under its point load."""

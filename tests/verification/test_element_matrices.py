@@ -77,6 +77,7 @@ def test_masses_are_the_same_to_rounding(structure: Any, theirs: dict[str, Any])
     np.testing.assert_allclose(extra[:, 3:5], 0.283 * 0.0052083 / 2.0, rtol=1e-4)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("number", [6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 20, 21])
 def test_shells_share_membrane_and_constant_curvature(structure: Any, theirs: dict[str, Any], number: int) -> None:
     """Any motion of constant strain or curvature, with no drilling and no transverse shear, meets the same forces."""
@@ -135,6 +136,7 @@ def test_commercial_shells_in_our_model_give_the_listed_modes(source: Path) -> N
     assert 0.03 < np.abs(own / np.array(LISTED) - 1.0).max() < 0.05
 
 
+@pytest.mark.slow
 def test_the_commercial_square_gives_the_listed_modes_of_a_plate(source: Path) -> None:
     """Six digits; ours are .1 to .6 % higher, and the same plate with four times the squares higher still."""
     structure = build_structure(read_deck(source / changed_decks.PLATE_DECK)).structure

@@ -10,7 +10,7 @@ import pytest
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
-from femtune.testing.shells import natural_frequencies
+from structures.shells import natural_frequencies
 
 TAPE = {"E1": 25.0, "E2": 1.0, "NU": 0.25, "G12": 0.5, "G1": 0.5, "G2": 0.2, "RHO": 2.0}
 CORE = {"E1": 1e-4, "E2": 1e-4, "NU": 0.0, "G12": 1e-4, "G1": 0.02, "G2": 0.01, "RHO": 0.3}
@@ -167,6 +167,7 @@ SAME = {
 }
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", SAME)
 def test_plies_of_one_material_are_a_plain_shell(name: str, tmp_path: Path):
     text, lift, plain_lift = SAME[name]
@@ -221,6 +222,7 @@ PLATES: dict[str, Plies] = {
 }
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", PLATES)
 def test_plates_of_navier(name: str, tmp_path: Path):
     plies = PLATES[name]

@@ -71,6 +71,7 @@ def _frequencies(path: Path) -> np.ndarray:
     return solve_modes(configure(model, Configuration()).at(np.zeros(0)), 10).freq_hz
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_displacement_systems_change_no_frequency(tmp_path: Path, seed: int) -> None:
     # orientation vectors and offsets are given in the displacement systems: sections are round, bars have no offsets

@@ -12,17 +12,7 @@ import scipy.linalg
 
 from femtune.fem.checks import rigid_body_modes
 from femtune.fem.structure import Structure
-from femtune.testing.structures import (
-    Part,
-    bars,
-    bushes,
-    dense_matrices,
-    dense_modes,
-    make_structure,
-    masses,
-    rods,
-    scalars,
-)
+from structures.frames import Part, bars, bushes, dense_matrices, dense_modes, make_structure, masses, rods, scalars
 
 
 def chain(x: list[float]) -> tuple[np.ndarray, np.ndarray]:

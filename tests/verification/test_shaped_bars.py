@@ -17,7 +17,7 @@ import pytest
 
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.testing.structures import dense_modes
+from structures.frames import dense_modes
 
 SECTIONS = {
     "ROD": ".02", "TUBE": ".02,.018", "BAR": ".02,.03", "BOX": ".03,.05,.003,.002", "CROSS": ".02,.006,.03,.006",

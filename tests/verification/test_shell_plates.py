@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,
@@ -64,6 +64,7 @@ def mindlin(t: float, count: int) -> np.ndarray:
     return np.sqrt(D * k2**2 / (RHO * t) / (1 + D * k2 / (SHEAR * E / (2 + 2 * NU) * t))) / (2 * np.pi)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("t", [0.1, 0.01, 1e-4])
 def test_simply_supported_plate_thick_and_thin(t: float, consistent: bool):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from femtune.testing.shells import (
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,
@@ -98,6 +98,7 @@ def twisted(nu: int, nv: int) -> ShellMesh:
     )
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("t", "total", "exact", "coarse"),
     [
@@ -174,6 +175,7 @@ def test_razzaque_skew_plate():
     assert abs(found[-1] - 1) < 0.015
 
 
+@pytest.mark.slow
 def test_morley_skew_plate():
     """30 degrees, singular moments in the obtuse corners: slow, from below."""
     found = np.array([skew(n, 30.0, 1.0, False, 0.3) for n in (8, 16, 32)]) / 0.423e-3
@@ -181,6 +183,7 @@ def test_morley_skew_plate():
     assert 0.94 < found[-1] < 1.0
 
 
+@pytest.mark.slow
 def test_a_curved_shell_does_not_soften_with_refinement():
     """A half cylinder, free: frequencies settle and do not feel K6ROT.
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femtune.testing.beams import orders
-from femtune.testing.shells import (
+from structures.beams import orders
+from structures.shells import (
     Isotropic,
     Section,
     ShellMesh,
@@ -62,6 +62,7 @@ def plate_errors(n: int, cells: str, section: Section, exact: np.ndarray, suppor
     return natural_frequencies(structure, len(exact)) / exact - 1.0
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("t", [0.1, 0.01, 0.0001])
 @pytest.mark.parametrize(("cells", "distort"), [("right", 0.0), ("union", 0.3)])
 def test_plates_of_every_thickness_are_alike(t: float, cells: str, distort: float):
@@ -130,6 +131,7 @@ def centre_deflection(mesh: ShellMesh, at: int, t: float, fixed: set[int]) -> fl
     return float(u[6 * at + 2] * bending_stiffness(t))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("cells", "tolerance"), [("right", 0.08), ("left", 0.01), ("union", 0.02)])
 def test_skew_plate(cells: str, tolerance: float):
     """Simply supported rhombus of 30°, L/t = 100: .423e-3 qL⁴/D (three-dimensional, Babuška and Scapolla 1989).
@@ -151,6 +153,7 @@ def disc(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return x * scale, y * scale, 0.0 * u
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("t", [0.1, 0.01, 0.0001])
 @pytest.mark.parametrize("support", ["clamped", "simple"])
 def test_circular_plate(t: float, support: str):
@@ -163,6 +166,7 @@ def test_circular_plate(t: float, support: str):
     assert found == pytest.approx(bent + sheared, rel=0.02)
 
 
+@pytest.mark.slow
 def test_bending_in_the_plane_converges_slowly():
     """Constant strains: a cantilever 10 × 1 under a transverse force needs many triangles across its depth."""
     found = np.array([cantilever(n) for n in (1, 2, 4, 8)])
@@ -221,6 +225,7 @@ def test_pinched_cylinder():
 TWISTED = {0.32: (0.005424, 0.001754), 0.0032: (5256.0, 1294.0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", TWISTED)
 def test_twisted_beam(t: float):
     """A strip 12 × 1.1 turned by 90°: with normals of their own, facets would lose twisting moments to drilling."""

@@ -9,8 +9,8 @@ import pytest
 from tests.fem.solid_parts import dense
 from tests.verification.test_element_matrices import op2, ours
 
-from femtune.testing.shells import Isotropic
-from femtune.testing.solids import SolidPart, solid_structure
+from structures.shells import Isotropic
+from structures.solids import SolidPart, solid_structure
 
 STEEL = Isotropic(2.9e7, 0.32, 0.283)
 KINDS = {"CHEXA": "hexa8", "CPENTA": "penta6", "CTETRA": "tetra4"}

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from femtune.files.nastran.reals import format_real
+from femtune.files.nastran.lines import format_real
 
 FUSELAGE, WING, TAIL, DRUM = 1, 2, 3, 4
 WING_JOINT, TAIL_JOINT, BOLTED, TAILPLANE_JOINT = 21, 22, 23, 24

@@ -23,8 +23,8 @@ from femtune import steps
 from femtune.dofs import DofSet, parse_dof
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
-from femtune.report.figures.predictions import PredictedMode, predictions_svg
-from femtune.steps import RunFolder
+from femtune.reporting.figures.bars import PredictedMode, predictions_svg
+from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -48,7 +48,7 @@ SENSORS = (
 class Found:
     """One run: factors with their σ, and what the results say of data that were not used."""
 
-    run: RunFolder
+    run: RunResult
 
     @property
     def z_of_parameters(self) -> dict[str, float]:
@@ -103,7 +103,7 @@ def twins_modes(folder: Path, factors: Mapping[str, float], tailplane: float | N
     more = {} if tailplane is None else {"tailplane": tailplane}
     (folder / "deck.bdf").write_text(deck_text(factors, **more))
     (folder / "study.toml").write_text(study_text((), tests=False))
-    found = steps.mode_sets(folder / "study.toml")
+    found = steps.modes(folder / "study.toml").mode_sets
     return {name: modes.select_modes(range(RIGID, RIGID + ELASTIC)) for name, modes in found.items()}
 
 
@@ -182,26 +182,30 @@ def figure(found: Found) -> str:
 
 def page(found: Mapping[str, Found], many: tuple[float, int] | None) -> str:
     """The text for the documentation."""
-    lines = ["# Aeroplane, predicted with other masses", "", _INTRO, "", *_twins(found), "", *_verdicts(found), ""]
-    lines += ["![Errors of predicted frequencies beside their scatter](cases_aeroplane_modified_mass.svg)", "", _LEGEND]
+    lines = ["# Aeroplane: prediction with other masses", "", _INTRO, "", *_twins(found), "", *_verdicts(found), ""]
+    lines += [
+        "![Errors of predicted frequencies with their uncertainty](cases_aeroplane_modified_mass.svg)",
+        "",
+        _LEGEND,
+    ]
     if many is not None:
-        words = f"{100 * many[0]:.1f} % of {many[1]} predicted frequencies lie within 1.96 σ of the measured ones."
-        lines += ["", f"Over 20 tests of the right model {words}"]
+        words = f"{100 * many[0]:.1f} % of {many[1]} predicted frequencies are within 1.96 σ of the measured ones."
+        lines += ["", f"For 20 tests of the correct model {words}"]
     return "\n".join([*lines, ""])
 
 
-_INTRO = f"""A deck of 85 bars of the dimensions of the GARTEUR SM-AG19 testbed (40 kg), updated on a simulated
-test of a twin whose six parameters are known: frequencies ± 0.2 %, shapes ± 1 % of the largest entry,
-{len(SENSORS)} sensors, of which two are held out, elastic modes below 80 Hz. It predicts the modes above 80 Hz,
-and the tests with .5 kg on each wing tip and with 1.2 kg on the tail. Two more twins have an elastic joint
-below the tailplane, which the deck takes for rigid: the modes that the update used do not tell of the stiffer
-one, the predictions of both do."""
+_INTRO = f"""A deck of 85 bars with the dimensions of the GARTEUR SM-AG19 testbed (40 kg), updated with a simulated
+test of a reference structure whose six parameters are known: frequencies ± 0.2 %, shapes ± 1 % of the largest entry,
+{len(SENSORS)} sensors, of which two are held out, elastic modes below 80 Hz. The updated model predicts the modes
+above 80 Hz, and the tests with .5 kg on each wing tip and with 1.2 kg on the tail. Two more reference structures
+have an elastic joint below the tailplane, which is rigid in the deck: the modes used in the update do not show the
+stiffer joint, the predictions of both do."""
 _LEGEND = "Ring: before the update; dot: after it; bar: ± 2 σ of test and parameters; dashed: limit of MIL-STD-1540C."
 
 
 def _twins(found: Mapping[str, Found]) -> list[str]:
-    heads = ("twin", "residuals of the update", "p", "worst \\|z\\| of a parameter", "worst error before %", "after %",
-             "its z", "criteria passed")  # fmt: skip
+    heads = ("twin", "residuals of the update", "p", "largest \\|z\\| of a parameter", "worst error before %",
+             "after %", "its z", "criteria passed")  # fmt: skip
     out = ["| " + " | ".join(heads) + " |", "| --- " * len(heads) + "|"]
     for name, f in found.items():
         paired = [p for p in f.predictions if p.z is not None]
@@ -216,7 +220,7 @@ def _twins(found: Mapping[str, Found]) -> list[str]:
 
 
 def _verdicts(found: Mapping[str, Found]) -> list[str]:
-    out = ["| configuration | data | criterion | required | right model | soft joint | softer joint |",
+    out = ["| configuration | data | criterion | required | correct model | soft joint | softer joint |",
            "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
     by_twin = [{(v.configuration, v.data, v.criterion): v for v in f.verdicts} for f in found.values()]
     for key, v in by_twin[0].items():

@@ -8,20 +8,24 @@ changed, and the rigid-body modes stay.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.fem import Structure
 from femtune.fem.assemble import assemble
-from femtune.fem.generic import GenericGroup, GenericModes, generic_modes, generic_ref, with_generic
+from femtune.fem.fields import generic_ref
+from femtune.fem.generic import GenericGroup, GenericModes, generic_modes, with_generic
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
-from femtune.report.figures.canvas import draw_svg
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE
-from femtune.testing.structures import bars, make_structure
+from femtune.reporting.figures.canvas import draw_svg
+from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
+from structures.frames import bars, make_structure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -146,15 +150,15 @@ def text(found: list[tuple[float, float, float, float]]) -> str:
         first, second = closed_form(EI, length)
         rows.append(f"| {EI:g} | {length:g} | 0, 0, {first:.6g}, {second:.6g} | {error:.0e} | {force:.0e} |")
     return "\n".join([
-        "# What a beam element is made of", "",
-        "The stiffness of a beam in its plane by its own eigenvalues and shapes, K = Φ κ Φᵀ, against the closed form "
-        "0, 0, 2EI/l, EI(24/l³ + 6/l); then both κ changed to .4 and 1.8 times and the shapes turned by .5 rad.", "",
-        "| EI | l | eigenvalues | error of κ and of Φ κ Φᵀ | force of rigid motion after the change |",
+        "# Eigenvalues of a beam element", "",
+        "The stiffness of a beam in its plane, decomposed into eigenvalues and eigenvectors, K = Φ κ Φᵀ, compared "
+        "with the closed-form solution 0, 0, 2EI/l, EI(24/l³ + 6/l); then both κ multiplied by .4 and 1.8 and the "
+        "eigenvectors rotated by .5 rad.", "",
+        "| EI | l | eigenvalues | error of κ and of Φ κ Φᵀ | force of rigid-body motion after the change |",
         "| --- | --- | --- | --- | --- |", *rows, "",
-        f"![Shapes and eigenvalues of a beam element]({NAME}.svg)", "",
-        "Eigenvalues add forces over displacements to moments over rotations: which of the two is the larger "
-        "one changes "
-        "with the unit of length, and so do the shapes. [Theory](../theory/parameterisation.md).", "",
+        f"![Eigenvectors and eigenvalues of a beam element]({NAME}.svg)", "",
+        "The eigenvalues combine forces per displacement and moments per rotation: which of the two is larger "
+        "depends on the unit of length, and so do the eigenvectors. [Theory](../theory/parameterisation.md).", "",
     ])  # fmt: skip
 
 

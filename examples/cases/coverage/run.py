@@ -8,17 +8,20 @@ spring that the model lacks. The full form updates 1000 tests of each of the fir
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
+
 import numpy as np
 from scipy.stats import binom, norm, t
 
-from femtune.report.figures.canvas import draw_svg
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE
-from femtune.testing.coverage import CoverageProblem, CoverageRun, run_coverage, spring_chain, stepped_cantilever
+from femtune.reporting.figures.canvas import draw_svg
+from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE
+from structures.coverage import CoverageProblem, CoverageRun, run_coverage, spring_chain, stepped_cantilever
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,21 +128,21 @@ def text(found: Sequence[Found], wrong: CoverageRun, size: Size) -> str:
         for (name, true), held, normal in zip(one.problem.truth.items(), one.run.coverage, one.run.normal_coverage)
     ]
     return "\n".join([
-        "# Coverage of the intervals", "",
-        f"{size.tests} simulated tests of each of two problems, each with Gaussian noise of its own seed, updated. How "
-        "many of the 95 % intervals hold the true value?", "",
-        f"Wanted: {100 * size.lower:.1f} to {100 * size.upper:.1f} %.", "",
-        "| problem | parameter | truth | scatter, interval | held % | with ±1.96 σ % |",
+        "# Coverage of the confidence intervals", "",
+        f"{size.tests} simulated tests of each of two problems, each updated with its own sample of Gaussian noise. "
+        "The table shows how many of the 95 % confidence intervals contain the true value.", "",
+        f"Required: {100 * size.lower:.1f} to {100 * size.upper:.1f} %.", "",
+        "| problem | parameter | true value | standard deviations, interval | coverage % | with ±1.96 σ % |",
         "| --- | --- | --- | --- | --- | --- |", *rows, "",
         "![Coverage by parameter, and the distribution of the errors](cases_coverage.svg)", "",
-        "**Spring chain**: six masses, seven springs, four factors by five frequencies (.4 %) and shapes (.02 of unit "
-        "norm) whose scatter is stated. **Stepped cantilever**: two bending stiffnesses and the tip mass by five "
-        "frequencies whose scatter is not known; two residuals are left to estimate it from, so that ±1.96 σ would "
-        "hold far too seldom.", "",
-        f"Residuals were called larger than noise in {100 * found[0].run.widened.mean():.1f} % of the tests of the "
-        f"right spring chain (two kinds of residual, each at 1 %). With a spring of {UNMODELLED:g} of the others' "
-        f"stiffness that the test has and the model lacks, in {100 * wrong.widened.mean():.0f} % of {size.wrong} "
-        "tests.", "",
+        "**Spring chain**: six masses, seven springs, four factors from five frequencies (.4 %) and shapes (.02 of "
+        "unit norm) with stated standard deviations. **Stepped cantilever**: two bending stiffnesses and the tip "
+        "mass from five frequencies with unknown standard deviation; it is estimated with two degrees of freedom, "
+        "so that the coverage of ±1.96 σ would be much too small.", "",
+        f"The residuals were reported as larger than noise in {100 * found[0].run.widened.mean():.1f} % of the "
+        f"tests of the correct spring chain (two kinds of residual, each at 1 %). With a spring of {UNMODELLED:g} "
+        "of the others' stiffness that the structure has and the model does not, in "
+        f"{100 * wrong.widened.mean():.0f} % of {size.wrong} tests.", "",
     ])  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from femtune.modal import FrfSet
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.model.response import complex_modes, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.report.figures.frfs import FrfCurve, FrfPanel, frfs_svg
+from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.residuals import (
     FrfForm,
     FrfResidual,
@@ -37,7 +37,7 @@ from femtune.residuals import (
     case_without_modes,
     frf_residual,
 )
-from femtune.update import SensitivityMethod, UpdateResult, update
+from femtune.updating import SensitivityMethod, UpdateResult, update
 
 SIDE, THICKNESS, NOISE, MODES = 0.4, 0.003, 0.002, 24
 FORMS: tuple[FrfForm, ...] = ("log-complex", "log-magnitude", "linear")
@@ -192,7 +192,7 @@ def damping_alone(bench: Bench) -> dict[str, NDArray[np.float64]]:
     true, near = (solve_modes(bench.model.at(x), MODES) for x in (bench.truth, start))
     poles = complex_modes(true, 4)
     out = {}
-    for name, aligned in (("the same lines", False), ("lines stretched to the peaks", True)):
+    for name, aligned in (("the same lines", False), ("aligned lines", True)):
         regions = [
             Resonance(str(k + 1), float(true.freq_hz[k]), float(poles.damping_ratio[k]),
                       float(near.freq_hz[k]) if aligned else None)
@@ -209,17 +209,17 @@ def page(n: int, far: dict[FrfForm, list[UpdateResult]], z: dict[FrfForm, NDArra
          alone: dict[str, NDArray[np.float64]]) -> str:  # fmt: skip
     """The evidence."""
     span = (
-        f"moduli within ±{100 * FAR['modulus']:g} %, the joint's stiffness within ±{100 * FAR['joint_stiffness']:g} %"
+        f"moduli within ±{100 * FAR['modulus']:g} %, stiffness of the joint within ±{100 * FAR['joint_stiffness']:g} %"
     )
     rows = [
         "# A damped joint from noisy FRFs\n",
-        f"A clamped aluminium plate ({n} × {n} shells) of two halves with loss factors of their own, a free corner on "
-        f"a spring and a dashpot. Ten accelerances to 160 Hz, noise {100 * NOISE:g} % of the largest magnitude of "
-        "each at all lines. Six factors on the deck are sought.\n",
+        f"A clamped aluminium plate ({n} × {n} shells) of two halves with different loss factors, with a free "
+        f"corner supported by a spring and a dashpot. Ten accelerances up to 160 Hz, noise of {100 * NOISE:g} % of "
+        "the largest magnitude of each at all lines. Six factors on the deck are updated.\n",
         "## From how far\n",
-        f"{len(far['linear'])} starts (Latin hypercube, seed 1): {span}, all that damps within a factor of "
-        f"{FAR['damping']:g}. By every form all of them end at the same point, with residuals of the size of the "
-        "noise.\n",
+        f"{len(far['linear'])} starts (Latin hypercube, seed 1): {span}, all damping parameters within a factor of "
+        f"{FAR['damping']:g}. With each form all of them converge to the same point, with residuals of the "
+        "magnitude of the noise.\n",
         "| factor | truth | " + " | ".join(FORMS) + " |",
         "|---" * 5 + "|",
     ]
@@ -234,9 +234,9 @@ def page(n: int, far: dict[FrfForm, list[UpdateResult]], z: dict[FrfForm, NDArra
 def _of_tests(z: dict[FrfForm, NDArray[np.float64]]) -> list[str]:
     rows = [f"| {f} | {np.abs(z[f].mean(axis=0)).max():.2f} | {np.sqrt(np.mean(z[f] ** 2)):.2f} |" for f in FORMS]
     return [
-        "\n## Whether the scatter is honest\n",
-        f"{len(z['linear'])} tests with other noise: mean of (estimate − truth)/σ of the factor where it is largest, "
-        "and root mean square over all factors.\n",
+        "\n## Are the standard deviations correct?\n",
+        f"{len(z['linear'])} tests with different noise: mean of (estimate − true)/σ for the factor for which it is "
+        "largest, and root mean square over all factors.\n",
         "| form | largest mean of a factor | root mean square |",
         "|---|---|---|",
         *rows,
@@ -246,9 +246,9 @@ def _of_tests(z: dict[FrfForm, NDArray[np.float64]]) -> list[str]:
 def _of_damping(alone: dict[str, NDArray[np.float64]]) -> list[str]:
     rows = [f"| {name} | " + " | ".join(f"{e:+.1f}" for e in errors) + " |" for name, errors in alone.items()]
     return [
-        "\n## Damping alone, with stiffness a little wrong\n",
-        "Around the first four resonances, stiffnesses 1.5 to 3 % too high, as an update by frequencies may leave "
-        "them: errors in percent.\n",
+        "\n## Damping only, with errors of the stiffness\n",
+        "Around the first four resonances, stiffnesses 1.5 to 3 % too high, as an update with frequencies may leave "
+        "them: errors in per cent.\n",
         "| model taken at | " + " | ".join(DAMPING) + " |",
         "|---" * 4 + "|",
         *rows,

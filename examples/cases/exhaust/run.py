@@ -8,26 +8,40 @@ Masses first, then stiffnesses, then dampings in the resonance regions; then the
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
+
 import numpy as np
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.model import solve_modes
 from femtune.model.response import frf, make_ports
-from femtune.report.figures.canvas import draw_svg
-from femtune.report.figures.svg import BLUE, INK, LINE, ORANGE, PALE
-from femtune.report.numbers import short
-from femtune.steps import RunFolder
-from femtune.study.load import load_study
-from femtune.study.results_stages import StageResults
-from femtune.study.results_update import UpdateResults
-from femtune.testing.exhaust import FRONT, REAR, Exhaust, exhaust_deck
-from femtune.testing.exhaust_tests import KNOWN, WHOLE, Known, Measured, Noise, simulated_tests, write_tests
+from femtune.reporting.figures.canvas import draw_svg
+from femtune.reporting.figures.svg import BLUE, INK, LINE, ORANGE, PALE
+from femtune.reporting.numbers import short
+from femtune.results.stages import StageResults
+from femtune.results.step_results import RunResult
+from femtune.results.update import UpdateResults
+from structures.exhaust import (
+    FRONT,
+    KNOWN,
+    REAR,
+    WHOLE,
+    Exhaust,
+    Known,
+    Measured,
+    Noise,
+    exhaust_deck,
+    simulated_tests,
+    write_tests,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +98,7 @@ def _configuration(one: Measured, file: str) -> str:
     if one.elements_off:
         lines.append(f"elements_off = {list(one.elements_off)}")
     local = [i for i, f in enumerate(one.test.modes.freq_hz) if one.name == REAR and f > LOCAL_HZ]
-    reason = "local mode of the muffler, which its sensors do not tell apart"
+    reason = "local mode of the muffler, which its sensors cannot distinguish"
     entries = ", ".join(f'{{ mode = "{one.test.modes.labels[i]}", reason = "{reason}" }}' for i in local)
     return "\n".join([*lines, *([f"leave_out = [{entries}]"] if local else []), ""])
 
@@ -127,7 +141,7 @@ class Found:
     """One run of the study."""
 
     seed: int
-    run: RunFolder
+    run: RunResult
     curves: tuple[Curves, ...]
 
     @property
@@ -156,7 +170,7 @@ def solve(exhaust: Exhaust, size: Size, seed: int, folder: Path) -> Found:
     return found
 
 
-def curves(path: Path, run: RunFolder, one: Measured) -> Curves:
+def curves(path: Path, run: RunResult, one: Measured) -> Curves:
     """The last output over the first input, as in the chapter's Figure 30."""
     case = next(c for c in load_study(path).cases if c.name == one.name)
     measured, parameters = one.test.frfs, case.configured.model.parameters
@@ -195,16 +209,17 @@ def text(runs: Sequence[Found], size: Size) -> str:
     """The page."""
     first = runs[0]
     return "\n".join([
-        "# An exhaust system, bottom-up", "",
-        "In the manner of the handbook chapter's section 9: a front part with a converter, a rear part with a muffler, "
-        "a clamp between them, as a deck of our own (beams and shells, 2262 DOF). Each part and the whole were tested "
-        f"in simulation: modes (frequencies {NOISE.frequency:g}, shapes {NOISE.shape:g} of unit norm), accelerances "
-        f"({100 * NOISE.frf:g} % of each value in real and imaginary part), weighed masses ({100 * NOISE.mass:g} %). "
-        f"The study has {len(STAGES)} stages; what one believes is the prior of the next, and what rests is uncertain.",
+        "# Bottom-up updating of an exhaust system", "",
+        "Similar to section 9 of the handbook chapter: a front part with a converter, a rear part with a muffler "
+        "and a clamp between them, modelled by our own deck (beams and shells, 2262 DOFs). The tests of each part "
+        f"and of the whole system are simulated: modes (standard deviations of frequencies {NOISE.frequency:g}, of "
+        f"shapes {NOISE.shape:g} of unit norm), accelerances ({100 * NOISE.frf:g} % of each value in real and "
+        f"imaginary part), measured masses ({100 * NOISE.mass:g} %). The study has {len(STAGES)} stages; the result "
+        "of each is the prior of the next, and the uncertainty of fixed parameters is included.",
         "",
         *_values(first), "", f"Of {len(runs)} seeds of noise, {_shares(runs)}", "",
         *_stages(first.update.stages), "",
-        "![Error sums of the dampings, deviations from the truth, and accelerances](cases_exhaust.svg)", "",
+        "![Error sums of the damping stages, deviations from the true values, and accelerances](cases_exhaust.svg)", "",
         *_modes(first), "",
     ])  # fmt: skip
 
@@ -216,15 +231,15 @@ def _values(found: Found) -> list[str]:
         f"{results[k.name].sd:.2g} | {found.errors[k.name]:+.2f} |"
         for k in KNOWN
     ]
-    head = "| parameter | fields | deck | truth | updated | σ | (updated − true)/σ |"
+    head = "| parameter | fields | deck | true value | updated | σ | (updated − true)/σ |"
     return [head, "| --- | --- | --- | --- | --- | --- | --- |", *rows]
 
 
 def _shares(runs: Sequence[Found]) -> str:
     errors = np.abs([list(found.errors.values()) for found in runs])
     return (
-        f"{100 * np.mean(errors < 2.0):.0f} % of the {errors.size} values lie within 2 σ of the truth (wanted: 90 %), "
-        f"and the worst at {errors.max():.2f} σ (wanted: 3)."
+        f"{100 * np.mean(errors < 2.0):.0f} % of the {errors.size} values are within 2 σ of the true value "
+        f"(required: 90 %), and the largest deviation is {errors.max():.2f} σ (required: 3)."
     )
 
 
@@ -246,7 +261,7 @@ def _modes(found: Found) -> list[str]:
             worst = max(abs(p.freq_error_percent) for p in c.pairs)
             mac = min(p.mac for p in c.pairs if p.mac is not None)
             rows.append(f"| {c.configuration} | {c.stage} | {len(c.pairs)} | {worst:.3g} | {mac:.4f} |")
-    head = "| configuration | | pairs | worst frequency error % | lowest MAC |"
+    head = "| configuration | | pairs | largest frequency error % | lowest MAC |"
     return [head, "| --- | --- | --- | --- | --- |", *rows]
 
 

@@ -7,14 +7,18 @@ one of them, and two sets in which the fixed k3 or k4 stands for k5.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.model import ConfiguredModel
-from femtune.quantify import (
+from femtune.reporting.figures.parameters import Cloud, clouds_svg
+from femtune.uncertainty import (
     ForwardCheck,
     FrequenciesByOrder,
     StochasticResult,
@@ -24,8 +28,7 @@ from femtune.quantify import (
     statistics_of_repeats,
     stochastic_update,
 )
-from femtune.report.figures.clouds import Cloud, clouds_svg
-from femtune.testing.springs import factor_model, spring_structure
+from structures.springs import factor_model, spring_structure
 
 Reals = NDArray[np.float64]
 Case = tuple[StochasticResult, ForwardCheck]
@@ -95,17 +98,17 @@ def text(found: dict[str, Case], samples: int) -> str:
         )
     return "\n".join([
         "# An inconsistent set of parameters", "",
-        f"k1, k2 and k5 of {STRUCTURES} structures scatter by {100 * SPREAD:.0f} %; three frequencies of each are "
-        f"measured. Updated by (39); forward check with {samples} samples.", "",
-        "| set | mean ± σ | largest error of a mean frequency, % | error of the covariance, % | variance that the set "
-        "cannot reach, % | it ended |", "| --- | --- | --- | --- | --- | --- |", *rows, "",
-        f"Two parameters (regularised with μ = {MU:g}, as the chapter does) meet the means, and their covariance is "
-        "wrong: the chapter's failure. femtune says so: " + " ".join(found["too few"][1].sentences[:1]), "",
-        "With as many parameters as outputs both moments are met whether the parameters are right or not, as k6 in the "
-        "place of k2 shows: no check of the same outputs can tell. k3 in the place of k5 lies symmetrically to k1, and "
-        "the rank tells. What helps is more outputs than parameters, and the "
-        "[distance of the sensitivities to the covariance](cases_truss_selection.md).", "",
-        "![Measured frequencies, and the cloud of the set of two](cases_inconsistent_set.svg)", "",
+        f"k1, k2 and k5 of {STRUCTURES} structures vary with a standard deviation of {100 * SPREAD:.0f} %; three "
+        f"frequencies of each structure are measured. Updated with (39); forward check with {samples} samples.", "",
+        "| set | mean ± σ | largest error of a mean frequency, % | error of the covariance, % | variance that the "
+        "set cannot explain, % | status |", "| --- | --- | --- | --- | --- | --- |", *rows, "",
+        f"Two parameters (regularised with μ = {MU:g}, as in the chapter) reproduce the means, but not the "
+        "covariance, as in the chapter. The message of femtune: " + " ".join(found["too few"][1].sentences[:1]), "",
+        "With as many parameters as outputs, mean and covariance are reproduced by correct and by wrong parameters, "
+        "as k6 instead of k2 shows: no check with the same outputs can detect this. k3 instead of k5 is symmetric "
+        "to k1, which is detected by the rank. The remedy is to use more outputs than parameters, and the [distance "
+        "of the sensitivities from the covariance](cases_truss_selection.md).", "",
+        "![Measured frequencies, and the sample for the set of two](cases_inconsistent_set.svg)", "",
     ])  # fmt: skip
 
 

@@ -8,15 +8,20 @@ found from those of the eigenvalues.
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.model import ConfiguredModel
-from femtune.quantify import (
+from femtune.reporting.figures.canvas import draw_svg
+from femtune.reporting.figures.svg import BLUE, INK, ORANGE, PALE
+from femtune.uncertainty import (
     Bounds,
     EigenvalueOutputs,
     IntervalResult,
@@ -24,9 +29,7 @@ from femtune.quantify import (
     interval_bounds,
     interval_update,
 )
-from femtune.report.figures.canvas import draw_svg
-from femtune.report.figures.svg import BLUE, INK, ORANGE, PALE
-from femtune.testing.springs import factor_model, spring_structure
+from structures.springs import factor_model, spring_structure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,9 +107,10 @@ def text(found: list[Found], points: int) -> str:
     """The page."""
     lines = [
         "# Intervals of eigenvalues", "",
-        "Three stiffness factors lie anywhere between two values. Every spring's matrix is semidefinite, so that "
-        "ordered eigenvalues only grow with it: two corners of the box are proof. In the second problem the middle of "
-        "the box has an eigenvalue twice; both modes are followed as one subspace, and its two eigenvalues in order.",
+        "Three stiffness factors are between two limits. The matrix of each spring is positive semidefinite, so "
+        "that ordered eigenvalues increase with it: two corners of the box are proven to be the extrema. In the "
+        "second problem the centre of the box has a repeated eigenvalue; both modes are followed as one subspace, "
+        "with its two eigenvalues sorted.",
     ]  # fmt: skip
     for one in found:
         lines += [
@@ -123,11 +127,15 @@ def text(found: list[Found], points: int) -> str:
         ends = ", ".join(
             f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip(one.problem.factors, one.back.lower, one.back.upper)
         )
-        lines += ["", f"{one.proven.solutions} model solutions with the proof; {one.searched.solutions} for the search "
-                  f"that does without, which ends at the same corners. None of {points} random points lies outside.",
-                  "", f"Turned round, from a box of 5 %: {ends} ({one.back.solutions} solutions; "
-                  f"{one.back.status.value})."]  # fmt: skip
-    return "\n".join([*lines, "", "![Eigenvalues at random points between their extrema](cases_intervals.svg)", ""])
+        lines += ["", (
+            f"{one.proven.solutions} model solutions with the proof; {one.searched.solutions} for the search "
+            f"without it, which finds the same corners. None of {points} random points is outside."
+        ),
+                  "", (
+                      f"Inverse problem, starting from a box of 5 %: {ends} ({one.back.solutions} solutions; "
+                      f"{one.back.status.value})."
+                  )]  # fmt: skip
+    return "\n".join([*lines, "", "![Eigenvalues at random points and their extrema](cases_intervals.svg)", ""])
 
 
 def figure(found: list[Found]) -> str:

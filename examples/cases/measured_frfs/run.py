@@ -17,9 +17,9 @@ import numpy as np
 
 from femtune.dofs import DofSet
 from femtune.files.uff import read_uff
-from femtune.identify import IdentifiedModes, InputKnown, Rule, identify_frfs
+from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_frfs
 from femtune.modal import FrfSet, ModeSet, mac, pole_of
-from femtune.report.figures.identified import identified_svg
+from femtune.reporting.figures.stabilisation import identified_svg
 from femtune.testdata import renumber
 from femtune.units import SI
 
@@ -133,12 +133,12 @@ def page(case: Case, truth: ModeSet, measured: list[Case]) -> str:
     off = np.abs(modes.freq_hz / truth.freq_hz - 1.0).max()
     n, u, k = case.found.measured.values.shape
     parts = [
-        "# Modes from measured functions\n",
-        f"Simulated: {n} channels, {u} references, {k} lines, {len(truth)} modes, two of them .5 % apart, noise of 1 % "
-        f"of the rms. N4SID to order 100 and pLSCF to degree 50, modes chosen, fitted and made a state-space model in "
-        f"{case.seconds:.0f} s; all modes and no other; frequencies within {100 * off:.4f} %, errors as large as their "
-        "standard deviations say.\n",
-        "![Poles over the orders, and functions](cases_measured_frfs.svg)\n",
+        "# Modes from measured FRFs\n",
+        f"Simulated: {n} channels, {u} references, {k} lines, {len(truth)} modes, two of them .5 % apart, noise of "
+        "1 % of the rms value. N4SID up to order 100 and pLSCF up to degree 50, selection of modes, fit and "
+        f"state-space model in {case.seconds:.0f} s. All modes and no others are found; frequencies are within "
+        f"{100 * off:.4f} %, with errors as large as their standard deviations imply.\n",
+        "![Stabilisation diagram, and FRFs](cases_measured_frfs.svg)\n",
     ]
     for other in measured:
         parts += [f"## {other.name}\n", table(other.found.modes), "", NOTES[other.name], ""]
@@ -147,18 +147,18 @@ def page(case: Case, truth: ModeSet, measured: list[Case]) -> str:
 
 NOTES = {
     "GARTEUR aeroplane": (
-        "The nine elastic modes to 65 Hz; N4SID and pLSCF alone agree with them within .2 %. The functions of "
-        "the file are themselves a modal model of ten poles: with a tenth pole at 8.984 Hz and 2.08 % they "
-        "are repeated to the six digits of the file. That pole has a phase collinearity of .88 where all "
-        "others have more than .93, and the rule leaves it out, which is why the standard deviations here are "
-        "not smaller still."
+        "Nine elastic modes up to 65 Hz are found; N4SID alone and pLSCF alone agree with them within .2 %. The "
+        "FRFs in the file are themselves synthesised from a modal model with ten poles: with a tenth pole at 8.984 "
+        "Hz and 2.08 % they are reproduced to the six digits of the file. This pole has a phase collinearity of "
+        ".88, whereas all others have more than .93, and is excluded by the rule; therefore the standard deviations "
+        "here are not smaller."
     ),
     "Hammer beam": (
-        "Their owners state four modes near 112, 307, 596 and 974 Hz. Shapes are those of a free beam of 1.3 "
-        "m (MAC above .975). Each hit by itself gives another frequency: from the second to the ninth they "
-        "fall by 4 to 10 in 100,000, far more than noise, and the standard deviations above contain that. "
-        "Damping of .01 % makes bands of .02 Hz, as wide as the lines are apart in the file: damping ratios "
-        "are what the lines can tell, no more."
+        "The owners of the data state four modes near 112, 307, 596 and 974 Hz. The shapes are those of a free beam "
+        "of 1.3 m (MAC above .975). Each impact gives a different frequency: from the second to the ninth impact "
+        "the frequencies decrease by 4 to 10 in 100,000, much more than noise, and the standard deviations above "
+        "include this. A damping ratio of .01 % corresponds to a bandwidth of .02 Hz, which is the frequency "
+        "resolution of the file and limits the accuracy of the damping ratios."
     ),
 }
 

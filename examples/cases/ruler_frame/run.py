@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.quantify import (
+from femtune.reporting.figures.parameters import Cloud, clouds_svg
+from femtune.uncertainty import (
     ForwardCheck,
     FrequenciesByOrder,
     OutputStatistics,
@@ -23,8 +27,7 @@ from femtune.quantify import (
     statistics_of_repeats,
     stochastic_update,
 )
-from femtune.report.figures.clouds import Cloud, clouds_svg
-from femtune.testing.springs import factor_model, spring_structure
+from structures.springs import factor_model, spring_structure
 
 Reals = NDArray[np.float64]
 
@@ -85,8 +88,8 @@ def text(found: dict[str, tuple[OutputStatistics, StochasticResult, ForwardCheck
     lines = [
         "# Ruler frame: 50 repeated tests (real test)", "",
         "Four blocks on steel rulers, assembled and tested 50 times. Nominal stiffness of a storey: two rulers of "
-        f"{1000 * LENGTH_M:g} mm that are clamped at both ends (nominal frequencies "
-        f"{', '.join(f'{f:.3f}' for f in NOMINAL_HZ)} Hz). Found are factors on the four storeys.",
+        f"{1000 * LENGTH_M:g} mm, clamped at both ends (nominal frequencies "
+        f"{', '.join(f'{f:.3f}' for f in NOMINAL_HZ)} Hz). The parameters are factors on the four storeys.",
     ]  # fmt: skip
     for label, (measured, result, forward) in found.items():
         lines += [
@@ -105,10 +108,12 @@ def text(found: dict[str, tuple[OutputStatistics, StochasticResult, ForwardCheck
         lines += ["", f"{result.solutions} model solutions; forward check with {samples}: {forward.sentences[0]}"]
         lines += [f"Notice: {n.what}." for n in measured.notices]
     return "\n".join([
-        *lines, "", "Four factors from four frequencies: the model meets the covariance whether the storeys scatter or "
-        "something else does (see [an inconsistent set](cases_inconsistent_set.md)). That the storeys scatter "
-        "together points at one cause, such as the clamping or the temperature.", "",
-        "![Measured frequencies and the cloud of the updated model, 95 % ellipses](cases_ruler_frame.svg)", "",
+        *lines, "", (
+            "With four factors from four frequencies the model reproduces the covariance, whether the storeys vary "
+            "or something else does (see [an inconsistent set](cases_inconsistent_set.md)). The positive "
+            "correlation of the storeys indicates a common cause, such as the clamping or the temperature."
+        ), "",
+        "![Measured frequencies and the sample of the updated model, 95 % ellipses](cases_ruler_frame.svg)", "",
     ])  # fmt: skip
 
 

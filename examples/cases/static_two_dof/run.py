@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.parameters import Parameter, ParameterSet
-from femtune.report.figures.weight_path import weight_path_svg
-from femtune.update import Link, MinimumChange, NoRegularisation, Regularisation, Truncated, WeightStatus
-from femtune.update.regularise import LinearModel, SideConstraint
-from femtune.update.search import LocalModel
+from femtune.reporting.figures.parameters import weight_path_svg
+from femtune.updating import Link, MinimumChange, NoRegularisation, Regularisation, Truncated, WeightStatus
+from femtune.updating.regularisation import LinearModel, SideConstraint
+from femtune.updating.search import LocalModel
 
 Reals = NDArray[np.float64]
 
@@ -141,21 +141,29 @@ def picture(side: SideConstraint) -> str:
 
 def page(rows: dict[str, Reals], found: dict[str, tuple[SideConstraint, Reals]]) -> str:
     """Ours beside the published numbers."""
-    lines = ["# Two degrees of freedom under static loads", "", "Springs N/m; the truth is (1.2, .8, 1).", ""]
+    lines = [
+        "# Two degrees of freedom under static loads",
+        "",
+        ("Springs in N/m; the true values are (1.2, .8, 1)."),
+        "",
+    ]
     lines += ["| | k1 | k2 | k3 | published |", "| --- | --- | --- | --- | --- |"]
     for name, k in rows.items():
         published = ", ".join(f"{v:g}" for v in TABLE[name][1]) if name in TABLE else "1.1398, .9084, 1.1354"
         lines.append(f"| {name} | " + " | ".join(f"{v:.4f}" for v in k) + f" | {published} |")
     for name, (side, k) in found.items():
         values = " | ".join(f"{v:.4f}" for v in k)
-        lines.append(f"| {name}, our corner, μ = {side.weight:.4f} | {values} | positions not printed |")
+        lines.append(f"| {name}, our corner, μ = {side.weight:.4f} | {values} | positions not published |")
     lines += [
-        "", "The chapter's noise is not printed. Displacements of five digits were sought for which its table comes "
-        "out: (.60958, .27185) under (1, 0) and (.60784, .26991) under (1, .0020352). The row without regularisation, "
-        "where errors grow 880 times, is met within .003, the others within .001; all lie on the line through the "
-        "truth along which the first load says nothing.", "",
-        "The corner belongs to the noise: ours lies at a larger weight than the chapter's, with springs that hardly "
-        "differ. With one load and no noise the curve has no corner, and the library says so.", "",
+        "", (
+            "The noise of the chapter is not published. Displacements with five digits were determined that "
+            "reproduce its table: (.60958, .27185) under (1, 0) and (.60784, .26991) under (1, .0020352). The row "
+            "without regularisation, in which errors are amplified 880 times, is reproduced within .003, the others "
+            "within .001. All solutions are on the line through the true values along which the first load gives no "
+            "information."
+        ), "",
+        "The corner depends on the noise: ours is at a larger weight than that of the chapter, with nearly the same "
+        "springs. With one load and no noise the curve has no corner, and femtune reports this.", "",
         "![L-curve, W = I](cases_static_two_dof.svg)", "", "![L-curve, Link](cases_static_two_dof_link.svg)", "",
     ]  # fmt: skip
     return "\n".join(lines)

@@ -7,14 +7,18 @@ and standard deviations that are far off, and are compared with the truth of the
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.model import ConfiguredModel
-from femtune.quantify import (
+from femtune.reporting.figures.parameters import Cloud, clouds_svg
+from femtune.uncertainty import (
     CloudRules,
     ForwardCheck,
     FrequenciesByOrder,
@@ -24,8 +28,7 @@ from femtune.quantify import (
     statistics_of_repeats,
     stochastic_update,
 )
-from femtune.report.figures.clouds import Cloud, clouds_svg
-from femtune.testing.springs import factor_model, spring_structure
+from structures.springs import factor_model, spring_structure
 
 Reals = NDArray[np.float64]
 
@@ -102,19 +105,20 @@ def text(truth: Reals, found: dict[str, StochasticResult], forward: ForwardCheck
     ]
     return "\n".join([
         "# Three masses: stochastic updating", "",
-        f"{STRUCTURES} nominally identical structures whose stiffnesses k1, k2 and k5 scatter by {100 * SPREAD:.0f} % "
-        f"(truth N(1, {SPREAD:g}²)); three frequencies of each are measured. Every update starts from N({START:g}, "
-        f"{START_SD:g}²). Model solutions count the update of the means; clouds of (40) and (41) have {samples} "
-        "samples. The published table (handbook chapter, Table 2) is of another sample of 30.", "",
+        f"{STRUCTURES} nominally identical structures whose stiffnesses k1, k2 and k5 vary with a standard "
+        f"deviation of {100 * SPREAD:.0f} % (true distribution N(1, {SPREAD:g}²)); three frequencies of each are "
+        f"measured. All updates start from N({START:g}, {START_SD:g}²). The number of model solutions is that of "
+        f"the update of the means; the samples of (40) and (41) have {samples} points. The published table "
+        "(handbook chapter, Table 2) is for another sample of 30.", "",
         "| | k1 | k2 | k5 | σ1 | σ2 | σ5 | largest error of a mean, of a σ, % | model solutions | ratio |",
         "| --- " * 10 + "|", *rows, "",
-        "(39) takes the frequencies as linear over the cloud. They are not, so that its means are off by half the "
-        "curvature times the covariance: 1 to 4 %, here and as published. The second-order form takes three further "
-        "solutions for the curvature and inverts each of the 30 measurements through the quadratic model; every mean "
-        f"is asserted to be within {100 * MEANS_WITHIN:g} % of the sample's at no more than {DEARER_AT_MOST:g} times "
-        "the price of (39).", "",
+        "(39) linearises the frequencies. They are nonlinear, so that its means have an error of half the second "
+        "derivative times the covariance: 1 to 4 %, here and in the publication. The second-order method needs "
+        "three further solutions for the second derivatives and inverts each of the 30 measurements with the "
+        f"quadratic model; it is asserted that each mean is within {100 * MEANS_WITHIN:g} % of that of the sample "
+        f"with at most {DEARER_AT_MOST:g} times the cost of (39).", "",
         f"Forward check with a Latin hypercube of {samples} samples: {forward.sentences[0]}", "",
-        "![Measured frequencies and the propagated cloud, 95 % ellipses](cases_three_mass_stochastic.svg)",
+        "![Measured frequencies and the propagated sample, 95 % ellipses](cases_three_mass_stochastic.svg)",
         "",
     ])  # fmt: skip
 

@@ -1,10 +1,14 @@
-"""The commands. What they do is in the library; it is imported when a command runs, so that help is quick."""
+"""The commands, each with its options, the step that it runs and how the result is printed.
+
+What they do is in the library; it is imported when a command runs, so that help is quick.
+"""
 
 from __future__ import annotations
 
-import importlib
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +16,36 @@ from typing import Any
 import click
 
 from femtune import __version__
-from femtune.cli.eigensolver import choose_eigensolver
-from femtune.cli.guard import GuardedGroup, Running
-from femtune.errors import printable
+from femtune.cli import output as out
+from femtune.cli.guard import GuardedGroup
+from femtune.cli.running import identification_of, load, run_step, study_of
+from femtune.errors import codes, did_you_mean, explanation, printable
+
+# ----------------------------------------------------------------------------------------------------
+# The option --eigensolver: for one command it takes the place of the environment variable.
+
+
+_VARIABLE = "FEMTUNE_EIGENSOLVER"
+
+
+def choose_eigensolver(context: click.Context, option: click.Parameter, name: str | None) -> None:
+    """Set the variable that the model reads until the command ends."""
+    if name is not None:
+        context.with_resource(_set(name))
+
+
+@contextmanager
+def _set(name: str) -> Iterator[None]:
+    before = os.environ.get(_VARIABLE)
+    os.environ[_VARIABLE] = name
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_VARIABLE]
+        else:
+            os.environ[_VARIABLE] = before
+
 
 _FILE = click.Path(path_type=Path)
 _SCATTER = click.FloatRange(min=0.0, max=1.0)
@@ -59,7 +90,15 @@ def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
     elif path is None:
         raise click.UsageError("name a study or a deck, or ask for --solvers")
     else:
-        _show("info", path, as_json, quiet)
+        result = run_step("of_model:info", path, quiet)
+        out.show("model:info_document", path, result.record, as_json=as_json, quiet=quiet)
+
+
+def _show_solvers(as_json: bool) -> None:
+    """All solvers, as JSON or as text."""
+    solvers = load("femtune.model.solvers.listing:solver_list")()
+    table = load("femtune.model.solvers.listing:solver_table")
+    click.echo(printable(json.dumps([asdict(s) for s in solvers], indent=1) if as_json else table(solvers)))
 
 
 @main.command()
@@ -95,13 +134,20 @@ def modes(
     """
     if sensors and uff is None:
         raise click.UsageError("--sensor belongs to --uff, which names the file to write")
-    more = {} if uff is None else {"simulate": _simulated(uff, sensors, scatter)}
-    _show("modes", path, as_json, quiet, fresh, page, count=count, max_hz=max_hz, **more)
+    simulate = None
+    if uff is not None:
+        study_of(path)
+        simulate = load("femtune.study.simulated_test:SimulatedTest")(uff, sensors, **scatter)
+    asked: dict[str, Any] = {"count": count, "max_hz": max_hz, "report": page, "simulate": simulate}
+    result = run_step("of_model:modes", path, quiet, fresh=fresh, **asked)
+    out.say(result.remarks, quiet)
+    out.show("modes:modes_document", path, result.records, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
 
 
-def _simulated(uff: Path, sensors: tuple[str, ...], scatter: dict[str, Any]) -> Any:
-    """What the options say of a simulated test."""
-    return importlib.import_module("femtune.study.simulated_test").SimulatedTest(uff, sensors, **scatter)
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    """Options that are keys of a table; one that may be repeated and was not given is None."""
+    return {key: (value or None) if isinstance(value, tuple) else value for key, value in options.items()}
 
 
 @main.command()
@@ -130,9 +176,10 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
     PATH is a study file (.toml) or a Nastran deck. Options take the place of keys of [response] in the study.
     """
-    files = {name: asked.pop(name) for name in ("uff", "units")}
-    options = {key: (value or None) if isinstance(value, tuple) else value for key, value in asked.items()}
-    _show("respond", path, as_json, quiet, fresh, page, options=options, **files)
+    result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **_given(asked))
+    out.say(result.remarks, quiet)
+    out.show("modes:responses_document", path, result.records, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
 
 
 @main.command()
@@ -155,20 +202,12 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
     PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or functions (UFF). Options
     take the place of keys of [identify] in the file.
     """
-    options = {key: (value or None) if isinstance(value, tuple) else value for key, value in asked.items()}
-    _end_of_identification(_do("identify", path, quiet, output=output, options=options), as_json, quiet)
-
-
-def _end_of_identification(made: Any, as_json: bool, quiet: bool) -> None:
-    """The modes as JSON or as tables, and at last the page."""
-    from femtune.cli import output  # noqa: PLC0415
-    from femtune.report import build_identification_page  # noqa: PLC0415
-
+    result = run_step("of_record:identify", path, quiet, read=identification_of, output=output, **_given(asked))
     if as_json:
-        click.echo(output.as_text(made.record))
+        click.echo(out.as_text(result.record))
     elif not quiet:
-        output.show_document(build_identification_page(made))
-    click.echo(f"report: {printable(str((made.folder / 'report.html').resolve()))}", err=as_json)
+        out.show_document(load("femtune.reporting.identification:build_identification_page")(result))
+    out.name_page(result.report, as_json)
 
 
 @main.command()
@@ -179,7 +218,10 @@ def _end_of_identification(made: Any, as_json: bool, quiet: bool) -> None:
 @_quiet
 def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: MAC, frequencies, pairs."""
-    _show("correlate", study, as_json, quiet, fresh)
+    result = run_step("of_study:correlate", study, quiet, fresh=fresh)
+    out.say(result.remarks, quiet)
+    shown = (result.records, result.arrays)
+    out.show("correlate:correlation_document", study, *shown, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -190,7 +232,9 @@ def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_quiet
 def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Which parameters, and which combinations of them, the data determine."""
-    _show("select", study, as_json, quiet, fresh)
+    result = run_step("of_study:select", study, quiet, fresh=fresh)
+    out.say(result.remarks, quiet)
+    out.show("select:selection_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -201,7 +245,9 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_quiet
 def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Mean and covariance of the parameters from repeated tests."""
-    _show("quantify", study, as_json, quiet, fresh)
+    result = run_step("of_study:quantify", study, quiet, fresh=fresh)
+    out.say(result.remarks, quiet)
+    out.show("validate:quantify_document", study, result.record, as_json=as_json, quiet=quiet)
 
 
 @main.command()
@@ -216,8 +262,8 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 
     A run that was interrupted goes on from what it had solved.
     """
-    folder = _do("update", study, quiet, output=output, wide=wide, fresh=fresh)
-    _end(folder, quiet)
+    result = run_step("of_run:update", study, quiet, output=output, wide=wide, fresh=fresh)
+    _end(result, quiet, f"results: {Path(result.folder).resolve()}")
 
 
 @main.command()
@@ -233,8 +279,13 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
     Updates first, as `update` does; what an earlier run had solved is taken from its journal. The exit code is 1 where
     a criterion fails, and where the update did not reach an optimum.
     """
-    folder = _do("validate", study, quiet, output=output, fresh=fresh)
-    _end_of_validation(study, folder, as_json, quiet)
+    result = run_step("of_run:validate", study, quiet, output=output, fresh=fresh)
+    results = result.results
+    out.say(result.remarks, quiet)
+    data = results.validation
+    out.show("validate:validation_document", study, results, as_json=as_json, quiet=quiet, data=data)
+    if out.missed_optimum(result) or any(v.verdict == "fail" for v in data.verdicts):
+        click.get_current_context().exit(1)
 
 
 @main.command()
@@ -249,8 +300,18 @@ def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet:
 
     A run that was interrupted goes on from what it had solved.
     """
-    folder = _do("run", study, quiet, output=output, wide=wide, fresh=fresh)
-    _end(folder, quiet, folder.report)
+    result = run_step("of_run:run", study, quiet, output=output, wide=wide, fresh=fresh)
+    _end(result, quiet, f"report: {Path(result.report).resolve()}")
+
+
+def _end(result: Any, quiet: bool, last_line: str) -> None:
+    """Tables, what the update came to, and at last the report or folder; exit code 1 where there is no optimum."""
+    out.say(result.remarks, quiet)
+    out.show_run(result, quiet)
+    missed = out.missed_optimum(result)
+    click.echo(last_line)
+    if missed:
+        click.get_current_context().exit(1)
 
 
 @main.command()
@@ -261,89 +322,20 @@ def report(path: Path, quiet: bool) -> None:
 
     PATH is a run folder, or the study whose run folder is meant.
     """
-    page = _do("report", path, quiet)
+    page = run_step("pages:report", path, quiet)
     click.echo(f"report: {Path(page).resolve()}")
 
 
-def _show_solvers(as_json: bool) -> None:
-    """All solvers, as JSON or as text."""
-    module = importlib.import_module("femtune.model.solver_list")
-    solvers = module.solver_list()
-    text = json.dumps([asdict(facts) for facts in solvers], indent=1) if as_json else module.solver_table(solvers)
-    click.echo(printable(text))
+@main.command()
+@click.argument("code")
+def explain(code: str) -> None:
+    """What the code of an error or notice means, and how to fix it.
 
-
-def _do(step: str, path: Path, quiet: bool, **options: Any) -> Any:
-    """Run a step of the library with a progress display."""
-    # rich is imported here, so that help is quick
-    from femtune.cli.display import Display  # noqa: PLC0415
-
-    click.get_current_context().find_root().obj = Running(path, options.get("output"))
-    function: Callable[..., Any] = getattr(importlib.import_module("femtune.steps"), step)
-    with Display(quiet) as progress:
-        return function(path, progress=progress, **options)
-
-
-def _show(
-    step: str, path: Path, as_json: bool, quiet: bool, fresh: bool = False, page: Path | None = None, **more: Any
-) -> None:
-    """The result of one step, as JSON or as tables, and on a `page`; tables of a comparison take its matrices too."""
-    from femtune.cli import output  # noqa: PLC0415
-
-    arrays: dict[str, Any] = {}
-    remarks: list[str] = []
-    options = more if step == "info" else {"fresh": fresh, "remarks": remarks, **more}
-    if page is not None:
-        results = _do(f"{step}_report", path, quiet, page=page, **options)
-        result = results.responses if step == "respond" else results.modes
-    else:
-        result = _do(step, path, quiet, **options, **({"arrays": arrays} if step == "correlate" else {}))
-    _say(remarks, quiet)
-    if as_json:
-        click.echo(output.as_text(result))
-    elif not quiet:
-        output.show_document(output.document_of_step(step, path, result, arrays))
-    if page is not None:
-        # standard output is the JSON's alone
-        click.echo(f"report: {printable(str(page.resolve()))}", err=as_json)
-
-
-def _say(remarks: list[str], quiet: bool) -> None:
-    """Sentences beside the result."""
-    for remark in () if quiet else remarks:
-        click.echo(printable(remark), err=True)
-
-
-def _end(folder: Any, quiet: bool, page: Path | None = None) -> None:
-    """Tables, what the update came to, and at last the report or folder; exit code 1 where there is no optimum."""
-    from femtune.cli import output  # noqa: PLC0415
-    from femtune.cli.display import Display  # noqa: PLC0415
-
-    _say(output.remarks_of(folder.results), quiet)
-    if not quiet:
-        with Display() as progress:
-            document = output.document_of(folder, progress)
-        output.show_document(document)
-    outcome = folder.results.update
-    if outcome is not None and not outcome.ok:
-        click.echo(f"{outcome.status}: {outcome.message}", err=True)
-    click.echo(f"results: {Path(folder.folder).resolve()}" if page is None else f"report: {Path(page).resolve()}")
-    if outcome is not None and not outcome.ok:
-        click.get_current_context().exit(1)
-
-
-def _end_of_validation(path: Path, folder: Any, as_json: bool, quiet: bool) -> None:
-    """Verdicts as JSON or as tables; exit code 1 where one fails or the update has no optimum."""
-    from femtune.cli import output  # noqa: PLC0415
-
-    results = folder.results
-    _say(output.remarks_of(results), quiet)
-    if as_json:
-        click.echo(output.as_text(results.validation))
-    elif not quiet:
-        output.show_document(output.document_of_step("validate", path, results, {}))
-    missed = results.update is not None and not results.update.ok
-    if missed:
-        click.echo(f"{results.update.status}: {results.update.message}", err=True)
-    if missed or any(v.verdict == "fail" for v in results.validation.verdicts):
-        click.get_current_context().exit(1)
+    CODE is what a message shows in brackets: deck.missing-include.
+    """
+    code, known = code.strip("[]"), codes()
+    if code not in known:
+        close = did_you_mean(code, known)
+        hint = close if close.startswith("did") else "codes have the form deck.missing-include"
+        raise click.BadParameter(f"'{printable(code)}' is not the code of a message; {hint}", param_hint="CODE")
+    click.echo(f"[{code}]\n\n{explanation(code)}")

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+import click
 
 from femtune.errors import printable
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 QUIET_S = 2.0
 """What takes less than this shows nothing."""
@@ -19,19 +23,16 @@ BETWEEN_LINES_S = 5.0
 
 
 class Display:
-    """A `femtune.study.progress.Progress` that is a context manager; `quiet` shows nothing at all."""
+    """A `femtune.assembly.progress.Progress` that is a context manager; `quiet` shows nothing at all."""
 
-    def __init__(
-        self, quiet: bool = False, console: Console | None = None, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._console = console or Console(stderr=True)
+    def __init__(self, quiet: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._quiet = quiet
         self._show: _Bar | _Lines | None = None
 
     def __enter__(self) -> Display:
         if not self._quiet:
-            self._show = _Bar(self._console) if self._console.is_terminal else _Lines(self._console, self._clock)
+            self._show = _Bar() if sys.stderr.isatty() else _Lines(self._clock)
         return self
 
     def __exit__(
@@ -49,14 +50,14 @@ class Display:
 class _Lines:
     """Plain lines, the first after two seconds."""
 
-    def __init__(self, console: Console, clock: Callable[[], float]) -> None:
-        self._console, self._clock = console, clock
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
         self._next = clock() + QUIET_S
 
     def step(self, text: str, done: int, total: int | None) -> None:
         if self._clock() >= self._next:
             count = f" {done}/{total}" if total else f" {done}" if done else ""
-            self._console.print(f"{text}{count}", markup=False, highlight=False, soft_wrap=True)
+            click.echo(f"{text}{count}", err=True)
             self._next = self._clock() + BETWEEN_LINES_S
 
     def close(self) -> None:
@@ -64,27 +65,58 @@ class _Lines:
 
 
 class _Bar:
-    """A bar that a timer makes visible, so that it also appears while a step says nothing."""
+    """A bar that a timer makes visible, so that it also appears while a step says nothing.
 
-    def __init__(self, console: Console) -> None:
-        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
-        self._progress = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
-        self._task = self._progress.add_task("", total=None)
+    rich is imported by the timer: what takes less than two seconds does without.
+    """
+
+    def __init__(self) -> None:
+        self._said: tuple[str, int, int | None] = ("", 0, None)
+        self._bar: Progress | None = None
         self._lock, self._closed = threading.Lock(), False
         self._timer = threading.Timer(QUIET_S, self._appear)
         self._timer.daemon = True
         self._timer.start()
 
     def _appear(self) -> None:
+        bar = _new_bar()
         with self._lock:
-            if not self._closed:
-                self._progress.start()
+            if self._closed:
+                return
+            self._bar = bar
+            self._tell(bar)
+            bar.start()
 
     def step(self, text: str, done: int, total: int | None) -> None:
-        self._progress.update(self._task, description=text, completed=done, total=total)
+        with self._lock:
+            self._said = (text, done, total)
+            if self._bar is not None:
+                self._tell(self._bar)
+
+    def _tell(self, bar: Progress) -> None:
+        text, done, total = self._said
+        bar.update(bar.task_ids[0], description=text, completed=done, total=total)
 
     def close(self) -> None:
         self._timer.cancel()
         with self._lock:
             self._closed = True
-            self._progress.stop()
+            if self._bar is not None:
+                self._bar.stop()
+
+
+def _new_bar() -> Progress:
+    """A bar of one task on standard error."""
+    from rich import progress  # noqa: PLC0415
+    from rich.console import Console  # noqa: PLC0415
+
+    columns = (
+        progress.SpinnerColumn(),
+        progress.TextColumn("{task.description}", markup=False),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+    )
+    bar = progress.Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task("", total=None)
+    return bar

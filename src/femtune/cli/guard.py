@@ -30,17 +30,15 @@ _CODE = re.compile(r"^\[[a-z0-9-]+\.[a-z0-9-]+\]", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Running:
-    """The command that runs: the file it was given, and the run folder where the user named one."""
+    """The command that runs: where it writes, as far as that is known, and since when."""
 
-    path: Path
-    output: Path | None = None
+    place: Path
     started: float = field(default_factory=time.time)
 
     def folder(self) -> Path | None:
-        """The run folder as far as it can be told and exists."""
-        folder = self.output if self.output is not None else _folder_of(self.path)
+        """The run folder where it exists."""
         # False too for a name that no folder can have
-        return folder if folder is not None and os.path.isdir(folder) else None
+        return self.place if os.path.isdir(self.place) else None
 
     def written(self) -> list[Path]:
         """Files in the run folder that are not older than the command."""
@@ -58,17 +56,6 @@ class Running:
     def _is_new(self, path: Path) -> bool:
         # file systems store times with a granularity of up to 2 s
         return path.stat().st_mtime >= self.started - 2.0
-
-
-def _folder_of(path: Path) -> Path | None:
-    # where the reader was never loaded nothing was written; and after Ctrl-C amid imports nothing more can be loaded
-    reader = sys.modules.get("femtune.files.study_file")
-    if os.path.isdir(path):
-        return path
-    try:
-        return reader.read_study_file(path).output_folder if reader else None
-    except FemtuneError:
-        return None
 
 
 class GuardedGroup(click.Group):
@@ -106,14 +93,12 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
     """What was asked for where the allocation tells, and what is free where the reader of that was loaded before."""
-    memory = sys.modules.get("femtune.model.memory")
+    memory = sys.modules.get("femtune.model.linear.memory")
     free = memory.free_memory() if memory is not None else None
-    return FemtuneError(
-        "model.memory",
-        f"memory ran out: {str(short).splitlines()[0]}" if str(short) else "memory ran out",
-        values={} if free is None else {"free_bytes": free},
-        hint="close other programs, raise the limit of memory, or take a larger machine",
-    )
+    values = {} if free is None else {"free_bytes": free}
+    if not str(short):
+        return FemtuneError("model.memory/exhausted", values=values)
+    return FemtuneError("model.memory/exhausted-at", values=values, allocation=str(short).splitlines()[0])
 
 
 def coloured(text: str) -> str:

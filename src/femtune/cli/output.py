@@ -1,94 +1,122 @@
-"""Results on the terminal and as JSON."""
+"""Results on the terminal and as JSON; what is printed of a run."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel
-from rich.console import Console
+import click
 
-from femtune.study.history import HISTORY_FILE
-from femtune.study.journal import from_journal
-from femtune.study.progress import Progress
-from femtune.study.results import Results
-from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
-from femtune.study.steps import RunFolder
+from femtune.cli.running import load
+from femtune.errors import printable
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from pydantic import BaseModel
+    from rich.console import Console
 
-    from femtune.report.document import Document
+    from femtune.assembly.progress import Progress
+    from femtune.reporting.document import Document
+    from femtune.results.step_results import RunResult
 
 PIPE_WIDTH = 160
 """Columns where the output is no terminal."""
 
 
+def say(remarks: Sequence[str], quiet: bool) -> None:
+    """Sentences beside the result, on standard error."""
+    for remark in () if quiet else remarks:
+        click.echo(printable(remark), err=True)
+
+
+def show(document: str, path: Path, record: Any, *more: Any, as_json: bool, quiet: bool, data: Any = None) -> None:
+    """A result as JSON or as tables.
+
+    Parameters
+    ----------
+    document : ``module:function`` below `femtune.reporting.single_steps` that makes the tables
+    path : the study or deck
+    record, more : arguments of the function after the subject
+    data : record, or records, for JSON; that of the tables where None
+    """
+    if as_json:
+        click.echo(as_text(record if data is None else data))
+    elif not quiet:
+        subject = load("femtune.reporting.single_steps.model:subject_of")(path)
+        show_document(load(f"femtune.reporting.single_steps.{document}")(subject, record, *more))
+
+
+def name_page(page: Path | None, as_json: bool) -> None:
+    """The page that was written, where there is one; standard output is the JSON's alone."""
+    if page is not None:
+        click.echo(f"report: {printable(str(page.resolve()))}", err=as_json)
+
+
 def as_text(result: BaseModel | Sequence[BaseModel]) -> str:
     """A result as JSON: an object, or an array where a step gives several records."""
-    if isinstance(result, BaseModel):
-        data: Any = result.model_dump(mode="json")
+    if isinstance(result, Sequence):
+        data: Any = [record.model_dump(mode="json") for record in result]
     else:
-        data = [record.model_dump(mode="json") for record in result]
+        data = result.model_dump(mode="json")
     return json.dumps(data, indent=1, ensure_ascii=True, allow_nan=False)
 
 
-def document_of_step(step: str, path: Path, result: Any, arrays: Mapping[str, NDArray[Any]]) -> Document:
-    """What the terminal shows of the result of one step; `arrays` are those of the comparison."""
-    from femtune.report import steps  # noqa: PLC0415
-
-    subject = steps.subject_of(path)
-    if step == "info":
-        return steps.info_document(subject, result)
-    if step == "modes":
-        return steps.modes_document(subject, result)
-    if step == "correlate":
-        return steps.correlation_document(subject, result, arrays)
-    if step == "quantify":
-        return steps.quantify_document(subject, result)
-    if step == "respond":
-        return steps.responses_document(subject, result)
-    if step == "validate":
-        return steps.validation_document(subject, result)
-    return steps.selection_document(subject, result)
+def show_document(document: Document) -> None:
+    """Print the short form of a report."""
+    load("femtune.reporting.terminal:print_terminal")(document, _console())
 
 
-def remarks_of(results: Results) -> list[str]:
-    """How much of a run came from the journal of an earlier one."""
-    journal = results.journal
-    return [from_journal(journal.recalled, journal.solved)] if journal is not None and journal.recalled else []
+def _console() -> Console:
+    """Standard output; a file or pipe is wider than the terminal of old that rich takes it for."""
+    from rich.console import Console  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(highlight=False, width=PIPE_WIDTH)
 
 
-def document_of(run: RunFolder, progress: Progress) -> Document:
+# ----------------------------------------------------------------------------------------------------
+# The end of a run.
+
+
+def show_run(run: RunResult, quiet: bool) -> None:
+    """The short form of its report, with the names of the files that were written."""
+    if quiet:
+        return
+    from femtune.cli.display import Display  # noqa: PLC0415
+
+    with Display() as progress:
+        document = document_of(run, progress)
+    show_document(document)
+
+
+def document_of(run: RunResult, progress: Progress) -> Document:
     """The report of a run as data, with the names of the files that were written."""
     progress.step("reading the results", 0, None)
-    from femtune.report import build_report  # noqa: PLC0415
-    from femtune.report.document import Paragraph, Section  # noqa: PLC0415
+    from femtune.reporting import build_report  # noqa: PLC0415
+    from femtune.reporting.document import Paragraph, Section  # noqa: PLC0415
 
     document = build_report(run.results, run.arrays)
     files = Section("files", "Files", (Paragraph(f"{run.folder}: {', '.join(_written(run))}"),))
     return replace(document, short=(*document.short, files))
 
 
-def _written(run: RunFolder) -> list[str]:
+def _written(run: RunResult) -> list[str]:
+    from femtune.results.folder import ARRAYS_FILE, RESULTS_FILE  # noqa: PLC0415
+    from femtune.study.starts import HISTORY_FILE  # noqa: PLC0415
+
     deck = run.results.write_back.files if run.results.write_back else ()
     page = (run.report.name,) if run.report else ()
     frfs = sorted(f.name for f in Path(run.folder).glob("frfs*.uff")) if run.results.responses else []
     return [*page, *frfs, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *deck]
 
 
-def show_document(document: Document) -> None:
-    """Print the short form of a report."""
-    from femtune.report import print_terminal  # noqa: PLC0415
-
-    print_terminal(document, _console())
-
-
-def _console() -> Console:
-    """Standard output; a file or pipe is wider than the terminal of old that rich takes it for."""
-    console = Console(highlight=False)
-    return console if console.is_terminal or "COLUMNS" in os.environ else Console(highlight=False, width=PIPE_WIDTH)
+def missed_optimum(run: RunResult) -> bool:
+    """Whether the update ended without an optimum, which is said on standard error."""
+    outcome = run.results.update
+    if outcome is None or outcome.ok:
+        return False
+    click.echo(f"{outcome.status}: {outcome.message}", err=True)
+    return True

@@ -1,18 +1,29 @@
 """The finite element kernel: structures as arrays, elements as exact terms, constraints, checks."""
 
-from femtune.fem.assembled import AssembledMatrix
-from femtune.fem.contribution import Contribution, product
-from femtune.fem.mode_ratios import ALL_MODES, MODAL, mode_ratio_field, with_mode_ratios
-from femtune.fem.structure import (
-    ConstraintRows,
-    ElementBatch,
-    NodeTable,
-    OverallDamping,
-    Structure,
-    join_constraints,
-    no_constraints,
-)
-from femtune.fem.values import Derived, FieldRef, ValueTable, ValueTableBuilder
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.fem.assembled import AssembledMatrix
+    from femtune.fem.contribution import Contribution, product
+    from femtune.fem.fields import FieldRef
+    from femtune.fem.structure import (
+        ALL_MODES,
+        MODAL,
+        ConstraintRows,
+        ElementBatch,
+        NodeTable,
+        OverallDamping,
+        Structure,
+        join_constraints,
+        mode_ratio_field,
+        no_constraints,
+        with_mode_ratios,
+    )
+    from femtune.fem.values import Derived, ValueTable, ValueTableBuilder
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "ALL_MODES",

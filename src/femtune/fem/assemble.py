@@ -6,13 +6,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.fem.contribution import Contribution, MatrixKind
+from femtune.arrays import Integers, Reals
+from femtune.fem.contribution import Contribution
 from femtune.fem.elements import pieces
+from femtune.fem.fields import MatrixKind
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters import jet
-
-Integers = NDArray[np.int64]
-Reals = NDArray[np.float64]
 
 
 def nominal_matrices(batch: ElementBatch, structure: Structure, term: Contribution) -> NDArray[np.float64]:

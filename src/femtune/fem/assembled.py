@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import scipy.sparse as sp
 
-from femtune.fem.contribution import Coefficient, MatrixKind
+from femtune.fem.contribution import Coefficient
+from femtune.fem.fields import MatrixKind
 
 
 @dataclass(frozen=True, eq=False)

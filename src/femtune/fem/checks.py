@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.dofs import DIRECTIONS, Dof
 from femtune.fem.assemble import nominal_matrices
 from femtune.fem.elements import pieces
 from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import NodeTable, Structure
-
-Reals = NDArray[np.float64]
 
 # a force that rigid motion leaves at a DOF, relative to the forces that cancel there
 STRAIN_FREE = 1e-8

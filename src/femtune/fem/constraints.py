@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError, Where
 from femtune.fem.elements.placement import arm_transform
 from femtune.fem.structure import ConstraintRows, NodeTable
 
-Reals = NDArray[np.float64]
 Components = Sequence[tuple[int, Sequence[int]]]
 """Grid points with components of 1 to 6; a point may stand there several times."""
 
@@ -38,8 +39,7 @@ def rigid_element_rows(
     """
     where = Where(record=f"RBE2 {owner}")
     if independent in dependents:
-        what = f"grid point {independent} depends on itself"
-        raise FemtuneError("constraint.own-node", what, where=where, hint="take it out of the dependent ones")
+        raise FemtuneError("constraint.own-node", where=where, grid=independent)
     start = nodes.position(independent, where)
     ends = np.array([nodes.position(n, where) for n in dependents], dtype=np.int64)
     motion = rigid_motion(nodes, ends, np.full(len(ends), start))
@@ -106,8 +106,7 @@ def rigid_plate_rows(
     where = Where(record=f"{card} {owner}")
     again = [n for i, n in enumerate(points) if n in points[:i]]
     if again:
-        what = f"grid point {again[0]} is at two ends of the element"
-        raise FemtuneError("constraint.own-node", what, where=where, hint="name different grid points")
+        raise FemtuneError("constraint.own-node/rigid-plate-rows", where=where, again=again[0])
     if not any(len(components) for _, components in dependent):
         free = {(n, c) for n, components in independent for c in components}
         dependent = [(n, [c for c in ALL_COMPONENTS if (n, c) not in free]) for n in points]
@@ -168,7 +167,7 @@ def check_once(nodes: NodeTable, dofs: NDArray[np.int64], kind: str, where: Wher
 def twice_in_element(nodes: NodeTable, dof: int, what: str, where: Where) -> FemtuneError:
     """A DOF stands in two lists of an element, or twice in one."""
     name = f"component {dof % 6 + 1} of grid point {nodes.ids[dof // 6]}"
-    return FemtuneError("constraint.twice-in-element", f"{name} is {what}", where=where, hint="keep it in one place")
+    return FemtuneError("constraint.twice-in-element", where=where, name=name, subject=what)
 
 
 def _invert(motion: Reals, length: float, where: Where) -> Reals:
@@ -176,16 +175,13 @@ def _invert(motion: Reals, length: float, where: Where) -> Reals:
 
     Lengths are scaled so that the judgement does not depend on the unit.
     """
-    hint = "give six components that describe every rigid motion, for example 123456 at one point"
     if len(motion) != 6:
-        what = f"{len(motion)} independent components are given; a rigid body has six"
-        raise FemtuneError("constraint.rigid-independent", what, where=where, hint=hint)
+        raise FemtuneError("constraint.rigid-independent/count", where=where, count=len(motion))
     scale = np.array([1.0] * 3 + [1.0 / (length or 1.0)] * 3)
     scaled = motion * scale
     scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
     if np.linalg.cond(scaled) > CONDITION:
-        what = "the six independent components leave a rigid motion open"
-        raise FemtuneError("constraint.rigid-independent", what, where=where, hint=hint)
+        raise FemtuneError("constraint.rigid-independent", where=where)
     return np.asarray(np.linalg.inv(motion))
 
 
@@ -204,11 +200,7 @@ def rigid_rod_rows(nodes: NodeTable, ends: tuple[int, int], dependent: tuple[int
     dofs = (6 * rows[:, None] + np.arange(3)).ravel()
     chosen = 3 * dependent[0] + dependent[1] - 1
     if abs(along[chosen]) < ALONG:
-        what = (
-            f"the dependent component {dependent[1]} of grid point {ends[dependent[0]]} is at right angles to the rod"
-        )
-        raise FemtuneError("constraint.rod-component", what, where=where,
-                           hint="choose a translation that has a part along the rod")  # fmt: skip
+        raise FemtuneError("constraint.rod-component", where=where, dependent=dependent[1], ends=ends[dependent[0]])
     others = np.delete(np.arange(6), chosen)
     follow = -along[others] / along[chosen]
     return follow_rows(dofs[[chosen]], dofs[others][None], follow[None], owner)
@@ -219,6 +211,138 @@ def _rod_axis(nodes: NodeTable, rows: NDArray[np.int64], where: Where) -> Reals:
     a, b = nodes.xyz[rows]
     length = float(np.linalg.norm(b - a))
     if length <= 1e-12 * max(float(np.abs(a).max()), float(np.abs(b).max())):
-        what = "the element's two ends are at the same place"
-        raise FemtuneError("element.zero-length", what, where=where, hint="join coincident points by RBE2")
+        raise FemtuneError("element.zero-length", where=where)
     return np.asarray((b - a) / length)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Equations of an averaging element (RBE3): a point moves with the mean rigid motion of others.
+
+
+# singular value of the fit, relative to the largest and lengths in units of the element's own, taken for zero
+RANK = 1e-9
+# part of a reference component in a motion that the points do not determine, taken for zero
+OPEN = 1e-6
+
+
+@dataclass(frozen=True)
+class WeightedPoints:
+    """One group of an RBE3: `components` of 1 to 6 at the grid points `numbers`, all of one weight (WT, C, G)."""
+
+    weight: float
+    components: Sequence[int]
+    numbers: Sequence[int]
+
+
+def average_rows(
+    nodes: NodeTable,
+    reference: int,
+    components: Sequence[int],
+    groups: Sequence[WeightedPoints],
+    owner: int,
+    dependent: Components = (),
+) -> ConstraintRows:
+    """RBE3: components of a reference grid point follow the rigid motion that fits the points best.
+
+    The fit is that of least squares, Σ w (u − rigid motion)² over the listed components of the points; rotations
+    count with w·L², L being the mean distance of the points from the reference, so that no unit of length matters.
+
+    Parameters
+    ----------
+    nodes : grid points
+    reference, components : REFGRID and REFC, of 1 to 6 in its displacement frame
+    groups : WT, C, G
+    owner : number of the element
+    dependent : the components that are dependent in place of REFC (UM); as many, of REFC and of the points'
+
+    Raises
+    ------
+    FemtuneError : ``model.unknown-node``, ``constraint.own-node``, ``constraint.weight``,
+        ``constraint.twice-in-element``, ``constraint.undetermined-motion``, ``constraint.dependent-choice``
+    """
+    where = Where(record=f"RBE3 {owner}")
+    _check_groups(reference, groups, where)
+    listed = [(n, g.components) for g in groups for n in g.numbers]
+    own = component_dofs(nodes, [(reference, components)], where)
+    points = component_dofs(nodes, listed, where)
+    check_once(nodes, points, "averaged", where)
+    weights = np.concatenate([np.full(len(g.numbers) * len(g.components), g.weight) for g in groups])
+    length = _mean_distance(nodes, points, own)
+    follow = _fit(nodes, points, weights, own, length, where)
+    if not len(dependent):
+        return follow_rows(own, np.tile(points, (len(own), 1)), follow, owner, noise=0.0)
+    chosen = component_dofs(nodes, dependent, where)
+    return _exchange(nodes, (own, points, follow), chosen, length, owner)
+
+
+def _check_groups(reference: int, groups: Sequence[WeightedPoints], where: Where) -> None:
+    for group in groups:
+        if not group.weight > 0.0:
+            raise FemtuneError("constraint.weight", where=where, weight=group.weight)
+        if reference in group.numbers:
+            raise FemtuneError("constraint.own-node/mean", where=where, grid=reference)
+
+
+def _mean_distance(nodes: NodeTable, points: Integers, own: Integers) -> float:
+    """Mean distance of the points from the reference; 1 where all are at the same place and no length enters."""
+    rows = np.unique(points // 6)
+    distance = np.linalg.norm(nodes.xyz[rows] - nodes.xyz[own[0] // 6], axis=1)
+    return float(distance.mean()) or 1.0
+
+
+def _fit(nodes: NodeTable, points: Integers, weights: Reals, own: Integers, length: float, where: Where) -> Reals:
+    """(reference components, point components): rows of (SᵀWS)⁻¹SᵀW, by singular values and in scaled lengths."""
+    unit = _units(length)
+    motion = motion_of(nodes, points, own[:1] // 6) * unit[points % 6][:, None] / unit
+    root = np.sqrt(weights / weights.max())
+    # rows of zeros make six at least, so that the small decomposition knows every open motion
+    padded = np.vstack([root[:, None] * motion, np.zeros((max(6 - len(root), 0), 6))])
+    U, s, Vt = np.linalg.svd(padded, full_matrices=False)
+    rank = int((s > RANK * s[0]).sum())
+    _check_determined(Vt[rank:], own, where)
+    fit = (Vt[:rank].T / s[:rank]) @ U[: len(root), :rank].T * root
+    fit = fit[own % 6]
+    fit[np.abs(fit) <= NOISE * np.abs(fit).max(axis=1, keepdims=True)] = 0.0
+    return np.asarray(fit * unit[points % 6] / unit[own % 6][:, None])
+
+
+def _units(length: float) -> Reals:
+    """Factors that make displacements of one unit of translations and rotations."""
+    return np.array([1.0] * 3 + [length] * 3)
+
+
+def _check_determined(open_motions: Reals, own: Integers, where: Where) -> None:
+    part = np.linalg.norm(open_motions[:, own % 6], axis=0)
+    if (part > OPEN).any():
+        digits = "".join(str(d % 6 + 1) for d in own[part > OPEN])
+        raise FemtuneError("constraint.undetermined-motion", where=where, digits=digits)
+
+
+def _exchange(
+    nodes: NodeTable, terms: tuple[Integers, Integers, Reals], chosen: Integers, length: float, owner: int
+) -> ConstraintRows:  # fmt: skip
+    """The equations u_own − follow·u_points = 0 solved for other components (UM)."""
+    own, points, follow = terms
+    where = Where(record=f"RBE3 {owner}")
+    dofs, matrix = np.concatenate([own, points]), np.hstack([np.eye(len(own)), -follow])
+    _check_choice(nodes, chosen, own, dofs, where)
+    at = np.array([int(np.flatnonzero(dofs == d)[0]) for d in chosen])
+    block = matrix[:, at]
+    unit = _units(length)
+    if np.linalg.cond(block * unit[own % 6][:, None] / unit[chosen % 6]) > CONDITION:
+        raise FemtuneError("constraint.dependent-choice", where=where)
+    others = np.delete(np.arange(len(dofs)), at)
+    solved = -np.linalg.solve(block, matrix[:, others])
+    return follow_rows(chosen, np.tile(dofs[others], (len(chosen), 1)), solved, owner)
+
+
+def _check_choice(nodes: NodeTable, chosen: Integers, own: Integers, dofs: Integers, where: Where) -> None:
+    check_once(nodes, chosen, "dependent", where)
+    if len(chosen) != len(own):
+        raise FemtuneError(
+            "constraint.dependent-choice/check-choice", where=where, n_chosen=len(chosen), n_own=len(own)
+        )
+    strange = np.setdiff1d(chosen, dofs)
+    if len(strange):
+        name = f"component {strange[0] % 6 + 1} of grid point {nodes.ids[strange[0] // 6]}"
+        raise FemtuneError("constraint.dependent-choice/check-choice-2", where=where, name=name)

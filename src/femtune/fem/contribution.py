@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.fem.fields import MatrixKind
 from femtune.parameters.jet import Jet
 
-MatrixKind = Literal["stiffness", "mass", "viscous", "hysteretic"]
 Coefficient = Callable[[Mapping[str, Jet], Mapping[str, NDArray]], Jet]
 
 

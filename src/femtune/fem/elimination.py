@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from femtune.arrays import Integers
 from femtune.dofs import Dof
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.fem.structure import ConstraintRows
 
-Integers = NDArray[np.int64]
 Describe = Callable[[int], Dof]
 
 # singular value of a loop of equations, relative to the largest, below which the loop has no solution
@@ -86,28 +84,28 @@ def _check(rows: ConstraintRows, matrix: sp.csr_array, fixed: Integers, describe
 def _twice(rows: ConstraintRows, first: int, second: int, describe: Describe) -> FemtuneError:
     return FemtuneError(
         "constraint.dependent-twice",
-        f"{_name(describe(int(rows.dependent[first])))} is dependent in two equations",
         where=Where(record=_owner(rows, second)),
+        element=int(rows.owner[second]),
         values={"also dependent in": _owner(rows, first)},
-        hint="make it dependent in one of them; the other may use it as independent",
+        name=_name(describe(int(rows.dependent[first]))),
     )
 
 
 def _held(rows: ConstraintRows, i: int, describe: Describe) -> FemtuneError:
     return FemtuneError(
         "constraint.dependent-held",
-        f"{_name(describe(int(rows.dependent[i])))} is dependent in an equation and held by a support",
         where=Where(record=_owner(rows, i)),
-        hint="hold an independent DOF of the equation instead, or take this one out of it",
+        element=int(rows.owner[i]),
+        name=_name(describe(int(rows.dependent[i]))),
     )
 
 
 def _no_coefficient(rows: ConstraintRows, i: int, describe: Describe) -> FemtuneError:
     return FemtuneError(
         "constraint.zero-coefficient",
-        f"the equation for {_name(describe(int(rows.dependent[i])))} has a zero coefficient there",
         where=Where(record=_owner(rows, i)),
-        hint="give its dependent DOF a coefficient that is not zero",
+        element=int(rows.owner[i]),
+        name=_name(describe(int(rows.dependent[i]))),
     )
 
 
@@ -140,6 +138,8 @@ def _factorised(among: sp.csr_array, on: sp.csr_array) -> sp.csr_array:
 
 def _check_loops(among: sp.csr_array, step: sp.csr_array, rows: ConstraintRows, describe: Describe) -> bool:
     """True where equations lean on each other in a loop; error if a loop has no solution."""
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415  many models have no constraint equations
+
     count, label = connected_components(step, directed=True, connection="strong")
     sizes = np.bincount(label, minlength=count)
     for group in np.flatnonzero(sizes > 1):
@@ -156,8 +156,8 @@ def _circular(rows: ConstraintRows, i: int, loop: Integers, describe: Describe) 
     names = sorted({_owner(rows, int(j)) for j in loop})
     return FemtuneError(
         "constraint.circular",
-        f"{_name(describe(int(rows.dependent[i])))} depends on itself through a loop of equations",
         where=Where(record=_owner(rows, i)),
+        element=int(rows.owner[i]),
         values={"equations in the loop": ", ".join(names[:5]) + (" …" if len(names) > 5 else "")},
-        hint="choose another dependent DOF in one of the loop's equations",
+        name=_name(describe(int(rows.dependent[i]))),
     )

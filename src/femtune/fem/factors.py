@@ -11,17 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from femtune.fem.contribution import Contribution, MatrixKind, times
+from femtune.fem.contribution import Contribution, times
+from femtune.fem.fields import FACTORS, factor_ref
 from femtune.fem.structure import ElementBatch, Structure
-from femtune.fem.values import FieldRef
-
-FACTORS: Mapping[str, MatrixKind] = {"STIFFNESS": "stiffness", "MASS": "mass", "VISCOUS": "viscous"}
-"""Words for the factors, and the matrices that they multiply."""
-
-
-def factor_ref(word: str) -> FieldRef:
-    """The entry of the value table that is a factor."""
-    return FieldRef(word, 0, "")
 
 
 def with_factors(structure: Structure, words: Collection[str]) -> Structure:

@@ -6,18 +6,17 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import nominal_matrices
 from femtune.fem.elements import pieces
+from femtune.fem.fields import generic_ref
 from femtune.fem.structure import ElementBatch, Structure
-from femtune.fem.values import FieldRef
-
-Reals = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 KIND = "generic"
 LARGEST = 3000
@@ -87,8 +86,7 @@ def generic_modes(structure: Structure, group: GenericGroup) -> GenericModes:
     values, vectors = np.linalg.eigh(K) if K.size else (np.zeros(0), K)
     largest = values.max(initial=0.0)
     if largest <= 0.0:
-        raise _error("generic.empty", group, "the group has no stiffness on these degrees of freedom",
-                     "name elements with stiffness, and grid points and components that they hold")  # fmt: skip
+        raise _error("generic.empty", group)
     elastic = values > _NOTHING * largest
     owner = np.cumsum(np.diff(values[elastic], prepend=-largest) > _EQUAL * values[elastic]) - 1
     kappa = np.bincount(owner, values[elastic]) / np.bincount(owner)
@@ -101,8 +99,7 @@ def _group_matrix(structure: Structure, group: GenericGroup) -> tuple[Integers, 
     every = np.unique(np.concatenate([np.zeros(0, np.int64), *(dofs.ravel() for dofs, _ in found)]))
     every = every[every >= 0]
     if len(every) > LARGEST:
-        raise _error("generic.too-large", group, f"the group has {len(every):,} degrees of freedom",
-                     f"take a smaller group; up to {LARGEST:,} are decomposed")  # fmt: skip
+        raise _error("generic.too-large", group, n_every=len(every), largest=LARGEST)
     K = np.zeros((len(every) + 1,) * 2)
     for dofs, matrices in found:
         # ground is the last row, which falls away
@@ -136,11 +133,6 @@ def _condensed(K: Reals, kept: NDArray[np.bool_]) -> Reals:
     inner, across = K[np.ix_(~kept, ~kept)], K[np.ix_(~kept, kept)]
     out = K[np.ix_(kept, kept)] - across.T @ np.linalg.pinv(inner, rcond=_NOTHING, hermitian=True) @ across
     return np.asarray(0.5 * (out + out.T))
-
-
-def generic_ref(group: str, name: str) -> FieldRef:
-    """The entry of the value table that is an eigenvalue (K1) or a rotation (S1-3) of a group."""
-    return FieldRef("GENERIC", 0, f"{group} {name}")
 
 
 def with_generic(structure: Structure, group: GenericGroup, names: Sequence[str]) -> Structure:
@@ -193,13 +185,12 @@ def _batch(
 def _parsed(group: GenericGroup, modes: GenericModes, name: str) -> tuple[int, ...]:
     """Numbers of the eigenvalues that a name speaks of."""
     if name == "K0":
-        what = f"K0 would be a rigid-body mode: the group has {modes.rigid}, which take no force and have no κ"
-        raise _error("generic.rigid-body", group, what, f"κ are counted from K1: {_listed(modes)}")
+        raise _error("generic.rigid-body", group, rigid=modes.rigid, eigenvalues=_listed(modes))
     match = _NAME.fullmatch(name)
     numbers = tuple(int(n) for n in match.groups() if n) if match else ()
     if not numbers or max(numbers) > len(modes.kappa) or len(set(numbers)) < len(numbers):
-        what = f"it has no {name}; besides {modes.rigid} rigid-body modes it has {len(modes.kappa)} eigenvalues"
-        raise _error("generic.name", group, what, f"write K1 or a rotation S1-2: {_listed(modes)}")
+        facts = {"name": name, "rigid": modes.rigid, "count": len(modes.kappa), "eigenvalues": _listed(modes)}
+        raise _error("generic.name", group, **facts)
     return numbers
 
 
@@ -210,16 +201,14 @@ def _listed(modes: GenericModes) -> str:
 
 def _check_simple(group: GenericGroup, modes: GenericModes, number: int) -> None:
     if modes.multiplicity[number - 1] > 1:
-        what = f"κ {number} has {modes.multiplicity[number - 1]} shapes, so that a rotation of one is not defined"
-        raise _error("generic.repeated", group, what, "give each copy of the joint a group of its own, or turn others")
+        raise _error("generic.repeated", group, number=number, multiplicity=modes.multiplicity[number - 1])
 
 
 def _check_overlap(structure: Structure, group: GenericGroup) -> None:
     for batch in structure.batches:
         both = group.elements & set(batch.facts["members"][0].tolist()) if batch.kind == KIND else set()
         if both:
-            what = f"element {min(both)} is in {batch.card} too"
-            raise _error("generic.overlap", group, what, "an element belongs to one group; take it out of the other")
+            raise _error("generic.overlap", group, both=min(both), card_text=batch.card)
 
 
 def check_untouched(structure: Structure, touched: Collection[int]) -> None:
@@ -245,9 +234,9 @@ def _refuse_moved(group: ElementBatch, moved: set[int]) -> None:
     if both:
         raise FemtuneError(
             "generic.moved-elsewhere",
-            f"a parameter moves the stiffness of element {both[0]}, which {group.card} has too",
             values={"elements": ", ".join(map(str, both[:10]))},
-            hint="limit that parameter to other elements, or take these out of the group",
+            both=both[0],
+            card=group.card,
         )
 
 
@@ -256,12 +245,8 @@ def check_whole(structure: Structure, off: Collection[int]) -> None:
     for batch in structure.batches if off else ():
         both = sorted(set(batch.facts["members"][0].tolist()) & set(off)) if batch.kind == KIND else []
         if both:
-            raise FemtuneError(
-                "generic.switched-off",
-                f"element {both[0]} is switched off, and {batch.card} is made of it",
-                hint="leave it on, or take it out of the group",
-            )
+            raise FemtuneError("generic.switched-off", both=both[0], card=batch.card)
 
 
-def _error(code: str, group: GenericGroup, what: str, hint: str) -> FemtuneError:
-    return FemtuneError(code, f"generic element {group.name}: {what}", hint=hint)
+def _error(code: str, group: GenericGroup, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, group=group.name, **facts)

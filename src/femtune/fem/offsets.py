@@ -12,16 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Where
-from femtune.fem.elements import placement
-from femtune.fem.elements.moved_ends import COMPONENTS, has_offsets, may_turn, spans
+from femtune.arrays import Flags, Reals
+from femtune.fem.elements import KINDS, placement
+from femtune.fem.elements.moving_ends import COMPONENTS, has_offsets, may_turn, spans
+from femtune.fem.elements.placement import element_error
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, Structure
-from femtune.fem.values import FieldRef
 
-Reals = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
-KINDS = ("bar", "tapered-beam")
 # rounding of offsets that are moved together
 _STILL = 1e-12
 # part of its length below which a beam is gone
@@ -37,7 +34,7 @@ def with_offsets(structure: Structure, elements: Collection[int]) -> Structure:
     """
     batches: list[ElementBatch] = []
     for batch in structure.batches:
-        chosen = np.isin(batch.ids, list(elements)) & (batch.kind in KINDS) & (not has_offsets(batch))
+        chosen = np.isin(batch.ids, list(elements)) & KINDS[batch.kind].end_offsets & (not has_offsets(batch))
         if not chosen.any():
             batches.append(batch)
             continue
@@ -133,20 +130,10 @@ def check_spans(structure: Structure, tables: Iterable[Reals]) -> None:
             now, start = spans(batch, structure, table), spans(batch, structure, structure.values.values)
             along = np.einsum("ei,ei->e", now, start) / np.einsum("ei,ei->e", start, start)
             for i in np.flatnonzero(along <= _SHORTEST)[:1]:
-                raise FemtuneError(
-                    "parameter.offset-range",
-                    "within their bounds the offsets leave no length of this beam, or turn it round",
-                    where=Where(record=f"{batch.card} {batch.ids[i]}"),
-                    values={"length along its axis": float(along[i] * np.linalg.norm(start[i]))},
-                    hint="narrow the bounds of the parameters that move its offsets",
-                )
+                values = {"length along its axis": float(along[i] * np.linalg.norm(start[i]))}
+                raise element_error(batch, int(i), "parameter.offset-range", values=values)
 
 
 def _refuse(batch: ElementBatch, bad: Flags) -> None:
-    for number in batch.ids[bad]:
-        raise FemtuneError(
-            "parameter.offset-axis",
-            "an offset would turn this beam or change its length, and its section is tapered or skew (I12)",
-            where=Where(record=f"{batch.card} {number}"),
-            hint="move both ends alike (W2A and W2B by one parameter), or give the beam a constant section",
-        )
+    for i in np.flatnonzero(bad):
+        raise element_error(batch, int(i), "parameter.offset-axis")

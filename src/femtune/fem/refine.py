@@ -11,24 +11,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femtune.arrays import Integers
+from femtune.fem.elements import KINDS
+from femtune.fem.elements.bar import BAR
+from femtune.fem.elements.shells.flat import SHELL_QUAD
 from femtune.fem.structure import ElementBatch, NodeTable, Structure
 
-Integers = NDArray[np.int64]
 Edge = tuple[int, int]
-
-_SPLIT = ("bar", "shell-quad", "shell-tri")
-_KEPT = (
-    "rod", "spring", "bush", "dashpot", "line-dashpot", "line-spring", "scalar-mass", "concentrated-mass",
-    "general-mass",
-)  # fmt: skip
-_CHILDREN: dict[str, tuple[tuple[int, ...], ...]] = {
-    "bar": ((0, 2), (2, 1)),
-    "shell-quad": ((0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)),
-    "shell-tri": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-}
-"""Positions of the children's corners among corners, middles of sides, and the middle of a quadrilateral."""
 
 
 class CannotRefineError(Exception):
@@ -51,17 +41,17 @@ def refine(structure: Structure, held: Integers, off: Iterable[int] = ()) -> Str
     batches = tuple(_without(b, off) for b in structure.batches)
     batches = tuple(b for b in batches if len(b))
     _check(structure, batches)
-    corners = [b for b in batches if b.kind in _SPLIT]
+    corners = [b for b in batches if bool(KINDS[b.kind].children)]
     edges = {edge: len(structure.nodes.ids) + k for k, edge in enumerate(_edges(corners))}
-    faces = [row for b in corners if b.kind == "shell-quad" for row in b.nodes]
+    faces = [row for b in corners if b.kind == SHELL_QUAD.key for row in b.nodes]
     first_face = len(structure.nodes.ids) + len(edges)
     nodes = _nodes(structure.nodes, list(edges), faces)
     out, next_id, at_face = [], _next_id(structure), first_face
     for b in batches:
-        split = b.kind in _SPLIT
+        split = bool(KINDS[b.kind].children)
         out.append(_children(b, edges, at_face, next_id) if split else b)
-        at_face += len(b) if b.kind == "shell-quad" else 0
-        next_id += (len(_CHILDREN[b.kind]) - 1) * len(b) if split else 0
+        at_face += len(b) if b.kind == SHELL_QUAD.key else 0
+        next_id += (len(KINDS[b.kind].children) - 1) * len(b) if split else 0
     permanent = np.union1d(structure.permanent, _held_middles(structure.nodes, corners, edges, held, nodes))
     rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(off)))
     return replace(structure, nodes=nodes, batches=tuple(out), permanent=permanent, rigid=rigid)
@@ -77,14 +67,14 @@ def _rows(batch: ElementBatch, at: Integers) -> ElementBatch:
 
 
 def _check(structure: Structure, batches: tuple[ElementBatch, ...]) -> None:
-    others = sorted({b.card for b in batches if b.kind not in (*_SPLIT, *_KEPT)})
+    others = sorted({b.card for b in batches if not KINDS[b.kind].refinable})
     if others:
         raise CannotRefineError(f"{', '.join(others)} cannot be refined here")
     if any(np.any(b.facts.get("uneven", False)) for b in batches):
         raise CannotRefineError("shells whose thickness varies between their corners cannot be refined here")
     if structure.assembled or len(structure.nodes.scalar_points):
         raise CannotRefineError("models with matrices or scalar points cannot be refined here")
-    if not any(b.kind in _SPLIT for b in batches):
+    if not any(bool(KINDS[b.kind].children) for b in batches):
         raise CannotRefineError("the model has neither bars nor linear shells")
 
 
@@ -94,7 +84,7 @@ def _next_id(structure: Structure) -> int:
 
 def _sides(kind: str, row: Integers) -> list[Edge]:
     n = [int(i) for i in row]
-    pairs = [(n[0], n[1])] if kind == "bar" else list(zip(n, [*n[1:], n[0]]))
+    pairs = [(n[0], n[1])] if kind == BAR.key else list(zip(n, [*n[1:], n[0]]))
     return [(min(a, b), max(a, b)) for a, b in pairs]
 
 
@@ -119,12 +109,12 @@ def _nodes(nodes: NodeTable, edges: list[Edge], faces: list[Integers]) -> NodeTa
 def _children(batch: ElementBatch, edges: dict[Edge, int], first_face: int, next_id: int) -> ElementBatch:
     """The parts of every element; the first keeps its number."""
     points = [[*map(int, row), *(edges[edge] for edge in _sides(batch.kind, row))] for row in batch.nodes]
-    if batch.kind == "shell-quad":
+    if batch.kind == SHELL_QUAD.key:
         points = [[*row, first_face + k] for k, row in enumerate(points)]
-    parts = _CHILDREN[batch.kind]
+    parts = KINDS[batch.kind].children
     children = [_rows(batch, np.arange(len(batch))) for _ in parts]
     out = [_placed(child, np.array(points)[:, list(at)]) for child, at in zip(children, parts)]
-    if batch.kind == "bar":
+    if batch.kind == BAR.key:
         out = _halves(*out)
     fresh = next_id + np.arange((len(parts) - 1) * len(batch)).reshape(len(parts) - 1, len(batch))
     return _joined([out[0], *(replace(child, ids=ids) for child, ids in zip(out[1:], fresh))])
@@ -163,7 +153,7 @@ def _held_middles(
     fixed.reshape(-1)[held[held < fixed.size]] = True
     used = np.unique(np.concatenate([b.nodes.ravel() for b in batches]))
     plane = fixed[used].all(axis=0)
-    sides = Counter(e for b in batches if b.kind != "bar" for row in b.nodes for e in _sides(b.kind, row))
+    sides = Counter(e for b in batches if b.kind != BAR.key for row in b.nodes for e in _sides(b.kind, row))
     out = np.zeros((len(refined.ids), 6), dtype=bool)
     for edge, row in edges.items():
         out[row] = fixed[list(edge)].all(axis=0) & (plane | (sides[edge] == 1))

@@ -7,10 +7,8 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.fem.structure import NodeTable
-
-Integers = NDArray[np.int64]
-Reals = NDArray[np.float64]
 
 # smallest principal stiffness of a node, relative to the largest entry of its block (Nastran's EPZERO)
 RATIO = 1e-8

@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Where
 from femtune.fem.assembled import AssembledMatrix
+from femtune.fem.fields import FieldRef
 from femtune.fem.values import ValueTable
-
-Integers = NDArray[np.int64]
-Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class NodeTable:
     xyz : (n, 3) coordinates in the basic frame
     frames : (n, 3, 3) displacement frames: columns are unit axes in the basic frame, so u_basic = frame @ u
     scalar_points : (s,) ascending numbers of the scalar points
-    located : False where the grid points have no coordinates: `xyz` is zero then, and nothing may be drawn from it
+    has_coordinates : False where the grid points have none: `xyz` is zero then, and nothing may be drawn from it
 
     Grid point i has DOFs 6i … 6i+5, scalar point j has DOF 6n + j.
     """
@@ -37,7 +36,7 @@ class NodeTable:
     xyz: Reals
     frames: Reals
     scalar_points: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
-    located: bool = True
+    has_coordinates: bool = True
 
     @property
     def n_dofs(self) -> int:
@@ -55,7 +54,7 @@ class NodeTable:
     def position(self, node: int, where: Where | None = None) -> int:
         """Row of a grid point (error ``model.unknown-node``)."""
         if node not in self._grid_at:
-            raise FemtuneError("model.unknown-node", f"grid point {node} does not exist", where=where)
+            raise FemtuneError("model.unknown-node", where=where, node=node)
         return self._grid_at[node]
 
     def has_grid(self, node: int) -> bool:
@@ -72,7 +71,7 @@ class NodeTable:
         if node in self._scalar_at and component in (0, 1):
             return 6 * len(self.ids) + self._scalar_at[node]
         if not 1 <= component <= 6 and node in self._grid_at:
-            raise FemtuneError("model.component", f"grid point {node} has no component {component}", where=where)
+            raise FemtuneError("model.component", where=where, node=node, component=component)
         return 6 * self.position(node, where) + component - 1
 
     def describe(self, dof: int) -> Dof:
@@ -272,3 +271,26 @@ class Structure:
         if not self.damping.of_whole_model.isdisjoint(touched):
             return np.unique(np.concatenate([whole, *(b.ids for b in self.batches)]))
         return np.unique(np.concatenate([whole, *(b.users(touched) for b in self.batches)]))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Damping ratios of modes as entries of the value table, so that parameters can set them.
+
+
+ALL_MODES = 0
+"""The number that stands for every mode without a ratio of its own."""
+MODAL = "MODAL"
+
+
+def mode_ratio_field(number: int) -> FieldRef:
+    """``MODAL 3 ZETA``, the damping ratio of mode 3; of every mode without one of its own ``MODAL ZETA``, number 0."""
+    return FieldRef(MODAL, number, "ZETA")
+
+
+def with_mode_ratios(structure: Structure, ratios: Mapping[int, float]) -> Structure:
+    """The structure with damping ratios of modes, by their number from 1, or `ALL_MODES`."""
+    table, first = structure.values, len(structure.values.refs)
+    fields = tuple(mode_ratio_field(number) for number in ratios)
+    values = np.concatenate([table.values, np.array(list(ratios.values()), float)])
+    damping = replace(structure.damping, mode_ratios={n: first + i for i, n in enumerate(ratios)})
+    return replace(structure, values=ValueTable((*table.refs, *fields), values, table.derived), damping=damping)

@@ -9,27 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.fem.fields import FieldRef
 from femtune.parameters import jet
 from femtune.parameters.jet import Jet
-
-
-@dataclass(frozen=True, order=True)
-class FieldRef:
-    """A field of a card, for example ``PBAR 3 I1``; `region` is set where a part of its users was split off.
-
-    A PARAM has no number: ``PARAM G`` has id 0. A factor of matrices has no name either: ``STIFFNESS``.
-    """
-
-    card: str
-    id: int
-    name: str
-    region: str = ""
-
-    def __str__(self) -> str:
-        tail = f" [{self.region}]" if self.region else ""
-        number = f" {self.id}" if self.id else ""
-        name = f" {self.name}" if self.name else ""
-        return f"{self.card}{number}{name}{tail}"
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def read_catalogue(path: Path) -> Mapping[str, DampingEntry]:
         with errors.catch():
             entry = _entry(table, i, path)
             if entry.name in found:
-                raise _bad(path, i, f"two entries are called '{entry.name}'", "rename one")
+                raise _bad(path, i, "catalogue.entry/read-catalogue", entry_name=entry.name)
             found[entry.name] = entry
     errors.raise_if_any()
     return found
@@ -96,10 +96,10 @@ def look_up(path: Path, name: str) -> DampingEntry:
     if name not in known:
         raise FemtuneError(
             "catalogue.unknown",
-            f"the catalogue has no value called '{name}'",
             where=Where(str(path)),
             values={"it has": ", ".join(known) or "nothing"},
             hint=did_you_mean(name, known) or 'prior_name = "…" names the entry',
+            name=name,
         )
     return known[name]
 
@@ -122,10 +122,7 @@ def _parsed(path: Path) -> dict[str, Any]:
 
 
 def _no_catalogue(path: Path, why: str) -> FemtuneError:
-    return FemtuneError(
-        "catalogue.file", f"this is no catalogue of damping: {why}", where=Where(str(path)),
-        hint="a run writes damping.toml into its folder; name that file, or a copy of it",
-    )  # fmt: skip
+    return FemtuneError("catalogue.file", where=Where(str(path)), why=why)
 
 
 def _tables(data: dict[str, Any], path: Path) -> list[Any]:
@@ -138,18 +135,18 @@ def _tables(data: dict[str, Any], path: Path) -> list[Any]:
 def _entry(table: Any, i: int, path: Path) -> DampingEntry:
     known = [f.name for f in fields(DampingEntry)]
     if not isinstance(table, dict):
-        raise _bad(path, i, "it is no table", "write [[damping]] on a line of its own")
+        raise _bad(path, i, "catalogue.entry/entry")
     for key in table:
         if key not in known:
-            raise _bad(path, i, f"'{key}' is not a key", did_you_mean(key, known))
+            raise _bad(path, i, "catalogue.entry/entry-3", hint=did_you_mean(key, known), key=key)
     for key in known:
         if key not in table:
-            raise _bad(path, i, f"it lacks '{key}'", f"add the line  {key} = …")
+            raise _bad(path, i, "catalogue.entry/entry-4", key=key)
     for key in ("name", "of", "unit", "source", "date", "study"):
         _check_text(table[key], key, i, path)
     names = table["fields"]
     if not isinstance(names, list) or not names or not all(isinstance(t, str) and len(t) <= _LONGEST for t in names):
-        raise _bad(path, i, "fields is no list of texts", 'write fields = ["MAT1 1 GE"]')
+        raise _bad(path, i, "catalogue.entry/entry-2")
     value, sd = (_number(table[key], key, i, path) for key in ("value", "sd"))
     _check_meaning(table, sd, i, path)
     texts = {key: table[key] for key in ("name", "of", "unit", "source", "date", "study")}
@@ -158,28 +155,28 @@ def _entry(table: Any, i: int, path: Path) -> DampingEntry:
 
 def _check_text(value: object, key: str, i: int, path: Path) -> None:
     if not isinstance(value, str) or len(value) > _LONGEST:
-        raise _bad(path, i, f"'{key}' is no text of up to {_LONGEST} letters", "put it in quotes")
+        raise _bad(path, i, "catalogue.entry/check-text", key=key, longest=_LONGEST)
 
 
 def _number(value: object, key: str, i: int, path: Path) -> float:
     whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 10**300
     if not (whole or (isinstance(value, float) and math.isfinite(value))):
-        raise _bad(path, i, f"'{key}' is not a finite number", "write it without quotes")
+        raise _bad(path, i, "catalogue.entry/number", key=key)
     return float(value)  # type: ignore[arg-type]
 
 
 def _check_meaning(table: dict[str, Any], sd: float, i: int, path: Path) -> None:
     if not sd > 0.0:
-        raise _bad(path, i, "sd is not above zero", "give the standard deviation of the value")
+        raise _bad(path, i, "catalogue.entry/check-meaning")
     if table["of"] not in KINDS:
-        raise _bad(path, i, f"of is '{table['of']}'", f"write one of {', '.join(KINDS)}")
+        raise _bad(path, i, "catalogue.entry/check-meaning-2", table=table["of"], kinds=", ".join(KINDS))
     if not table["name"].isidentifier():
-        raise _bad(path, i, f"'{table['name'][:40]}' is no name", "letters, digits and _, no digit first")
+        raise _bad(path, i, "catalogue.entry/check-meaning-3", table=table["name"][:40])
     try:
         datetime.date.fromisoformat(table["date"])
     except ValueError as error:
-        raise _bad(path, i, f"'{table['date'][:40]}' is no date", 'write date = "2026-01-31"') from error
+        raise _bad(path, i, "catalogue.entry/check-meaning-4", table=table["date"][:40]) from error
 
 
-def _bad(path: Path, i: int, what: str, hint: str) -> FemtuneError:
-    return FemtuneError("catalogue.entry", f"entry {i} of the catalogue: {what}", where=Where(str(path)), hint=hint)
+def _bad(path: Path, i: int, code: str, hint: str | None = None, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path)), hint=hint, entry_number=i, **facts)

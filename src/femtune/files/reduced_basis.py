@@ -58,20 +58,10 @@ def load_basis(path: Path | str, configured: ConfiguredModel) -> SavedBasis:
         )
         _check(arrays, saved)
     except _TROUBLES as error:
-        raise FemtuneError(
-            "reduce.damaged",
-            f"the basis cannot be used: {error}",
-            where=Where(str(path)),
-            hint="remove the file and train the reduced model again",
-        ) from error
+        raise FemtuneError("reduce.damaged", where=Where(str(path)), error=error) from error
     mine = configured.terms_digest.encode("ascii")
     if arrays["digest"].tobytes() != mine or saved.basis.shape[0] != configured.n_free:
-        raise FemtuneError(
-            "reduce.other-model",
-            "the basis belongs to another model, or to another state of it",
-            where=Where(str(path)),
-            hint="train the reduced model again, into a file of its own",
-        )
+        raise FemtuneError("reduce.other-model", where=Where(str(path)))
     return saved
 
 

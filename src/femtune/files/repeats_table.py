@@ -6,6 +6,7 @@ import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,15 @@ def read_repeats_table(path: Path) -> RepeatsTable:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise _error(path, None, "the file cannot be read as UTF-8 text", "export it as CSV") from error
+        raise _error(path, None, "quantify.file/read-repeats-table-2") from error
     lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if len(lines) < 2:
-        raise _error(path, None, "the table has no line of values", "a heading, then a line for each repeat")
+        raise _error(path, None, "quantify.file/read-repeats-table")
     separator = max(_SEPARATORS, key=lines[0][1].count)
-    rows = list(csv.reader((line for _, line in lines), delimiter=separator))
+    try:
+        rows = list(csv.reader((line for _, line in lines), delimiter=separator))
+    except csv.Error as error:
+        raise _error(path, None, "quantify.file/no-table", why=str(error)) from error
     heads = tuple(cell.strip() for cell in rows[0])
     values = [_numbers(path, lines[i][0], rows[i], heads, separator) for i in range(1, len(rows))]
     return RepeatsTable(heads, np.array(values))
@@ -47,8 +51,7 @@ def read_repeats_table(path: Path) -> RepeatsTable:
 
 def _numbers(path: Path, line: int, cells: list[str], heads: tuple[str, ...], separator: str) -> list[float]:
     if len(cells) != len(heads):
-        what = f"{len(cells)} values under {len(heads)} headings"
-        raise _error(path, line, what, "give every line as many fields as the heading; leave gaps empty")
+        raise _error(path, line, "quantify.file/numbers", n_cells=len(cells), n_heads=len(heads))
     return [_number(path, line, cell.strip(), head, separator) for cell, head in zip(cells, heads)]
 
 
@@ -61,8 +64,8 @@ def _number(path: Path, line: int, cell: str, head: str, separator: str) -> floa
         value = float("inf")
     if math.isfinite(value):
         return value
-    raise _error(path, line, f"'{cell[:40]}' under '{head}' is no finite number", "leave the field empty for a gap")
+    raise _error(path, line, "quantify.file/number", cell=cell[:40], head=head)
 
 
-def _error(path: Path, line: int | None, what: str, hint: str) -> FemtuneError:
-    return FemtuneError("quantify.file", what, where=Where(str(path), line), hint=hint)
+def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), **facts)

@@ -1,12 +1,18 @@
 """The language that test and model share: modes, functions, records and systems, and how shapes compare."""
 
-from femtune.modal.frf_kind import as_kind, frac
-from femtune.modal.frf_set import FrfSet
-from femtune.modal.mac import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
-from femtune.modal.mode_set import ModeSet
-from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
-from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
-from femtune.modal.time_series import Channel, TimeSeries
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.modal.frf_set import FrfSet, as_kind, frac
+    from femtune.modal.mode_set import ModeSet
+    from femtune.modal.shape_criteria import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
+    from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
+    from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
+    from femtune.modal.time_series import Channel, TimeSeries
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Channel",

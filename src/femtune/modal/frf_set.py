@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from femtune.modal.mode_set import read_only
 KINDS = ("receptance", "mobility", "accelerance")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrfSet:
     """Frequency response functions, convention e^{iωt}; its arrays are read-only.
 
@@ -33,6 +33,14 @@ class FrfSet:
     ------
     FemtuneError : ``frf.shape`` where the sizes disagree, ``frf.kind``, ``frf.values`` for frequency lines that are
         not finite, negative or do not increase, or infinite values
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> hz, point = np.array([1.0, 2.0]), ft.DofSet.parse(["3Z+"])
+    >>> ft.FrfSet(hz, np.array([[[1.0, 2.0j]]]), point, point, "accelerance")
+    FrfSet: 1 × 1 accelerance, 2 lines from 1 to 2 Hz
     """
 
     freq_hz: NDArray[np.float64]
@@ -50,22 +58,67 @@ class FrfSet:
         object.__setattr__(self, "values", read_only(self.values, complex))
         object.__setattr__(self, "coherence", read_only(self.coherence, float))
         if self.kind not in KINDS:
-            raise FemtuneError("frf.kind", f"'{self.kind}' is not a kind of FRF", hint="one of " + ", ".join(KINDS))
+            raise FemtuneError("frf.kind", kind=self.kind, kinds=", ".join(KINDS))
         self._check_sizes()
         self._check_values()
+
+    def __repr__(self) -> str:
+        lines = f", {len(self.freq_hz)} lines from {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz" * bool(
+            len(self.freq_hz)
+        )
+        words = f", {self.source}" if self.source else ""
+        return f"FrfSet: {len(self.responses)} × {len(self.references)} {self.kind}{lines}{words}"
 
     def _check_sizes(self) -> None:
         wanted = (len(self.responses), len(self.references), np.size(self.freq_hz))
         for name, array in (("values", self.values), ("coherence", self.coherence)):
             if array is not None and array.shape != wanted:
-                raise FemtuneError("frf.shape", f"{name} has shape {array.shape}, wanted {wanted}")
+                raise FemtuneError("frf.shape", name=name, array_shape=array.shape, wanted=wanted)
         for names, wanted_names in ((self.response_names, wanted[0]), (self.reference_names, wanted[1])):
             if names and len(names) != wanted_names:
-                raise FemtuneError("frf.shape", f"{len(names)} names for {wanted_names} rows or columns")
+                raise FemtuneError("frf.shape/check-sizes", n_names=len(names), wanted_names=wanted_names)
 
     def _check_values(self) -> None:
         lines = self.freq_hz
         if not np.isfinite(lines).all() or (lines < 0).any() or (np.diff(lines) <= 0).any():
-            raise FemtuneError("frf.values", "frequency lines must be finite, not negative, and increase")
+            raise FemtuneError("frf.values")
         if np.isinf(self.values).any():
-            raise FemtuneError("frf.values", "a frequency response function has an infinite value")
+            raise FemtuneError("frf.values/check-values")
+
+
+# ----------------------------------------------------------------------------------------------------
+# FRFs of another kind, and how two of them compare.
+
+
+def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
+    """The same functions as receptance, mobility or accelerance: each is iω times the one before.
+
+    At 0 Hz mobility and accelerance do not tell the receptance, which becomes NaN there; the other way they are 0.
+
+    Raises
+    ------
+    FemtuneError : ``frf.kind``
+    """
+    if kind not in KINDS:
+        raise FemtuneError("frf.kind", kind=kind, kinds=", ".join(KINDS))
+    power = KINDS.index(kind) - KINDS.index(frfs.kind)
+    i_omega = 2j * np.pi * frfs.freq_hz
+    still = i_omega == 0.0
+    factor = np.where(still, 1.0, i_omega) ** power
+    if power:
+        factor[still] = 0.0 if power > 0 else np.nan
+    return replace(frfs, values=frfs.values * factor, kind=kind)
+
+
+def frac(a: NDArray, b: NDArray) -> float | None:
+    """Frequency response assurance criterion |aᴴb|²/(aᴴa · bᴴb) of two functions (k,) at the same lines.
+
+    Lines where one of them is not known (NaN) do not count; None where nothing is left, or one is zero.
+
+    Source: W. Heylen, S. Lammens, FRAC: a consistent way of comparing frequency response functions, 1996.
+    """
+    known = np.isfinite(a) & np.isfinite(b)
+    a, b = a[known], b[known]
+    a, b = (v / np.abs(v).max(initial=np.finfo(float).tiny) for v in (a, b))
+    size = float(np.vdot(a, a).real * np.vdot(b, b).real)
+    return float(abs(np.vdot(a, b)) ** 2 / size) if size > 0.0 else None

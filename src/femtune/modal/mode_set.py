@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 NORMALISATIONS = ("mass", "unit-norm", "unit-max", "unknown")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModeSet:
     """Natural modes at a set of DOFs; its arrays are read-only.
 
@@ -42,6 +42,13 @@ class ModeSet:
         NORMALISATIONS, ``modes.values`` for negative or infinite standard deviations, frequencies that are
         negative or not finite, infinite entries of shapes, a covariance that is not symmetric or contradicts the
         standard deviations, a scale of zero
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> ft.ModeSet(np.array([12.5]), np.array([[1.0], [0.4]]), ft.DofSet.parse(["3Z+", "2Z+"]))
+    ModeSet: 1 mode at 2 DOFs, 12.5 Hz, normalisation unknown
     """
 
     freq_hz: NDArray[np.float64]
@@ -83,45 +90,47 @@ class ModeSet:
         for name, (value, shape) in wanted.items():
             if value is not None and np.shape(value) != shape:
                 raise FemtuneError(
-                    "modes.shape",
-                    f"{name} has shape {np.shape(value)}, wanted {shape}",
-                    values={"dofs": n, "modes": m},
+                    "modes.shape", values={"dofs": n, "modes": m}, name=name, shape=np.shape(value), shape_2=shape
                 )
         if self.normalisation not in NORMALISATIONS:
             raise FemtuneError(
-                "modes.normalisation",
-                f"'{self.normalisation}' is not a normalisation of modes",
-                hint="one of " + ", ".join(NORMALISATIONS),
+                "modes.normalisation", normalisation=self.normalisation, normalisations=", ".join(NORMALISATIONS)
             )
 
     def _check_values(self) -> None:
         bad = ~np.isfinite(self.freq_hz) | (self.freq_hz < 0)
         if bad.any():
             raise FemtuneError(
-                "modes.values",
-                "frequencies must be finite and not negative",
-                values={self.labels[i]: self.freq_hz[i] for i in np.flatnonzero(bad)[:5]},
+                "modes.values", values={self.labels[i]: self.freq_hz[i] for i in np.flatnonzero(bad)[:5]}
             )
         if np.isinf(self.shapes).any():
-            raise FemtuneError("modes.values", "a mode shape has an infinite entry")
+            raise FemtuneError("modes.values/check-values")
         for name in ("freq_sd_hz", "damping_sd", "shapes_sd"):
             # NaN is a standard deviation that is not known
             sd = getattr(self, name)
             if sd is not None and (np.isinf(sd) | (sd < 0)).any():
-                raise FemtuneError("modes.values", f"{name}: standard deviations must be finite and not negative")
+                raise FemtuneError("modes.values/check-values-3", name=name)
         if self.modal_a is not None and ((self.modal_a == 0) | np.isinf(self.modal_a)).any():
-            raise FemtuneError("modes.values", "modal_a: scales of modes must be finite and not zero")
+            raise FemtuneError("modes.values/check-values-2")
         if self.covariance is not None:
             self._check_covariance(self.covariance)
 
     def _check_covariance(self, covariance: NDArray[np.float64]) -> None:
         if not np.allclose(covariance, covariance.T, rtol=1e-8, atol=0.0, equal_nan=True):
-            raise FemtuneError("modes.values", "the covariance of frequencies and damping ratios is not symmetric")
+            raise FemtuneError("modes.values/check-covariance")
         variances = np.split(np.diag(covariance), 2)
         for name, variance in zip(("freq_sd_hz", "damping_sd"), variances):
             sd = getattr(self, name)
             if sd is not None and not np.allclose(variance, sd**2, rtol=1e-6, atol=0.0, equal_nan=True):
-                raise FemtuneError("modes.values", f"the diagonal of the covariance is not the square of {name}")
+                raise FemtuneError("modes.values/check-covariance-2", name=name)
+
+    def __repr__(self) -> str:
+        m = len(self)
+        span = f", {self.freq_hz[0]:.5g}" if m else ""
+        span += f" to {self.freq_hz[-1]:.5g} Hz" if m > 1 else " Hz" * m
+        words = f", {self.source}" if self.source else ""
+        modes = "1 mode" if m == 1 else f"{m} modes"
+        return f"ModeSet: {modes} at {len(self.dofs)} DOFs{span}, normalisation {self.normalisation}{words}"
 
     def __len__(self) -> int:
         return len(self.freq_hz)

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur
 
+from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal.frf_set import KINDS, FrfSet
 from femtune.modal.mode_set import read_only
-
-Reals = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +47,7 @@ class StateSpace:
         for name in "ABCD":
             object.__setattr__(self, name, read_only(getattr(self, name), float))
         if self.kind not in KINDS:
-            raise FemtuneError("frf.kind", f"'{self.kind}' is not a kind of FRF", hint="one of " + ", ".join(KINDS))
+            raise FemtuneError("frf.kind", kind=self.kind, kinds=", ".join(KINDS))
         self._check_sizes()
 
     def _check_sizes(self) -> None:
@@ -57,16 +55,16 @@ class StateSpace:
         for name, wanted in (("A", (n, n)), ("B", (n, u)), ("C", (y, n)), ("D", (y, u))):
             matrix = getattr(self, name)
             if matrix.shape != wanted:
-                raise FemtuneError("system.shape", f"{name} has shape {matrix.shape}, wanted {wanted}")
+                raise FemtuneError("system.shape", name=name, matrix_shape=matrix.shape, wanted=wanted)
             if not np.isfinite(matrix).all():
-                raise FemtuneError("system.values", f"{name} has entries that are not finite")
+                raise FemtuneError("system.values", name=name)
 
     @property
     def order(self) -> int:
         """Number of states."""
         return len(self.A)
 
-    def poles(self) -> Complex:
+    def poles(self) -> Complexes:
         """(n,) poles in rad/s, of continuous time also where the system is sampled, by ascending modulus.
 
         Of a sampled system, a pole at zero (a delay) is −∞.
@@ -90,11 +88,10 @@ class StateSpace:
         values = self._transfer(lines)
         if not np.isfinite(values).all():
             bad = lines[~np.isfinite(values).all(axis=(0, 1))]
-            what = f"the system has a pole without damping at {bad[0]:g} Hz, where it has no finite response"
-            raise FemtuneError("system.at-pole", what, hint="evaluate it beside that frequency")
+            raise FemtuneError("system.at-pole", bad=bad[0])
         return FrfSet(lines, values, self.responses, self.references, self.kind, source=self.source)
 
-    def _transfer(self, lines: Reals) -> Complex:
+    def _transfer(self, lines: Reals) -> Complexes:
         """Back substitution in a Schur form: a defective A (rigid-body motion) is no special case."""
         y, u, k = len(self.responses), len(self.references), len(lines)
         if not self.order:
@@ -108,7 +105,7 @@ class StateSpace:
         return flat.reshape(y, u, k) + self.D[:, :, None]
 
 
-def continuous_poles(values: Complex, sampling_hz: float | None) -> Complex:
+def continuous_poles(values: Complexes, sampling_hz: float | None) -> Complexes:
     """Poles in rad/s of eigenvalues of A: rate · ln μ for a sampled system, else the values themselves."""
     if sampling_hz is None:
         return values
@@ -116,20 +113,20 @@ def continuous_poles(values: Complex, sampling_hz: float | None) -> Complex:
     return np.where(delays, -np.inf + 0j, sampling_hz * np.log(np.where(delays, 1.0, values)))
 
 
-def freq_and_damping(poles: Complex) -> tuple[Reals, Reals]:
+def freq_and_damping(poles: Complexes) -> tuple[Reals, Reals]:
     """Natural frequencies |λ|/2π in Hz and damping ratios −Re λ/|λ| (0 for λ = 0) of poles in rad/s."""
     size = np.abs(poles)
     return size / (2.0 * np.pi), -poles.real / np.where(size > 0.0, size, 1.0)
 
 
-def pole_of(freq_hz: Reals, damping_ratio: Reals) -> Complex:
+def pole_of(freq_hz: Reals, damping_ratio: Reals) -> Complexes:
     """Poles in the upper half plane, |λ|(−ζ + i√(1−ζ²)), of |ζ| < 1."""
     omega = 2.0 * np.pi * np.asarray(freq_hz, float)
     zeta = np.asarray(damping_ratio, float)
     return omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
 
 
-def system_modes(system: StateSpace) -> tuple[Complex, Complex, Complex]:
+def system_modes(system: StateSpace) -> tuple[Complexes, Complexes, Complexes]:
     """Poles λ, shapes ψ = C v and participations w = wᵀB of every pole: H = Σ ψ wᵀ/(z − μ) + D.
 
     Returns
@@ -142,7 +139,7 @@ def system_modes(system: StateSpace) -> tuple[Complex, Complex, Complex]:
     return poles, system.C @ v, np.linalg.solve(v, system.B.astype(complex))
 
 
-def _resolvent(T: NDArray, b: NDArray, z: NDArray) -> Complex:
+def _resolvent(T: NDArray, b: NDArray, z: NDArray) -> Complexes:
     """(zI − T)⁻¹ b for upper triangular T at every z, (n, u, k)."""
     n, u = b.shape
     x = np.zeros((n, u, len(z)), complex)

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.modal.mac import check_rows, check_shapes
-
-Reals = NDArray[np.float64]
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.shape_criteria import check_rows, check_shapes
 
 RANK_TOLERANCE = 1e-3
 """Directions of a subspace that the DOFs show with less than this fraction of the strongest are not used."""
@@ -85,11 +84,7 @@ def rotate_to(model: Reals, test: NDArray) -> Rotation:
     check_shapes(model, "the model")
     check_shapes(test, "the test")
     if np.iscomplexobj(model):
-        raise FemtuneError(
-            "modal.complex-model",
-            "model vectors that are rotated must be real",
-            hint="take the modes of the undamped model",
-        )
+        raise FemtuneError("modal.complex-model")
     q, independence = _polar_factor(modal_coordinates(model, test))
     nearest = _nearest_columns(q)
     angles = [_angle_deg(abs(q[j, i])) for i, j in enumerate(nearest) if j >= 0]

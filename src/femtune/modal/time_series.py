@@ -46,14 +46,13 @@ class Channel:
     def __post_init__(self) -> None:
         for word, known in ((self.quantity, QUANTITIES), (self.role, ROLES)):
             if word not in known:
-                what = f"'{word}' is not a quantity or role of a channel"
-                raise FemtuneError("record.channel", what, hint="one of " + ", ".join(known))
+                raise FemtuneError("record.channel", word=word, known=", ".join(known))
 
     def __str__(self) -> str:
         return self.name or str(self.dof)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TimeSeries:
     """Time records of several channels, sampled together; its arrays are read-only.
 
@@ -71,6 +70,14 @@ class TimeSeries:
     FemtuneError : ``record.shape`` where the sizes disagree, ``record.values`` for infinite values or complex ones,
         ``record.times`` for times that are not finite or do not increase, or where neither a rate nor times are given,
         ``record.rate`` for a rate that is not positive or that the times contradict, ``dof.duplicate``
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> from femtune.modal import Channel
+    >>> ft.TimeSeries(np.zeros((1, 512)), (Channel(ft.Dof(3, "Z"), "acceleration"),), sampling_hz=256.0)
+    TimeSeries: 1 channel, 512 samples, 256 Hz
     """
 
     values: NDArray[np.float64]
@@ -82,7 +89,7 @@ class TimeSeries:
 
     def __post_init__(self) -> None:
         if np.iscomplexobj(self.values):
-            raise FemtuneError("record.values", "a time record is real, these values are complex")
+            raise FemtuneError("record.values")
         object.__setattr__(self, "values", read_only(self.values, float))
         object.__setattr__(self, "channels", tuple(self.channels))
         object.__setattr__(self, "times_s", read_only(self.times_s, float))
@@ -91,34 +98,33 @@ class TimeSeries:
         for role in ROLES:
             self.dofs(role)
 
+    def __repr__(self) -> str:
+        rate = f"{self.sampling_hz:g} Hz" if self.sampling_hz is not None else "uneven times"
+        channels = "1 channel" if len(self.channels) == 1 else f"{len(self.channels)} channels"
+        words = f", {self.source}" if self.source else ""
+        return f"TimeSeries: {channels}, {self.values.shape[1]} samples, {rate}{words}"
+
     def _check_sizes(self) -> None:
         if self.values.ndim != 2 or len(self.channels) != len(self.values):
             sizes = {"values": self.values.shape, "channels": len(self.channels)}
-            raise FemtuneError("record.shape", "wanted one row of samples for each channel", values=sizes)
+            raise FemtuneError("record.shape", values=sizes)
         if np.isinf(self.values).any():
             bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
-            raise FemtuneError(
-                "record.values",
-                "a record has infinite samples",
-                values={"channels": " ".join(bad)},
-                hint="look for an overflow in the export; write nan where samples were lost",
-            )
+            raise FemtuneError("record.values/check-sizes", values={"channels": " ".join(bad)})
 
     def _check_clock(self) -> None:
         rate = self.sampling_hz
         if rate is not None and not (np.isfinite(rate) and rate > 0.0):
-            raise FemtuneError("record.rate", f"{rate} is not a sampling rate", hint="samples a second, above 0")
+            raise FemtuneError("record.rate/check-clock", rate=rate)
         if self.times_s is not None:
             self._check_times(self.times_s)
         elif rate is None:
-            raise FemtuneError("record.times", "neither a sampling rate nor the times of the samples are known")
+            raise FemtuneError("record.times/check-clock")
 
     def _check_times(self, times: NDArray[np.float64]) -> None:
         if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-            what = "the times of a record must be one a sample, finite, and increase"
             sizes = {"times": times.shape, "samples": self.values.shape[1]}
-            hint = "look for a clock that was set back, rows out of order, or an empty time"
-            raise FemtuneError("record.times", what, values=sizes, hint=hint)
+            raise FemtuneError("record.times", values=sizes)
         found = _even_rate(times)
         if self.sampling_hz is not None:
             _check_rate(self.sampling_hz, found, times)
@@ -147,8 +153,7 @@ class TimeSeries:
     def even_hz(self) -> float:
         """The sampling rate, for methods that need an even one (error ``record.uneven``)."""
         if self.sampling_hz is None:
-            what = "the samples are not evenly spaced in time"
-            raise FemtuneError("record.uneven", what, hint="resample the record on an even clock first")
+            raise FemtuneError("record.uneven")
         return float(self.sampling_hz)
 
     @property
@@ -191,8 +196,6 @@ def _check_rate(said: float, found: float | None, times: NDArray[np.float64]) ->
         return
     mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else float("nan")
     raise FemtuneError(
-        "record.rate",
-        "the sampling rate and the times of the samples contradict each other",
+        "record.rate/check-rate",
         values={"rate said": f"{said:g} Hz", "rate of the times": f"{mean:g} Hz" + ("" if found else ", uneven")},
-        hint="one of the two is wrong: every frequency would be off by their ratio",
     )

@@ -1,25 +1,31 @@
 """The parametric model: exact terms, configurations, eigen-solution and derivatives."""
 
-from femtune.model.configuration import AddedMass, Configuration
-from femtune.model.configured import ConfiguredModel, ModelPoint
-from femtune.model.configuring import configure, grid_matrix
-from femtune.model.damping import (
-    ModalDamping,
-    constant_damping,
-    damping_by_mode,
-    damping_table,
-    viscous_equivalent,
-    viscous_equivalent_derivatives,
-)
-from femtune.model.derivatives import SubspaceDerivative
-from femtune.model.digest import digest
-from femtune.model.dual_derivatives import SensorDerivatives, sensor_derivatives
-from femtune.model.eigen import EigenSolution, solve_modes
-from femtune.model.factorise import available_solvers
-from femtune.model.fingerprint import derivatives_digest, matrices_digest
-from femtune.model.mode_derivatives import eigenvalue_derivatives, subspace_derivative
-from femtune.model.parametric import Assignment, ParametricModel, parametric_model
-from femtune.model.streamed_derivatives import derivatives_by_parameter
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.model.configuration import AddedMass, Configuration
+    from femtune.model.configured import ConfiguredModel, ModelPoint, configure, grid_matrix
+    from femtune.model.damping import (
+        ModalDamping,
+        constant_damping,
+        damping_by_mode,
+        damping_table,
+        viscous_equivalent,
+        viscous_equivalent_derivatives,
+    )
+    from femtune.model.derivatives.chosen import eigenvalue_derivatives, subspace_derivative
+    from femtune.model.derivatives.modes import SubspaceDerivative
+    from femtune.model.derivatives.sensors import SensorDerivatives, sensor_derivatives
+    from femtune.model.derivatives.streamed import derivatives_by_parameter
+    from femtune.model.digests import digest
+    from femtune.model.eigen.solution import EigenSolution, solve_modes
+    from femtune.model.fingerprint import derivatives_digest, matrices_digest
+    from femtune.model.parametric import Assignment, ParametricModel, parametric_model
+    from femtune.model.solvers.factorise import available_solvers
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "AddedMass",

@@ -13,13 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.fem.contribution import Coefficient
 from femtune.fem.values import TableJet
 from femtune.parameters import jet
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # relative difference below which two ratios are equal; a coefficient carries a few roundings of 1e-16
 PROPORTIONAL = 1e-13
@@ -35,16 +33,16 @@ NOTHING = -1
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class CoefficientGroup:
     """Coefficients of one function: positions of its roles in the value table (m,) each, and its facts (m,)."""
 
     function: Coefficient
     roles: Mapping[str, Integers]
     facts: Mapping[str, NDArray]
 
-    def rows(self, at: Integers) -> Source:
+    def rows(self, at: Integers) -> CoefficientGroup:
         """Some of them."""
-        return Source(
+        return CoefficientGroup(
             self.function, {r: p[at] for r, p in self.roles.items()}, {f: v[at] for f, v in self.facts.items()}
         )
 
@@ -70,7 +68,7 @@ class CoefficientBook:
     """All coefficient functions of a model, numbered; `samples` (s, n) are value tables, the nominal one first."""
 
     samples: Reals
-    sources: list[Source] = field(default_factory=list)
+    sources: list[CoefficientGroup] = field(default_factory=list)
     places: list[tuple[int, int]] = field(default_factory=list)
     _sizes: Reals = field(default_factory=lambda: np.zeros(0))
     _ratios: Reals = field(init=False)
@@ -86,7 +84,7 @@ class CoefficientBook:
     def __len__(self) -> int:
         return len(self.places)
 
-    def number(self, source: Source) -> tuple[Integers, Reals]:
+    def number(self, source: CoefficientGroup) -> tuple[Integers, Reals]:
         """(m,) number of the function that each coefficient is a multiple of, and (m,) the factor.
 
         NOTHING is the number of a coefficient that is zero at all samples.
@@ -113,7 +111,7 @@ class CoefficientBook:
         """What the functions that stand for others are divided by, so that the factors above are right."""
         return np.asarray(self._sizes[numbers])
 
-    def _improve(self, source: Source, found: Integers, size: Reals) -> None:
+    def _improve(self, source: CoefficientGroup, found: Integers, size: Reals) -> None:
         """Let the largest of the multiples stand for a function: a small one may be what a cancellation left of it."""
         order = np.argsort(np.abs(size), kind="stable")
         order = order[found[order] != NOTHING]
@@ -138,7 +136,7 @@ class CoefficientBook:
             found[some[same]] = candidate[same]
         return found
 
-    def _add(self, source: Source, rows: Integers, ratios: Reals, size: Reals) -> Integers:
+    def _add(self, source: CoefficientGroup, rows: Integers, ratios: Reals, size: Reals) -> Integers:
         """Number new functions; (r,) their numbers."""
         order = np.argsort(ratios @ self._key, kind="stable")
         first = np.ones(len(order), bool)
@@ -185,10 +183,10 @@ class Coefficients:
         return out
 
     @cached_property
-    def _plan(self) -> list[tuple[Source, Integers]]:
+    def _plan(self) -> list[tuple[CoefficientGroup, Integers]]:
         """Sources of the numbers and their places in the result, those of one function together."""
         own = np.array([self.book.places[i] for i in self.numbers], np.int64).reshape(-1, 2)
-        by_function: dict[tuple[object, ...], list[tuple[Source, Integers]]] = {}
+        by_function: dict[tuple[object, ...], list[tuple[CoefficientGroup, Integers]]] = {}
         for s in np.unique(own[:, 0]):
             places = np.flatnonzero(own[:, 0] == s)
             source = self.book.sources[s].rows(own[places, 1])
@@ -196,8 +194,8 @@ class Coefficients:
         return [_joined(group) for group in by_function.values()]
 
 
-def _joined(group: Sequence[tuple[Source, Integers]]) -> tuple[Source, Integers]:
+def _joined(group: Sequence[tuple[CoefficientGroup, Integers]]) -> tuple[CoefficientGroup, Integers]:
     sources = [source for source, _ in group]
     roles = {r: np.concatenate([s.roles[r] for s in sources]) for r in sources[0].roles}
     facts = {f: np.concatenate([s.facts[f] for s in sources]) for f in sources[0].facts}
-    return Source(sources[0].function, roles, facts), np.concatenate([places for _, places in group])
+    return CoefficientGroup(sources[0].function, roles, facts), np.concatenate([places for _, places in group])

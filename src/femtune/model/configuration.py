@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable, Structure
 from femtune.fem.generic import check_whole
-from femtune.model.term import Term, constant_term
+from femtune.model.terms import Term, constant_term
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,7 @@ def held_dofs(structure: Structure, configuration: Configuration) -> NDArray[np.
         dofs = _dofs(structure, node, components)
         if not dofs <= held:
             raise FemtuneError(
-                "configuration.not-held",
-                f"configuration {configuration.name} removes the support {node}:{components}, which is not held",
-                hint="femtune info lists the supports",
+                "configuration.not-held", configuration_name=configuration.name, node=node, components=components
             )
         held -= dofs
     for node, components in configuration.supports_added:
@@ -87,18 +85,13 @@ def _set_members(structure: Structure, configuration: Configuration, number: int
     if number is None:
         return set()
     if number not in structure.support_sets:
-        raise _unknown_set(configuration, "support set (SPC)", number, structure.support_sets)
+        raise _unknown_set("configuration.unknown-set/supports", configuration, number, structure.support_sets)
     return {int(i) for i in structure.support_sets[number]}
 
 
-def _unknown_set(configuration: Configuration, what: str, number: int, known: object) -> FemtuneError:
+def _unknown_set(code: str, configuration: Configuration, number: int, known: object) -> FemtuneError:
     numbers = ", ".join(str(n) for n in sorted(known)) or "none"  # type: ignore[call-overload]
-    return FemtuneError(
-        "configuration.unknown-set",
-        f"configuration {configuration.name}: the deck has no {what} {number}",
-        values={"known": numbers},
-        hint="take one of the known sets",
-    )
+    return FemtuneError(code, values={"known": numbers}, configuration=configuration.name, number=number)
 
 
 def check_configuration(structure: Structure, configuration: Configuration) -> None:
@@ -113,14 +106,13 @@ def check_configuration(structure: Structure, configuration: Configuration) -> N
     if unknown:
         raise FemtuneError(
             "configuration.unknown-element",
-            f"configuration {configuration.name} switches off elements that the deck does not have",
             values={"elements": ", ".join(map(str, unknown[:10]))},
-            hint="correct elements_off",
+            configuration_name=configuration.name,
         )
     check_whole(structure, configuration.elements_off)
     number = configuration.multipoint_set
     if number is not None and number not in structure.multipoint_sets:
-        raise _unknown_set(configuration, "multipoint constraint set (MPC)", number, structure.multipoint_sets)
+        raise _unknown_set("configuration.unknown-set/multipoint", configuration, number, structure.multipoint_sets)
     for mass in configuration.masses:
         structure.nodes.position(mass.node)
 

@@ -8,12 +8,13 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.fem.structure import OverallDamping
 from femtune.model.configured import ModelPoint
 
-Reals = NDArray[np.float64]
 DampingUnit = Literal["CRIT", "G", "Q"]
 
 
@@ -107,8 +108,7 @@ def damping_table(
         x, y = x[::-1], y[::-1]
     problem = _table_problem(x, y, unit)
     if problem:
-        raise FemtuneError("damping.table", f"a table of modal damping {problem}",
-                           hint="give rising frequencies, each with its damping")  # fmt: skip
+        raise FemtuneError("damping.table", problem=problem)
     return ModalDamping(y, x, unit=unit, flat=flat)
 
 
@@ -132,14 +132,12 @@ def as_hysteretic(damping: ModalDamping) -> ModalDamping:
 
 def _checked_quality(values: Reals) -> Reals:
     if (values <= 0.0).any():
-        raise FemtuneError("damping.quality", "a table of qualities Q runs to zero or below at a mode's frequency",
-                           hint="let the table span the frequencies of the modes, or make it flat outside")  # fmt: skip
+        raise FemtuneError("damping.quality")
     return values
 
 
 def _too_few(given: int, modes: int) -> FemtuneError:
-    return FemtuneError("damping.too-few-modes", f"damping ratios are given for {given} modes, but there are {modes}",
-                        hint="give one ratio for all modes, or one for each")  # fmt: skip
+    return FemtuneError("damping.too-few-modes", given=given, modes=modes)
 
 
 def viscous_equivalent(point: ModelPoint) -> sp.csr_array:
@@ -172,3 +170,17 @@ def _weights(point: ModelPoint) -> tuple[float, float]:
     omegas = (damping.overall_omega, damping.element_omega)
     overall, own = (1.0 / omega if omega else 0.0 for omega in omegas)
     return overall, own
+
+
+# ----------------------------------------------------------------------------------------------------
+# A model point without the damping of its elements.
+
+
+def without_element_damping(point: ModelPoint) -> ModelPoint:
+    """The same stiffness and mass, without dashpots and loss factors."""
+    configured = point.configured
+    modal_only = OverallDamping(mode_ratios=configured.model.structure.damping.mode_ratios)
+    structure = replace(configured.model.structure, damping=modal_only)
+    kept = tuple(p for p in configured.projected if p.term.matrix in ("stiffness", "mass"))
+    bare = replace(configured, model=replace(configured.model, structure=structure), projected=kept)
+    return bare.at(point.x)

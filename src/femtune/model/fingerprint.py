@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.fem.contribution import MatrixKind
+from femtune.fem.fields import MatrixKind
 from femtune.model.configured import ModelPoint
-from femtune.model.digest import Part, digest
-from femtune.model.imported_terms import factor_at
+from femtune.model.digests import Part, digest
+from femtune.model.imported.model import factor_at
 
 
 def matrices_digest(point: ModelPoint, *kinds: MatrixKind) -> str:

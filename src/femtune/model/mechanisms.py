@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
-from femtune.model.factorise import Factor, factorise
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import Factor
 
 _SUSPECT, _NOTHING = 1e-9, 1e-12
 
@@ -68,10 +69,11 @@ def _largest(motion: NDArray) -> NDArray[np.int64]:
 
 def _mechanism(point: ModelPoint, free: NDArray[np.int64]) -> FemtuneError:
     configured = point.configured
-    names = [str(configured.free_dof(int(i)))[:-1] for i in free[:6]]
+    moving = [configured.free_dof(int(i)) for i in free[:6]]
+    names = [str(dof)[:-1] for dof in moving]
     return FemtuneError(
         "eigen.mechanism",
-        f"configuration {configured.configuration.name}: a motion has neither stiffness nor mass",
         values={"DOFs that move": ", ".join(names) + (" …" if len(free) > 6 else "")},
-        hint="hold these DOFs (SPC1, or PARAM AUTOSPC YES), or give the elements there the missing stiffness",
+        configuration=configured.configuration.name,
+        grid=moving[0].node,
     )

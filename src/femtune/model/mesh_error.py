@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from femtune.arrays import Reals
 from femtune.fem.refine import CannotRefineError, refine
-from femtune.modal.mac import mac_where_defined
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.shape_criteria import mac_where_defined
 from femtune.model.configuration import held_dofs
-from femtune.model.configuring import configure, grid_matrix
-from femtune.model.eigen import EigenSolution, solve_modes
+from femtune.model.configured import configure, grid_matrix
+from femtune.model.eigen.solution import EigenSolution, solve_modes
 from femtune.model.parametric import parametric_model
 from femtune.parameters import ParameterSet
-
-Reals = NDArray[np.float64]
 
 MOST_DOFS = 300_000
 """Models of more grid DOFs are not looked at, nor those that the refinement would make larger."""

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
-from femtune.fem.contribution import MatrixKind
+from femtune.fem.fields import MatrixKind
 from femtune.fem.generic import check_untouched
 from femtune.fem.offsets import check_spans, settled
 from femtune.fem.values import TableJet
-from femtune.model.imported_terms import with_assembled
-from femtune.model.term import TermFunction
-from femtune.model.terms import CompiledTerms, compile_terms
+from femtune.model.imported.model import with_assembled
+from femtune.model.terms import CompiledTerms, TermFunction, compile_terms
 from femtune.parameters import ParameterSet
 
 # points of the parameters at which coefficients are compared, and how far around the nominal one they are
@@ -142,22 +141,20 @@ def _place(
 ) -> tuple[Structure, int]:
     position = structure.values.index(assignment.ref)
     if position is None:
-        raise _error("parameter.unknown-field", assignment, parameters, "is no field that an element uses")
+        raise _error("parameter.unknown-field", assignment, parameters)
     users = structure.users(position)
     chosen = users if assignment.elements is None else np.array([e for e in users if e in assignment.elements])
     if not chosen.size:
-        raise _error("parameter.touches-nothing", assignment, parameters, "is used by no element of the region")
+        raise _error("parameter.touches-nothing", assignment, parameters)
     if assignment.relative and structure.values.values[position] == 0.0:
-        raise _error(
-            "parameter.zero-nominal", assignment, parameters, "is zero in the deck, so a factor of it does nothing"
-        )
+        raise _error("parameter.zero-nominal", assignment, parameters)
     if chosen.size < users.size and position in structure.damping.of_whole_model:
-        raise _error("parameter.whole-model", assignment, parameters, "damps the whole model, not a part of it")
+        raise _error("parameter.whole-model", assignment, parameters)
     if chosen.size < users.size:
         structure = structure.split(position, chosen, assignment.parameter)
         position = len(structure.values.refs) - len(structure.values.dependents([position]))
     if position in placed:
-        raise _error("parameter.field-twice", assignment, parameters, _TWICE)
+        raise _error("parameter.field-twice", assignment, parameters)
     return structure, position
 
 
@@ -169,7 +166,7 @@ def _check_regions(structure: Structure, parameters: ParameterSet, assignments: 
         if position is not None and assignment.elements is not None:
             mine = set(structure.users(position).tolist()) & assignment.elements
             if mine & taken.setdefault(assignment.ref, set()):
-                raise _error("parameter.field-twice", assignment, parameters, _TWICE)
+                raise _error("parameter.field-twice", assignment, parameters)
             taken[assignment.ref] |= mine
 
 
@@ -183,7 +180,7 @@ def _check_effect(
     for i in without:
         if structure.values.values[i] == 0.0 or placed[i].parameter not in acting:
             with errors.catch():
-                raise _error("parameter.without-effect", placed[i], parameters, "changes no matrix of any element")
+                raise _error("parameter.without-effect", placed[i], parameters)
     errors.raise_if_any()
 
 
@@ -194,21 +191,9 @@ def _has_effect(structure: Structure, index: int, compiled: CompiledTerms) -> bo
     )
 
 
-_TWICE = "is set by two parameters, in some elements at least"
-
-
-def _error(code: str, assignment: Assignment, parameters: ParameterSet, why: str) -> FemtuneError:
+def _error(code: str, assignment: Assignment, parameters: ParameterSet) -> FemtuneError:
     where = next((p.where for p in parameters.parameters if p.name == assignment.parameter), None)
-    hints = {
-        "parameter.unknown-field": "femtune info lists the cards; write card, number and field: PBAR 3 I1",
-        "parameter.touches-nothing": "check the field and the elements of the region",
-        "parameter.zero-nominal": "use absolute = true with bounds in the field's unit",
-        "parameter.without-effect": "where its zero decides what the element is made of, fill it with a small value",
-        "parameter.whole-model": "leave the region out, or update the loss factors of materials (MAT1 1 GE)",
-        "parameter.field-twice": "tie one parameter to the other, or give them separate regions",
-    }
-    text = f"parameter {assignment.parameter}: the field {assignment.ref} {why}"
-    return FemtuneError(code, text, where=where, hint=hints[code])
+    return FemtuneError(code, where=where, parameter=assignment.parameter, field=assignment.ref)
 
 
 def _check_all_used(parameters: ParameterSet, assignments: tuple[Assignment, ...]) -> None:
@@ -216,9 +201,4 @@ def _check_all_used(parameters: ParameterSet, assignments: tuple[Assignment, ...
     used |= {name for p in parameters.parameters if p.tie for name in p.tie.names}
     for p in parameters.parameters:
         if p.name not in used:
-            raise FemtuneError(
-                "parameter.touches-nothing",
-                f"parameter {p.name} sets no field",
-                where=p.where,
-                hint='give it fields = ["PBAR 3 I1"], or use it in a tie',
-            )
+            raise FemtuneError("parameter.touches-nothing/no-field", where=p.where, parameter=p.name)

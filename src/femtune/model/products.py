@@ -14,12 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.fem.contribution import MatrixKind
+from femtune.arrays import Reals
+from femtune.fem.fields import MatrixKind
 from femtune.model.configured import ConfiguredModel, ModelPoint
-from femtune.model.memory import require_memory
+from femtune.model.linear.memory import require_memory
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 # columns for each parameter above which their sum for that parameter is formed first
 MANY = 8
@@ -61,7 +60,8 @@ def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, righ
     """
     chosen = {i: p.term.n_columns for i, p in enumerate(configured.projected) if p.term.matrix == kind}
     size = left.shape[1] * right.shape[1]
-    require_memory(8 * size * sum(chosen.values()), f"projecting {sum(chosen.values()):,} terms on a basis")
+    terms = sum(chosen.values())
+    require_memory(8 * size * terms, "model.memory/projecting", terms=terms)
     out = {i: np.empty((n, left.shape[1], right.shape[1])) for i, n in chosen.items()}
     for i, n in chosen.items():
         for c in range(n):

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-Reals = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from femtune.arrays import Integers, Reals
+
 Places = NDArray[np.int32]
 
 # entries that are summed at once

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from femtune.errors import FemtuneError, Where, did_you_mean
-from femtune.parameters import jet
-from femtune.parameters.jet import Jet
 
-_FUNCTIONS: dict[str, Callable[[Jet], Jet]] = {
-    "sqrt": jet.sqrt, "exp": jet.exp, "log": jet.log, "sin": jet.sin, "cos": jet.cos, "tan": jet.tan,
-}  # fmt: skip
-_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: lambda a, b: a + b,
-    ast.Sub: lambda a, b: a - b,
-    ast.Mult: lambda a, b: a * b,
-    ast.Div: lambda a, b: a / b,
-    ast.Pow: lambda a, b: a**b,
-}
+_FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan")
+"""Each is a function of `femtune.parameters.jet`, and of numpy."""
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _MAX_LENGTH, _MAX_DEPTH = 500, 40
 
 
@@ -42,22 +32,14 @@ class Expression:
         ------
         FemtuneError : ``tie.value`` where the result, or a derivative of it, is no finite number
         """
-        with np.errstate(all="ignore"):
-            result = _evaluate(self._tree, values)
-        if not _finite(result):
-            raise self._no_number(values)
-        return result
+        # numpy is imported where an expression is evaluated, not where a study file is checked
+        from femtune.parameters.evaluation import evaluate, is_finite, plain_value  # noqa: PLC0415
 
-    def _no_number(self, values: Mapping[str, Any]) -> FemtuneError:
-        at = {n: values[n].value if isinstance(values[n], Jet) else values[n] for n in self.names}
-        return FemtuneError(
-            "tie.value",
-            f"'{self.text}' has no finite value or derivative",
-            where=self.where,
-            values=at,
-            hint="mend the expression, or set bounds that keep it off a division by zero, a root or logarithm "
-            "of a negative number and an overflow",
-        )
+        result = evaluate(self._tree, values)
+        if is_finite(result):
+            return result
+        at = {n: plain_value(values[n]) for n in self.names}
+        raise FemtuneError("tie.value", where=self.where, values=at, text=self.text)
 
 
 def parse_expression(text: str, where: Where | None = None) -> Expression:
@@ -80,7 +62,7 @@ def parse_expression(text: str, where: Where | None = None) -> Expression:
 
 def _refused(text: str, why: str, where: Where | None, hint: str = "") -> FemtuneError:
     hint = hint or "use + - * / ** ( ) numbers, parameter names and sqrt exp log sin cos tan"
-    return FemtuneError("tie.syntax", f"'{text}' {why}", where=where, hint=hint)
+    return FemtuneError("tie.syntax", where=where, hint=hint, text=text, why=why)
 
 
 def _check(node: ast.expr, names: dict[str, None], text: str, where: Where | None, depth: int) -> None:
@@ -100,13 +82,13 @@ def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     try:
-        return bool(np.isfinite(float(value)))
+        return math.isfinite(float(value))
     except OverflowError:
         return False
 
 
 def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
-    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, _OPERATORS):
         return [node.left, node.right]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         return [node.operand]
@@ -115,30 +97,3 @@ def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
             return [node.args[0]]
         raise _refused(text, f"calls '{node.func.id}'", where, did_you_mean(node.func.id, _FUNCTIONS))
     raise _refused(text, f"has a part that is not arithmetic: {ast.unparse(node)[:40]}", where)
-
-
-def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    if isinstance(node, ast.Name):
-        return values[node.id]
-    if isinstance(node, ast.Constant):
-        # numpy's float: overflow and division by zero give inf, which is refused once, at the end
-        return np.float64(node.value)  # type: ignore[arg-type]
-    if isinstance(node, ast.BinOp):
-        return _OPERATORS[type(node.op)](_evaluate(node.left, values), _evaluate(node.right, values))
-    if isinstance(node, ast.UnaryOp):
-        operand = _evaluate(node.operand, values)
-        return -operand if isinstance(node.op, ast.USub) else operand
-    assert isinstance(node, ast.Call)
-    assert isinstance(node.func, ast.Name)
-    return _apply(node.func.id, _evaluate(node.args[0], values))
-
-
-def _finite(x: Any) -> bool:
-    parts = (x.value, x.grad, x.hess) if isinstance(x, Jet) else (x,)
-    return all(bool(np.isfinite(part).all()) for part in parts)
-
-
-def _apply(name: str, x: Any) -> Any:
-    if isinstance(x, Jet):
-        return _FUNCTIONS[name](x)
-    return getattr(np, name)(x)

@@ -6,6 +6,7 @@ import keyword
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,38 +49,32 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier() or keyword.iskeyword(self.name):
-            raise self._error(
-                "parameter.name",
-                f"'{self.name}' is not a name that a tie can use",
-                "letters, digits and _, no digit first, and no word of Python such as 'if'",
-            )
+            raise self._error("parameter.name")
         if self.tie is None:
             self._check_bounds()
         self._check_prior()
 
     def _check_bounds(self) -> None:
-        code = "parameter.bounds"
         if not np.isfinite([self.nominal, self.lower, self.upper]).all():
-            raise self._error(code, "nominal value and bounds must be finite", "give each a number")
+            raise self._error("parameter.bounds")
         if self.lower > self.upper:
-            raise self._error(code, "the lower bound lies above the upper one", "exchange them")
+            raise self._error("parameter.bounds/check-bounds")
         if self.lower == self.upper:
-            raise self._error(code, "the bounds leave no room", "widen them, or leave the parameter out")
+            raise self._error("parameter.bounds/check-bounds-2")
         if not self.lower <= self.nominal <= self.upper:
-            raise self._error(code, "the nominal value lies outside the bounds", "widen the bounds")
+            raise self._error("parameter.bounds/check-bounds-3")
 
     def _check_prior(self) -> None:
-        code = "parameter.prior"
         if self.prior_mean is not None and not np.isfinite(self.prior_mean):
-            raise self._error(code, "the prior mean must be finite", "give a number, or leave it out")
+            raise self._error("parameter.prior")
         if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
-            raise self._error(code, "the prior standard deviation must be positive", "give sd > 0")
+            raise self._error("parameter.prior/check-prior")
 
-    def _error(self, code: str, what: str, hint: str) -> FemtuneError:
+    def _error(self, code: str) -> FemtuneError:
         values: dict[str, object] = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
-        if code == "parameter.prior":
+        if code.startswith("parameter.prior"):
             values = {"prior_mean": self.prior_mean, "prior_sd": self.prior_sd}
-        return FemtuneError(code, f"parameter {self.name}: {what}", where=self.where, values=values, hint=hint)
+        return FemtuneError(code, where=self.where, values=values, parameter=self.name)
 
     @property
     def free(self) -> bool:
@@ -129,7 +124,7 @@ class ParameterSet:
     def _check_names(self) -> None:
         for i, p in enumerate(self.parameters):
             if p.name in self.names[:i]:
-                raise FemtuneError("parameter.duplicate", f"two parameters are called {p.name}", where=p.where)
+                raise FemtuneError("parameter.duplicate", where=p.where, p_name=p.name)
 
     def _check_ties(self) -> None:
         for p in self.parameters:
@@ -137,9 +132,10 @@ class ParameterSet:
                 if name not in self.names:
                     raise FemtuneError(
                         "tie.unknown",
-                        f"the tie of {p.name} names '{name}', which is no parameter",
                         where=p.where,
                         hint=did_you_mean(name, (other for other in self.names if other != p.name)),
+                        p_name=p.name,
+                        name=name,
                     )
         _ = self._order
 
@@ -162,7 +158,7 @@ class ParameterSet:
             ready = [p for p in waiting if p.tie and set(p.tie.names) <= done]
             if not ready:
                 names = ", ".join(p.name for p in waiting)
-                raise FemtuneError("tie.circle", f"these ties go round in a circle: {names}", where=waiting[0].where)
+                raise FemtuneError("tie.circle", where=waiting[0].where, names=names)
             ordered += ready
             done |= {p.name for p in ready}
             waiting = [p for p in waiting if p.name not in done]
@@ -219,7 +215,29 @@ class ParameterSet:
         return [p.name for p in self.free].index(name)
 
 
-def tied(name: str, expression: str, **facts: object) -> Parameter:
+def tied(name: str, expression: str, **facts: Any) -> Parameter:
     """A constrained parameter from the text of its tie."""
     where = facts.get("where")
-    return Parameter(name, tie=parse_expression(expression, where), **facts)  # type: ignore[arg-type]
+    return Parameter(name, tie=parse_expression(expression, where), **facts)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Quantities that follow from parameters: what a number of the model means for the structure.
+
+
+@dataclass(frozen=True)
+class DerivedQuantity:
+    """A quantity by an expression of parameters: a slab's thickness of its stiffness, a joint's rotation of its spring.
+
+    Its standard deviation is that of the linear form, σ² = gᵀ C g, with the gradient g that `at` gives and the
+    covariance C of the normalised parameters.
+    """
+
+    name: str
+    expression: Expression
+    unit: str = ""
+
+    def at(self, parameters: ParameterSet, x: NDArray) -> Jet:
+        """Value with gradient and Hessian in the normalised free parameters (error ``tie.value``)."""
+        found = self.expression(parameters.jets(x))
+        return found if isinstance(found, Jet) else jet.constant(found, len(parameters.free))

@@ -1,34 +1,62 @@
 """What is compared: residuals over configurations, and the update problem."""
 
-from femtune.residuals.antiresonance import AntiresonanceResidual, antiresonance_residual
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState, ModalCase, PairedMode, PairingRules, Residual, case_without_modes
-from femtune.residuals.frf import FrfResidual
-from femtune.residuals.frf_choice import frf_residual
-from femtune.residuals.frf_forms import FrfForm
-from femtune.residuals.frf_lines import Band, Region, Resonance, Resonances
-from femtune.residuals.frf_places import Places, places_of
-from femtune.residuals.frf_scatter import FrfScatter
-from femtune.residuals.measured_zeros import Antiresonance, ZeroSearch, measured_antiresonances
-from femtune.residuals.model_way import ModelWay
-from femtune.residuals.pair import OfModes, OfPairs, PairResidual
-from femtune.residuals.pairing import describe_change, groups_of, modes_at_sensors, pair_case, solve_case
-from femtune.residuals.problem import Evaluation, UpdateProblem
-from femtune.residuals.rules import ResidualRules
-from femtune.residuals.solver import ModelSolver, direct
-from femtune.residuals.state import paired_count, state_at
-from femtune.residuals.zero_pairs import ZeroGates
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.model.full_model import ModelSolver, direct
+    from femtune.residuals.case import (
+        CaseState,
+        ComparedCase,
+        PairedMode,
+        PairingRules,
+        Residual,
+        case_without_modes,
+    )
+    from femtune.residuals.dynamic import DynamicResidual
+    from femtune.residuals.flexibility import FlexibilityResidual
+    from femtune.residuals.frequency import FrequencyCovariance, FrequencyResidual
+    from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
+    from femtune.residuals.frf.choice import frf_residual
+    from femtune.residuals.frf.lines import Band, Region, Resonance, Resonances
+    from femtune.residuals.frf.measured_zeros import Antiresonance, ZeroSearch, measured_antiresonances
+    from femtune.residuals.frf.model_way import ModelWay
+    from femtune.residuals.frf.residual import FrfForm, FrfResidual, Places, places_of
+    from femtune.residuals.frf.scatter import FrfScatter
+    from femtune.residuals.mac import MacResidual
+    from femtune.residuals.mass import CentreResidual, InertiaResidual, MassResidual
+    from femtune.residuals.pair import ByMode, OfModes, OfPairs, PairResidual
+    from femtune.residuals.pairing import describe_change, groups_of, modes_at_sensors, pair_case, solve_case
+    from femtune.residuals.problem import Evaluation, Scatter, UpdateProblem
+    from femtune.residuals.shape import ShapeResidual, StrainResidual
+    from femtune.residuals.state import paired_count, state_at
+    from femtune.residuals.static import DisplacementResidual, ForceResidual, StaticTest
+    from femtune.residuals.weights import ResidualBlock, Weights
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Antiresonance",
     "AntiresonanceResidual",
     "Band",
+    "ByMode",
     "CaseState",
+    "CentreResidual",
+    "ComparedCase",
+    "DisplacementResidual",
+    "DynamicResidual",
     "Evaluation",
+    "FlexibilityResidual",
+    "ForceResidual",
+    "FrequencyCovariance",
+    "FrequencyResidual",
     "FrfForm",
     "FrfResidual",
     "FrfScatter",
-    "ModalCase",
+    "InertiaResidual",
+    "MacResidual",
+    "MassResidual",
     "ModelSolver",
     "ModelWay",
     "OfModes",
@@ -40,10 +68,14 @@ __all__ = [
     "Region",
     "Residual",
     "ResidualBlock",
-    "ResidualRules",
     "Resonance",
     "Resonances",
+    "Scatter",
+    "ShapeResidual",
+    "StaticTest",
+    "StrainResidual",
     "UpdateProblem",
+    "Weights",
     "ZeroGates",
     "ZeroSearch",
     "antiresonance_residual",

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.subspace import RANK_TOLERANCE
 from femtune.model import SubspaceDerivative
-
-Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,10 +83,7 @@ def _unit_columns(X: Reals, dX: Reals) -> tuple[Reals, Reals]:
     length = np.linalg.norm(X, axis=0)
     if not (length > 0.0).all():
         raise FemtuneError(
-            "residual.unseen-mode",
-            "a test shape has no part at all in the model modes that it is compared with",
-            values={"test mode within its group (from 1)": int(np.argmin(length)) + 1},
-            hint="take back the pair that was fixed by hand, or leave this mode out",
+            "residual.unseen-mode", values={"test mode within its group (from 1)": int(np.argmin(length)) + 1}
         )
     U = X / length
     return U, (dX - U[:, :, None] * np.einsum("ai,aik->ik", U, dX)) / length[None, :, None]

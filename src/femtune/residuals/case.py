@@ -6,24 +6,40 @@ and a state is one of a case.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.dofs import DofSet
 from femtune.modal import ModeSet
-from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
+from femtune.model import (
+    ConfiguredModel,
+    EigenSolution,
+    ModelPoint,
+    SubspaceDerivative,
+)
+from femtune.model.full_model import ModelSolver, direct
 from femtune.residuals.aligned import AlignedModes, align
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.seen import seen_only
-from femtune.residuals.solver import ModelSolver, direct
+from femtune.residuals.asked import Asked
+from femtune.residuals.weights import ResidualBlock, Weights
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# Modes at the sensors without derivatives, for points of which only the residuals are wanted.
+
+
+def seen_only(solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+    """What `subspace_derivative` gives of a model without parameters: eigenvalues and shapes at the rows."""
+    members = list(members)
+    shapes = np.asarray(rows @ solution.shapes[:, members])
+    none = np.zeros((0, len(members), len(members)))
+    return SubspaceDerivative(solution.eigenvalues[members], none, none, np.zeros((*shapes.shape, 0)), shapes, 0.0)
+
 
 Group = tuple[tuple[int, ...], tuple[int, ...]]
 """Positions of test modes and of the model modes that span their subspace."""
@@ -31,29 +47,67 @@ Group = tuple[tuple[int, ...], tuple[int, ...]]
 
 @dataclass(frozen=True)
 class PairingRules:
-    """How test and model modes find each other; see `femtune.correlate.pair_modes`."""
+    """How test and model modes find each other; see `femtune.correlation.pair_modes`."""
 
     frequency_gate: float = 0.30
     mac_gate: float = 0.50
     relative_gap: float = 0.01
 
 
-@runtime_checkable
-class Residual(Protocol):
-    """One comparison in one configuration: data, weights and labels inside, no algorithm.
+class Residual(ABC):
+    """A kind of residual; an instance is one comparison in one configuration, with its data and weights, no algorithm.
 
     What it keeps belongs to the test, never to one model: it is asked on reduced models and on the written deck too.
+    All that is true of a kind stands in its class.
 
     Parameters
     ----------
+    key : what a study calls the kind: "static-displacement"
+    label : what reports call it: "static displacement"
+    of_modes : True where it compares modes of the test
     on_modes : True where it is made of modes or of a modal basis, so that a reduced model serves it
+    not_normal : why its values have no normal distribution; "" where they have one, to first order
     """
 
-    @property
-    def on_modes(self) -> bool:
-        """See above."""
-        ...
+    key: ClassVar[str] = ""
+    label: ClassVar[str] = ""
+    of_modes: ClassVar[bool] = False
+    on_modes: ClassVar[bool] = False
+    not_normal: ClassVar[str] = ""
 
+    @classmethod
+    def of_study(cls, asked: Asked) -> Residual:
+        """The residual that a [[residual]] table asks for; errors point to the table or to one of its keys."""
+        raise TypeError(f"{cls.__name__} has no table in a study")
+
+    def of_kinds(self, keys: Collection[str]) -> Residual | None:
+        """What of it is of the kinds of some keys; None where nothing is."""
+        return self if self.key in keys else None
+
+    def block(
+        self,
+        configuration: str,
+        mode: str,
+        values: Reals,
+        jacobian: Reals,
+        sd: float,
+        *,
+        lost: int = 0,
+        covariance: Reals | None = None,
+    ) -> ResidualBlock:
+        """A block of this kind; see `ResidualBlock`."""
+        return ResidualBlock(
+            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal
+        )
+
+    def weighted(
+        self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
+    ) -> ResidualBlock:
+        """A block of errors in their unit; its `sd` is relative to `size`, the size of what is compared."""
+        values, slopes = weights.whiten(errors, jacobian)
+        return self.block(configuration, mode, values, slopes, weights.scale / (size or 1.0))
+
+    @abstractmethod
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """Residuals at a state of the model.
 
@@ -62,11 +116,10 @@ class Residual(Protocol):
         state : the model at one parameter vector; it solves for modes when they are asked for
         derivatives : whether Jacobians are wanted; without them those of the blocks have no columns
         """
-        ...
 
 
 @dataclass(frozen=True)
-class ModalCase:
+class ComparedCase:
     """A configuration and what was measured in it.
 
     Parameters
@@ -78,7 +131,7 @@ class ModalCase:
     fixed : (test, model) positions paired by hand
     count, max_hz : which model modes are solved for; one of them
     solver : who computes solutions of the full model
-    residuals : what is compared here besides the paired modes of `ResidualRules`
+    residuals : what is compared here
     full : the case on the full model, where this one is on a reduced model
     """
 
@@ -92,7 +145,7 @@ class ModalCase:
     rules: PairingRules = PairingRules()
     solver: ModelSolver = field(default=direct, repr=False)
     residuals: tuple[Residual, ...] = ()
-    full: ModalCase | None = field(default=None, repr=False)
+    full: ComparedCase | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
@@ -100,7 +153,7 @@ class ModalCase:
         return self.configured.configuration.name
 
     @property
-    def on_full_model(self) -> ModalCase:
+    def on_full_model(self) -> ComparedCase:
         """The case on the full model; this one where it is not reduced."""
         return self if self.full is None else self.full
 
@@ -110,11 +163,11 @@ class ModalCase:
         return bool(len(self.test)) or any(r.on_modes for r in self.residuals)
 
 
-def case_without_modes(configured: ConfiguredModel, residuals: tuple[Residual, ...], **more: object) -> ModalCase:
+def case_without_modes(configured: ConfiguredModel, residuals: tuple[Residual, ...], **more: object) -> ComparedCase:
     """A configuration in which no modes were measured, with what is compared there; `more` are further fields."""
     none = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()), source="no modes were measured")
     rows = sp.csr_array((0, configured.n_free))
-    return ModalCase(configured, none, rows, residuals=residuals, **more)  # type: ignore[arg-type]
+    return ComparedCase(configured, none, rows, residuals=residuals, **more)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,14 +179,17 @@ class PairedMode:
     position : of the test mode in the case's test
     eigenvalue, eigenvalue_gradient : λ in rad²/s² of the model, and ∂λ/∂x (k,)
     shape, shape_gradient : (s,) and (s, k) model shape at the sensors, of unit modal mass
+    turned : by how many rotations inside its subspace the shape was fitted to the test's; those of a cluster of t test
+        modes and c model modes together are as many as there are angles between them, ct − t(t + 1)/2
     """
 
-    case: ModalCase
+    case: ComparedCase
     position: int
     eigenvalue: float
     eigenvalue_gradient: Reals
     shape: Reals
     shape_gradient: Reals
+    turned: int = 0
 
     @property
     def label(self) -> str:
@@ -162,7 +218,7 @@ class CaseState:
     known : the modes there, where they have been solved; without them they are solved when they are asked for
     """
 
-    case: ModalCase
+    case: ComparedCase
     point: ModelPoint
     groups: tuple[Group, ...] = ()
     known: EigenSolution | None = field(default=None, repr=False)
@@ -206,4 +262,5 @@ class CaseState:
             aligned = self.aligned(group, derivatives)
             for a, i in enumerate(group[0]):
                 value, slope = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
-                yield PairedMode(self.case, i, value, slope, aligned.shapes[:, a], aligned.shape_gradients[:, a])
+                shape, gradient = aligned.shapes[:, a], aligned.shape_gradients[:, a]
+                yield PairedMode(self.case, i, value, slope, shape, gradient, len(group[1]) - 1 - a)

@@ -10,19 +10,104 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from scipy.sparse.linalg import SuperLU, splu
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState
-from femtune.residuals.equation import LeastEquationError, equation_error
-from femtune.residuals.weights import Weights
+from femtune.residuals.asked import Asked
+from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.weights import ResidualBlock, Weights
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# Equation errors Aψ − f of a shape that was measured in part: what was not measured is chosen for the least error.
+#
+# That is variable projection (Golub and Pereyra 1973) of the unmeasured entries: the minimum of |Aψ − f|² under Sψ =
+# m is one symmetric linear system, regular even where A itself is singular (at an eigenvalue), and its derivative
+# another with the same matrix.
+
+
+_ACCURATE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class LeastEquationError:
+    """The least equation error.
+
+    Parameters
+    ----------
+    error, gradient : r = Aψ − f (n,) and ∂r/∂x (n, k)
+    shape : ψ (n,), equal to what was measured at the sensors
+    """
+
+    error: Reals
+    gradient: Reals
+    shape: Reals
+
+
+def equation_error(
+    matrix: sp.csr_array,
+    derivatives: Sequence[sp.csr_array],
+    sensors: sp.csr_array,
+    measured: Reals,
+    force: Reals | None = None,
+) -> LeastEquationError:
+    """The least |Aψ − f| of all ψ with Sψ = m.
+
+    Parameters
+    ----------
+    matrix, derivatives : A (n, n) symmetric and ∂A/∂x of k parameters
+    sensors, measured : S (s, n) and m (s,)
+    force : f (n,), none where it is zero
+
+    Raises
+    ------
+    FemtuneError : ``residual.sensors-dependent`` where the measured combinations of DOFs depend on one another, or
+        leave a motion without any error
+    """
+    n, s = matrix.shape[0], sensors.shape[0]
+    f = np.zeros(n) if force is None else force
+    size = float(np.abs(matrix.data).max(initial=0.0)) or 1.0
+    saddle = _saddle(matrix, sensors, size)
+    factor = _factorised(saddle)
+    first = _solved(saddle, factor, np.concatenate([f, np.zeros(n), size * measured])[:, None])[:, 0]
+    scaled, shape = first[:n], first[n : 2 * n]
+    loads = [np.concatenate([-(d @ shape), -(d @ scaled), np.zeros(s)]) for d in derivatives]
+    slopes = _solved(saddle, factor, np.stack(loads, axis=1))[:n] if loads else np.zeros((n, 0))
+    return LeastEquationError(size * scaled, size * slopes, shape)
+
+
+def _saddle(matrix: sp.csr_array, sensors: sp.csr_array, size: float) -> sp.csc_array:
+    """For (r/β, ψ, multipliers) with β the size of A, so that all blocks have one size."""
+    n = matrix.shape[0]
+    observe = size * sp.csr_array(sensors)
+    return sp.csc_array(
+        sp.block_array([[-size * sp.eye_array(n), matrix, None], [matrix, None, observe.T], [None, observe, None]])
+    )
+
+
+def _factorised(saddle: sp.csc_array) -> SuperLU:
+    try:
+        return splu(saddle)
+    except RuntimeError as error:
+        raise _dependent() from error
+
+
+def _solved(saddle: sp.csc_array, factor: SuperLU, loads: Reals) -> Reals:
+    """With one step of refinement; what stays wrong then is no solution."""
+    found = factor.solve(loads)
+    found = found + factor.solve(loads - saddle @ found)
+    left = np.linalg.norm(loads - saddle @ found, axis=0)
+    if not (left <= _ACCURATE * np.linalg.norm(loads, axis=0)).all():
+        raise _dependent()
+    return np.asarray(found)
+
+
+def _dependent() -> FemtuneError:
+    return FemtuneError("residual.sensors-dependent")
 
 
 @dataclass(frozen=True)
-class DynamicResidual:
+class DynamicResidual(Residual):
     """Equation error of every test mode that is not left out; no mode of the model is solved, nothing is paired.
 
     Parameters
@@ -33,13 +118,21 @@ class DynamicResidual:
 
     sd: float
     labels: tuple[str, ...] | None = None
-    on_modes = False
+    key = "dynamic"
+    label = "dynamic"
+    of_modes = True
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> DynamicResidual:
+        """See `Residual`."""
+        _ = asked.modes
+        return cls(asked.entry.sd, asked.entry.modes)
 
     def __post_init__(self) -> None:
         Weights(self.sd)
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """One value for each free DOF and mode.
+        """One value for each free DOF and mode, of which as many are independent as entries were measured.
 
         Raises
         ------
@@ -67,17 +160,17 @@ class DynamicResidual:
             scaled,
         )
         inertia = value * float(np.linalg.norm(point.mass @ found.shape))
-        return self._block(state, case.test.labels[i], found, inertia)
+        return self._block(state, case.test.labels[i], found, inertia, len(known))
 
-    def _block(self, state: CaseState, label: str, found: LeastEquationError, size: float) -> ResidualBlock:
+    def _block(
+        self, state: CaseState, label: str, found: LeastEquationError, size: float, measured: int
+    ) -> ResidualBlock:
         """The block, its error told beside the forces of inertia."""
         values, slopes = found.error / self.sd, found.gradient / self.sd
-        return ResidualBlock("dynamic", state.case.name, label, values, slopes, self.sd / (size or 1.0))
+        # the entries that were not measured take the part of the forces that they can produce
+        lost = len(values) - measured
+        return self.block(state.case.name, label, values, slopes, self.sd / (size or 1.0), lost=lost)
 
 
 def _no_shape(name: str, label: str) -> FemtuneError:
-    return FemtuneError(
-        "residual.unmeasured",
-        f"configuration {name}: mode {label} has no measured entry, so its equation error is not defined",
-        hint="leave this mode out",
-    )
+    return FemtuneError("residual.unmeasured/no-shape", name=name, label=label)

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.residuals.block import ResidualBlock
+from femtune.arrays import Reals
+from femtune.residuals.asked import Asked, check_asked_mass_scaled
 from femtune.residuals.case import PairedMode
 from femtune.residuals.pair import OfPairs
 from femtune.residuals.shape import check_mass_scaled
-from femtune.residuals.weights import Weights, weighted_block
-
-Reals = NDArray[np.float64]
+from femtune.residuals.weights import ResidualBlock, Weights
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,15 @@ class FlexibilityResidual(OfPairs):
 
     sd: float
     part: str = "matrix"
+    key = "flexibility"
+    label = "flexibility"
+    not_normal = "its entries are products of a few shapes, so that their errors are not independent"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> FlexibilityResidual:
+        """See `Residual` (error ``residual.not-mass-scaled``)."""
+        check_asked_mass_scaled(asked)
+        return cls(asked.entry.sd, asked.entry.part)
 
     def __post_init__(self) -> None:
         Weights(self.sd)
@@ -52,10 +60,10 @@ class FlexibilityResidual(OfPairs):
         model = sum(_outer(p.shape[known]) / p.eigenvalue for p in pairs)
         slopes = np.sum([_slope(p, known) for p in pairs], axis=0)
         size = float(np.abs(test).max(initial=0.0)) or 1.0
-        label = f"modes {', '.join(p.label for p in pairs)}" if len(pairs) > 1 else pairs[0].label
+        label = ", ".join(p.label for p in pairs)
         errors = np.asarray(model - test)[rows, columns] / size
         weights = Weights(self.sd)
-        return [weighted_block("flexibility", pairs[0].case.name, label, errors, slopes[rows, columns] / size, weights)]
+        return [self.weighted(pairs[0].case.name, label, errors, slopes[rows, columns] / size, weights)]
 
     def _entries(self, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return (np.arange(n), np.arange(n)) if self.part == "diagonal" else np.triu_indices(n)

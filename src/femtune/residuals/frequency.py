@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.residuals.block import ResidualBlock
+from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import PairedMode
 from femtune.residuals.pair import OfPairs, PairResidual
-from femtune.residuals.weights import Weights
+from femtune.residuals.weights import ResidualBlock, Weights
 
-Reals = NDArray[np.float64]
 Form = Literal["frequency", "eigenvalue"]
 
 
@@ -51,12 +50,27 @@ class FrequencyResidual(PairResidual):
 
     sd: float | Literal["test"]
     form: Form = "frequency"
+    key = "frequency"
+    label = "frequency"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> FrequencyResidual | FrequencyCovariance:
+        """See `Residual`; errors ``residual.no-scatter``, ``residual.weights``, ``residual.covariance``."""
+        entry, modes = asked.entry, asked.modes
+        if entry.covariance is None:
+            if entry.sd == "test" and not asked.short:
+                _check_scatter(asked, modes.freq_sd_hz, "sd")
+            return cls(entry.sd, entry.form)
+        if entry.covariance == "test":
+            _check_scatter(asked, modes.covariance, "covariance")
+            return FrequencyCovariance("test", entry.form)
+        return FrequencyCovariance(asked_covariance(asked, len(modes), "the modes of the test"), entry.form)
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value a mode."""
         sd = self.sd if self.sd != "test" else self._of_test(pair)
         values = frequency_residual(pair.eigenvalue, pair.eigenvalue_gradient, pair.test_hz, sd, self.form)
-        return ResidualBlock("frequency", pair.case.name, pair.label, *values, sd)
+        return self.block(pair.case.name, pair.label, *values, sd)
 
     def _of_test(self, pair: PairedMode) -> float:
         known = pair.case.test.freq_sd_hz
@@ -80,6 +94,8 @@ class FrequencyCovariance(OfPairs):
 
     covariance: Reals | Literal["test"]
     form: Form = "frequency"
+    key = FrequencyResidual.key
+    label = FrequencyResidual.label
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """One value a paired mode, whitened together: relative errors e, of which the covariance is C_ij/(f_i f_j)."""
@@ -92,7 +108,7 @@ class FrequencyCovariance(OfPairs):
         errors, slopes = np.concatenate([e for e, _ in each]), np.concatenate([s for _, s in each])
         values = relative.whiten(errors, slopes)
         label = ", ".join(p.label for p in pairs)
-        return [ResidualBlock("frequency", pairs[0].case.name, label, *values, relative.scale)]
+        return [self.block(pairs[0].case.name, label, *values, relative.scale)]
 
     def _covariance(self, pairs: Sequence[PairedMode]) -> Reals:
         test, at = pairs[0].case.test, [p.position for p in pairs]
@@ -104,9 +120,10 @@ class FrequencyCovariance(OfPairs):
         return np.asarray(matrix[np.ix_(at, at)])
 
 
+def _check_scatter(asked: Asked, known: Reals | None, key: str) -> None:
+    if known is None:
+        raise FemtuneError("residual.no-scatter/check-scatter", where=asked.where(key), asked_name=asked.name)
+
+
 def _no_scatter(pair: PairedMode) -> FemtuneError:
-    return FemtuneError(
-        "residual.no-scatter",
-        f"configuration {pair.case.name}: the test gives no scatter for mode {pair.label}",
-        hint="give frequency_sd a number",
-    )
+    return FemtuneError("residual.no-scatter/no-scatter", case_name=pair.case.name, pair_label=pair.label)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femtune.residuals.block import ResidualBlock
+from femtune.arrays import Reals
+from femtune.residuals.asked import Asked
 from femtune.residuals.case import PairedMode
 from femtune.residuals.pair import PairResidual
+from femtune.residuals.weights import ResidualBlock
 
-Reals = NDArray[np.float64]
 MacForm = Literal["root", "ratio", "difference"]
 
 
@@ -54,9 +54,17 @@ class MacResidual(PairResidual):
 
     sd: float
     form: MacForm = "root"
-    kind: str = "shape"
+    key = "mac"
+    label = "MAC"
+    not_normal = "1 − MAC is a quadratic form of the noise, which always raises it; a shape residual can be tested"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> MacResidual:
+        """See `Residual`."""
+        _ = asked.modes
+        return cls(asked.entry.sd, asked.entry.form)
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value a mode."""
         found = mac_residual(pair.shape, pair.shape_gradient, pair.test_shape, self.sd, self.form)
-        return ResidualBlock(self.kind, pair.case.name, pair.label, *found, self.sd)
+        return self.block(pair.case.name, pair.label, *found, self.sd)

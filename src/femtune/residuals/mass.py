@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.response import mass_response
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState
-from femtune.residuals.weights import Weights, weighted_block
+from femtune.residuals.asked import Asked
+from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.weights import ResidualBlock, Weights
 
-Reals = NDArray[np.float64]
 _AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False)
-class MassResidual:
+class MassResidual(Residual):
     """m(x) − m_e of all that is active in the configuration; `weights` in the unit of mass."""
 
     mass: float
     weights: Weights
-    on_modes = False
+    key = "mass"
+    label = "mass"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> MassResidual:
+        """See `Residual`."""
+        return cls(asked.entry.mass, Weights(asked.entry.sd * asked.entry.mass))
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0.0):
@@ -33,12 +39,12 @@ class MassResidual:
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One value."""
         found = mass_response(state.full)
-        errors, slopes = np.array([found.properties.mass - self.mass]), found.mass[None, :]
-        return [_block("mass", state, "total", errors, slopes, self.weights, self.mass, derivatives)]
+        errors, slopes = np.array([found.properties.mass - self.mass]), _wanted(found.mass[None, :], derivatives)
+        return [self.weighted(state.case.name, "total", errors, slopes, self.weights, self.mass)]
 
 
 @dataclass(frozen=True, eq=False)
-class CentreResidual:
+class CentreResidual(Residual):
     """Centre of gravity, in the basic frame; NaN coordinates were not measured.
 
     `weights` are of the coordinates that were, in the unit of length.
@@ -46,7 +52,14 @@ class CentreResidual:
 
     centre: Reals
     weights: Weights
-    on_modes = False
+    key = "centre-of-gravity"
+    label = "centre of gravity"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> CentreResidual:
+        """See `Residual` (error ``residual.mass-data``)."""
+        given = [getattr(asked.entry, axis) for axis in _AXES]
+        return cls(np.array(_numbers(given)), Weights(asked.entry.sd))
 
     def __post_init__(self) -> None:
         if np.shape(self.centre) != (3,) or np.isnan(self.centre).all() or np.isinf(self.centre).any():
@@ -60,11 +73,12 @@ class CentreResidual:
         xyz = state.full.configured.model.structure.nodes.xyz
         size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 1.0
         label = ", ".join(_AXES[i] for i in known)
-        return [_block("centre of gravity", state, label, errors, found.centre[known], self.weights, size, derivatives)]
+        slopes = _wanted(found.centre[known], derivatives)
+        return [self.weighted(state.case.name, label, errors, slopes, self.weights, size)]
 
 
 @dataclass(frozen=True, eq=False)
-class InertiaResidual:
+class InertiaResidual(Residual):
     """Entries of the inertia tensor about a point, basic frame; NaN entries were not measured.
 
     Parameters
@@ -77,7 +91,16 @@ class InertiaResidual:
     inertia: Reals
     about: ArrayLike
     weights: Weights
-    on_modes = False
+    key = "inertia"
+    label = "inertia"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> InertiaResidual:
+        """See `Residual` (error ``residual.mass-data``)."""
+        names = (("xx", "xy", "xz"), ("xy", "yy", "yz"), ("xz", "yz", "zz"))
+        matrix = np.array([_numbers([getattr(asked.entry, f"i{name}") for name in row]) for row in names])
+        size = float(np.nanmax(np.abs(matrix), initial=0.0)) or 1.0
+        return cls(matrix, asked.entry.about, Weights(asked.entry.sd * size))
 
     def __post_init__(self) -> None:
         values = np.asarray(self.inertia, dtype=float)
@@ -98,18 +121,18 @@ class InertiaResidual:
         errors = (found.properties.inertia - self.inertia)[rows, columns]
         label = ", ".join(f"I{_AXES[i]}{_AXES[j]}" for i, j in known)
         size = float(np.nanmax(np.abs(self.inertia)))
-        slopes = found.inertia[rows, columns]
-        return [_block("inertia", state, label, errors, slopes, self.weights, size, derivatives)]
+        slopes = _wanted(found.inertia[rows, columns], derivatives)
+        return [self.weighted(state.case.name, label, errors, slopes, self.weights, size)]
 
 
-def _block(
-    kind: str, state: CaseState, label: str, errors: Reals, slopes: Reals, weights: Weights, size: float, wanted: bool
-) -> ResidualBlock:
-    known = slopes if wanted else np.zeros((len(errors), 0))
-    return weighted_block(kind, state.case.name, label, errors, known, weights, size)
+def _wanted(slopes: Reals, derivatives: bool) -> Reals:
+    return slopes if derivatives else np.zeros((len(slopes), 0))
+
+
+def _numbers(values: Iterable[float | None]) -> list[float]:
+    """NaN for what was not measured."""
+    return [float("nan") if value is None else value for value in values]
 
 
 def _bad(what: str, value: object, wanted: str) -> FemtuneError:
-    return FemtuneError(
-        "residual.mass-data", f"{what} is not {wanted}", values={"given": value}, hint="give what was measured"
-    )
+    return FemtuneError("residual.mass-data", values={"given": value}, subject=what, wanted=wanted)

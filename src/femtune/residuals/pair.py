@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState, PairedMode
+from femtune.residuals.case import CaseState, PairedMode, Residual
+from femtune.residuals.weights import ResidualBlock
 
 
-class OfPairs(ABC):
+class OfPairs(Residual):
     """A residual that is made of paired modes."""
 
+    of_modes = True
     on_modes = True
 
     @abstractmethod
@@ -42,13 +43,14 @@ class ByMode(OfPairs):
 
     parts: tuple[PairResidual, ...]
 
+    def of_kinds(self, keys: Collection[str]) -> Residual | None:
+        """The parts of some kinds."""
+        parts = tuple(part for part in self.parts if part.key in keys)
+        return ByMode(parts) if parts else None
+
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The blocks of each pair in turn."""
         return [part.of_pair(pair) for pair in pairs for part in self.parts]
-
-    def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """See `Residual`; where nothing is compared nothing is solved."""
-        return super().blocks(state, derivatives) if self.parts else []
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ class OfModes(OfPairs):
 
     residual: OfPairs
     labels: tuple[str, ...]
+
+    def of_kinds(self, keys: Collection[str]) -> Residual | None:
+        """Itself where its residual is of one of these kinds."""
+        return self if self.residual.of_kinds(keys) is not None else None
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """The blocks of the chosen pairs."""

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from femtune.correlate import Pairing, pair_modes
+from femtune.correlation import Pairing, pair_modes
 from femtune.modal import ModeSet
+from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import EigenSolution
-from femtune.residuals.case import Group, ModalCase
+from femtune.residuals.case import ComparedCase, Group
 
 
-def solve_case(case: ModalCase, x: NDArray) -> EigenSolution:
+def solve_case(case: ComparedCase, x: NDArray) -> EigenSolution:
     """Modes of the case at a normalised parameter vector."""
     return case.solver.modes(case.configured.at(x), case.count, case.max_hz)
 
 
-def modes_at_sensors(case: ModalCase, solution: EigenSolution) -> ModeSet:
+def modes_at_sensors(case: ComparedCase, solution: EigenSolution) -> ModeSet:
     """The wanted model modes sampled at the sensors."""
     shapes = case.sensors @ solution.shapes[:, : solution.wanted]
     return ModeSet(solution.freq_hz, shapes, case.test.dofs, normalisation="mass", source="model")
 
 
-def pair_case(case: ModalCase, solution: EigenSolution) -> Pairing:
+def pair_case(case: ComparedCase, solution: EigenSolution) -> Pairing:
     """Pair the test's modes with the model's."""
     return pair_modes(
         case.test,
@@ -63,7 +63,7 @@ def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Gr
     return tuple(sorted([*fresh, *kept]))
 
 
-def describe_change(case: ModalCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:
+def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:
     """Sentences on test modes whose partners changed."""
     old, new = ({i: models for tests, models in groups for i in tests} for groups in (before, after))
     sentences = []

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from femtune.correlate import no_pairs
+from femtune.arrays import Reals
+from femtune.correlation import no_pairs
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState, ModalCase
-from femtune.residuals.pair import OfPairs
+from femtune.residuals.case import CaseState, ComparedCase
+from femtune.residuals.pair import ByMode, OfPairs, PairResidual
 from femtune.residuals.pairing import keep_paired, pair_case
-from femtune.residuals.rules import ResidualRules
 from femtune.residuals.state import followed, paired_afresh, state_at
+from femtune.residuals.weights import ResidualBlock
 
-Reals = NDArray[np.float64]
+Scatter = Literal["stated", "estimated"]
+"""Whether standard deviations are known, or relative weights whose size the residuals tell."""
 
 _LARGEST = 1e200
 """Of sums of squares: products of two stay within what numbers can be."""
@@ -49,6 +50,14 @@ class Evaluation:
         return [b.kind for b in self.blocks for _ in b.values]
 
     @property
+    def lost(self) -> dict[str, int]:
+        """By kind, the number of combinations of its residuals that are zero whatever the noise."""
+        out: dict[str, int] = {}
+        for block in self.blocks:
+            out[block.kind] = out.get(block.kind, 0) + block.lost
+        return out
+
+    @property
     def objective(self) -> float:
         """½ rᵀr."""
         return 0.5 * float(self.residuals @ self.residuals)
@@ -68,14 +77,25 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class UpdateProblem:
-    """Cases that share parameters, and the rules by which their paired modes are compared.
+    """Cases that share parameters, each with its residuals.
 
-    Each case may have residuals of its own besides.
+    Parameters
+    ----------
+    residuals : of paired modes, compared in every case before those of its own, mode by mode
+    scatter : "stated" where the standard deviations are known, "estimated" where they are relative weights and the
+        residuals tell their size
+
+    Examples
+    --------
+    >>> from femtune.residuals.frequency import FrequencyResidual
+    >>> UpdateProblem((), ParameterSet(()), (FrequencyResidual(0.01),)).scatter
+    'stated'
     """
 
-    cases: tuple[ModalCase, ...]
+    cases: tuple[ComparedCase, ...]
     parameters: ParameterSet
-    rules: ResidualRules = field(default_factory=ResidualRules)
+    residuals: tuple[PairResidual, ...] = ()
+    scatter: Scatter = "stated"
 
     def start(self, x: Reals) -> Evaluation:
         """Solve and pair afresh.
@@ -105,8 +125,8 @@ class UpdateProblem:
         if tested and not any(s.groups for s in tested):
             raise _no_pairs(tested[0])
 
-    def _compares_modes(self, case: ModalCase) -> bool:
-        return self.rules.compare_modes or any(isinstance(r, OfPairs) for r in case.residuals)
+    def _compares_modes(self, case: ComparedCase) -> bool:
+        return bool(self.residuals) or any(isinstance(r, OfPairs) for r in case.residuals)
 
     def check_compared(self, at: Evaluation) -> None:
         """Refuse an evaluation of no residual, or of some that cannot be squared.
@@ -117,11 +137,7 @@ class UpdateProblem:
         """
         if not len(at.residuals):
             names = ", ".join(case.name for case in self.cases)
-            raise FemtuneError(
-                "residual.nothing-compared",
-                f"nothing is compared in any configuration: {names}",
-                hint="add a residual, or give frequency_sd or shape_sd a value above zero",
-            )
+            raise FemtuneError("residual.nothing-compared", names=names)
         if not (1.0 / _LARGEST < at.weights < _LARGEST and at.objective < _LARGEST):
             raise _out_of_range(at)
 
@@ -140,8 +156,8 @@ class UpdateProblem:
 
     def assess(self, x: Reals, states: Sequence[CaseState], derivatives: bool = True) -> Evaluation:
         """Residual blocks of given states; without derivatives, which cost more than the modes, where not wanted."""
-        by_rules = self.rules.residual
-        blocks = [b for s in states for r in (by_rules, *s.case.residuals) for b in r.blocks(s, derivatives)]
+        everywhere = (ByMode(self.residuals),) if self.residuals else ()
+        blocks = [b for s in states for r in (*everywhere, *s.case.residuals) for b in r.blocks(s, derivatives)]
         return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks), derivatives)
 
 
@@ -157,9 +173,8 @@ def _out_of_range(at: Evaluation) -> FemtuneError:
     worst = max(at.blocks, key=lambda b: max(_largest(b), 10.0 ** abs(np.log10(b.sd))))
     return FemtuneError(
         "residual.out-of-range",
-        f"{worst.label}: its numbers are too large or too small to reckon with",
         values={"standard deviation": worst.sd, "largest residual in it": _largest(worst)},
-        hint="check the unit of what was measured, and of its standard deviation or covariance",
+        worst_label=worst.label,
     )
 
 

@@ -2,20 +2,80 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.dofs import DofSet
-from femtune.errors import FemtuneError
-from femtune.residuals.block import ResidualBlock
+from femtune.arrays import Reals
+from femtune.dofs import Dof, DofSet, parse_dof
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
 from femtune.residuals.case import PairedMode
 from femtune.residuals.pair import PairResidual
-from femtune.residuals.scaling import Scaling, scaled_difference
-from femtune.residuals.weights import Weights, as_weights, weighted_block
+from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# Scales in which a model shape is compared with a test shape, and the derivative of each.
+
+
+Scaled = tuple[Reals, Reals, NDArray[np.int64]]
+Scaling = Literal["unit-norm", "largest-entry", "scale-factor", "mass"]
+
+
+def scaled_difference(shape: Reals, gradient: Reals, test: Reals, scaling: Scaling = "unit-norm") -> Scaled:
+    """Differences of a model shape and a test shape in one scale, their Jacobian, and the positions compared.
+
+    Parameters
+    ----------
+    shape, gradient : (s,) and (s, k) model shape at the sensors; of unit modal mass for "mass", in any scale otherwise
+    test : (s,) test shape; NaN entries were not measured and are left out
+    scaling :
+        "unit-norm", both of unit Euclidean norm over what was measured: |difference| = √(2(1 − √MAC));
+        "largest-entry", both one where the test is largest, and that entry left out;
+        "scale-factor", the model by the modal scale factor φᵀψ/φᵀφ, which makes the difference least, over |ψ|:
+        |difference| = √(1 − MAC);
+        "mass", as they are, both of unit modal mass, over |ψ|; only the sign is aligned
+    """
+    known = np.flatnonzero(~np.isnan(test))
+    phi, slope, reference = shape[known], gradient[known], test[known]
+    if scaling == "largest-entry":
+        values, jacobian, rest = _largest_entry(phi, slope, reference)
+        return values, jacobian, known[rest]
+    of = {"unit-norm": _unit_norm, "scale-factor": _scale_factor, "mass": _mass}[scaling]
+    values, jacobian = of(phi, slope, reference)
+    return values, jacobian, known
+
+
+def _unit_norm(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
+    norm = np.sign(phi @ test or 1.0) * np.linalg.norm(phi)
+    unit = phi / norm
+    return unit - test / np.linalg.norm(test), (slope - np.outer(unit, unit @ slope)) / norm
+
+
+def _largest_entry(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals, NDArray[np.bool_]]:
+    top = int(np.argmax(np.abs(test)))
+    rest = np.arange(len(test)) != top
+    ratio = phi / phi[top]
+    jacobian = (slope - np.outer(ratio, slope[top])) / phi[top]
+    return (ratio - test / test[top])[rest], jacobian[rest], rest
+
+
+def _scale_factor(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
+    square = phi @ phi
+    factor = phi @ test / square
+    d_factor = (test - 2.0 * factor * phi) @ slope / square
+    size = np.linalg.norm(test)
+    return (factor * phi - test) / size, (factor * slope + np.outer(phi, d_factor)) / size
+
+
+def _mass(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
+    side, size = np.sign(phi @ test or 1.0), np.linalg.norm(test)
+    return (side * phi - test) / size, side * slope / size
+
+
 Places = NDArray[np.int64]
 
 
@@ -27,22 +87,53 @@ def shape_difference(
     return values / sd, jacobian / sd
 
 
+_FROM_THE_SHAPE = ("unit-norm", "scale-factor")
+"""Scales that follow from all entries of the shape: one combination of the differences is zero whatever the noise."""
+
+
+def noise_of_scaling(test: Reals, scaling: Scaling) -> Reals:
+    """(m, n) matrix that takes errors of the n measured entries of a scaled test shape to the m differences.
+
+    To first order about a right model, and but for the sign. A scale that follows from the shape itself takes the part
+    along the shape away; a scale by one entry brings the error of that entry to all others.
+    """
+    one = np.eye(len(test))
+    if scaling == "mass":
+        return one
+    if scaling != "largest-entry":
+        return np.asarray(one - np.outer(test, test) / (test @ test))
+    top = int(np.argmax(np.abs(test)))
+    return np.asarray(np.delete(one - np.outer(test / test[top], one[top]), top, axis=0))
+
+
 @dataclass(frozen=True, eq=False)
 class ShapeResidual(PairResidual):
     """Differences of shapes that are scaled alike.
+
+    Of n measured entries n − 1 are independent where the scale follows from the shape itself ("unit-norm",
+    "scale-factor") and where the largest entry is scaled to one, which is then no residual; n by modal mass.
 
     Parameters
     ----------
     weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order
     scaling : see `scaled_difference`
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
-    kind : what the report calls it: "shape", or "strain" where the sensors are strain gauges
     """
 
     weights: float | Weights
     scaling: Scaling = "unit-norm"
     sensors: DofSet | None = None
-    kind: str = "shape"
+    key = "shape"
+    label = "shape"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> ShapeResidual:
+        """See `Residual`; errors ``dof.missing``, ``residual.not-mass-scaled``, ``residual.weights`` …"""
+        entry, dofs = asked.entry, asked.modes.dofs
+        if entry.scaling == "mass":
+            check_asked_mass_scaled(asked)
+        sensors = dofs if entry.sensors is None else DofSet(_asked_sensors(asked, entry.sensors))
+        return cls(asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors)
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value for each entry that was measured (one less where the largest is scaled to one).
@@ -61,7 +152,21 @@ class ShapeResidual(PairResidual):
         if measured <= (self.scaling != "mass") or not np.nan_to_num(test).any():
             raise _unmeasured(pair, measured)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
-        return weighted_block(self.kind, pair.case.name, pair.label, errors, slopes, weights.of(which[kept]))
+        own = weights.of(which[kept])
+        values, slopes = own.whiten(errors, slopes)
+        lost = pair.turned + (self.scaling in _FROM_THE_SHAPE)
+        covariance = self._covariance(test, weights, which, own)
+        return self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+
+    def _covariance(self, test: Reals, weights: Weights, which: Places, own: Weights) -> Reals | None:
+        """Covariance of the residuals; None where it is the identity, but for what is lost to the scale."""
+        if self.scaling == "mass" or (self.scaling in _FROM_THE_SHAPE and weights.size is None):
+            return None
+        known = np.flatnonzero(~np.isnan(test))
+        noise = noise_of_scaling(test[known], self.scaling)
+        of_all = own if len(noise) == len(known) else weights.of(which[known])
+        spread = own.whiten(np.zeros(len(noise)), noise @ of_all.root(len(known)))[1]
+        return np.asarray(spread @ spread.T)
 
     def _places(self, known: DofSet) -> tuple[Places, Places]:
         """Positions among the sensors of the residual, and among those of the test."""
@@ -73,21 +178,43 @@ class ShapeResidual(PairResidual):
         return both[:, 0], both[:, 1]
 
 
+class StrainResidual(ShapeResidual):
+    """The same of strain shapes: of those sensors of the test that are strain gauges."""
+
+    key = "strain"
+    label = "strain"
+
+
+def _asked_sensors(asked: Asked, labels: Iterable[str]) -> Iterator[Dof]:
+    """Sensors of the test's modes."""
+    known = {(d.node, d.direction): d for d in asked.modes.dofs}
+    for i, label in enumerate(labels):
+        dof = parse_dof(label)
+        if (dof.node, dof.direction) not in known:
+            raise FemtuneError(
+                "dof.missing/asked-sensors",
+                where=asked.where("sensors", i),
+                hint=did_you_mean(label, map(str, asked.modes.dofs)),
+                asked_name=asked.name,
+                label=label,
+            )
+        yield known[dof.node, dof.direction]
+
+
 def check_mass_scaled(pair: PairedMode) -> None:
     """Refuse a test whose shapes are not of unit modal mass (error ``residual.not-mass-scaled``)."""
     if pair.case.test.normalisation != "mass":
         raise FemtuneError(
-            "residual.not-mass-scaled",
-            f"configuration {pair.case.name}: the test's shapes are not mass-normalised, and this residual needs it",
+            "residual.not-mass-scaled/check-mass-scaled",
             values={"normalisation of the test": pair.case.test.normalisation},
-            hint="measure with known input and scale the shapes to unit modal mass, or take a residual that needs none",
+            case_name=pair.case.name,
         )
 
 
 def _unmeasured(pair: PairedMode, known: int) -> FemtuneError:
     return FemtuneError(
-        "residual.unmeasured",
-        f"configuration {pair.case.name}: mode {pair.label} has too few measured entries to compare its shape",
+        "residual.unmeasured/unmeasured",
         values={"measured entries": known},
-        hint="name sensors that were measured, or leave this mode out",
+        case_name=pair.case.name,
+        pair_label=pair.label,
     )

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
 
+import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.model import EigenSolution
-from femtune.residuals.case import CaseState, ModalCase
+from femtune.model import ConfiguredModel, EigenSolution, ModelPoint, SubspaceDerivative
+from femtune.model.full_model import ModelSolver
+from femtune.model.reduce import ReducedModel, ReducedModes, ReducedPoint, reduced_derivative, reduced_modes
+from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.pairing import groups_of, pair_case, track
 
 
-def state_at(case: ModalCase, x: NDArray, known: EigenSolution | None = None) -> CaseState:
+def state_at(case: ComparedCase, x: NDArray, known: EigenSolution | None = None) -> CaseState:
     """A case at a normalised parameter vector, its test modes paired; `known` are its modes where they are solved.
 
     A case without test modes is not solved for modes here.
@@ -38,3 +44,33 @@ def followed(state: CaseState, x: NDArray) -> CaseState:
 def paired_count(states: Sequence[CaseState]) -> int:
     """Number of paired test modes."""
     return sum(len(tests) for s in states for tests, _ in s.groups)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Cases on reduced models: the same comparison, its modes from a dense model of low order.
+
+
+class _Reduced:
+    """Modes and derivatives of reduced models; what they return answers all that residuals ask of a solution."""
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        """As `reduced_modes`."""
+        return cast(EigenSolution, reduced_modes(cast(ReducedPoint, point), count, max_hz))
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        """As `reduced_derivative`."""
+        return reduced_derivative(cast(ReducedModes, solution), members, np.asarray(rows))
+
+
+reduced_solver: ModelSolver = _Reduced()
+
+
+def reduced_case(case: ComparedCase, model: ReducedModel) -> ComparedCase:
+    """The case on a reduced model whose rows are the case's sensors.
+
+    Its states hold `ReducedModes`: shapes in the coordinates of the basis, which the sensors' rows turn into motions.
+    Residuals that modes do not serve ask the full model, which the case keeps.
+    """
+    sensors = cast(sp.csr_array, model.rows)
+    reduced = cast(ConfiguredModel, model)
+    return replace(case, configured=reduced, sensors=sensors, solver=reduced_solver, full=case.on_full_model)

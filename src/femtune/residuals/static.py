@@ -7,18 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel
 from femtune.model.response import Ports, matrix_ports, static_response
-from femtune.residuals.block import ResidualBlock
-from femtune.residuals.case import CaseState
-from femtune.residuals.equation import equation_error
-from femtune.residuals.weights import Weights, weighted_block
-
-Reals = NDArray[np.float64]
+from femtune.residuals.asked import Asked, asked_weights
+from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.dynamic import equation_error
+from femtune.residuals.weights import ResidualBlock, Weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +45,8 @@ class StaticTest:
         if measured.shape != (self.outputs.shape[0],) or not np.isfinite(measured).all() or not measured.any():
             raise FemtuneError(
                 "residual.static-data",
-                f"load case {self.name}: the measured displacements are not one finite number a sensor, or all zero",
                 values={"sensors": self.outputs.shape[0], "displacements": measured.tolist()},
-                hint="give the displacement that each sensor showed under this load",
+                name=self.name,
             )
 
     @property
@@ -63,13 +60,31 @@ class StaticTest:
         return matrix_ports(configured, self.forces, self.outputs, DofSet([Dof(1, "S")]), outputs, (self.name,))
 
 
+def _asked_test(asked: Asked) -> StaticTest:
+    """The load case of a table (errors ``response.zero-load``, ``residual.static-data``, as of `Asked.rows`)."""
+    entry = asked.entry
+    rows, seen = asked.rows("forces"), asked.rows("displacements")
+    load = sp.csr_array(sp.csr_array(np.array([list(entry.forces.values())])) @ rows)
+    if not np.any(load.data):
+        raise FemtuneError("response.zero-load/asked-test", where=asked.where("forces"), entry_name=entry.name)
+    with asked.errors_at("displacements"):
+        return StaticTest(entry.name, load, seen, np.array(list(entry.displacements.values())))
+
+
 @dataclass(frozen=True, eq=False)
-class DisplacementResidual:
+class DisplacementResidual(Residual):
     """u(x) − u_e at the sensors, with u = K⁻¹f; `weights` are of the s displacements, in their unit."""
 
     test: StaticTest
     weights: Weights
-    on_modes = False
+    key = "static-displacement"
+    label = "static displacement"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> DisplacementResidual:
+        """See `Residual`; errors as of `_asked_test`, ``residual.weights``, ``residual.covariance``."""
+        test = _asked_test(asked)
+        return cls(test, asked_weights(asked, len(test.measured), "the displacements", test.size))
 
     def __post_init__(self) -> None:
         self.weights.check_size(len(self.test.measured), f"the displacements of load case {self.test.name}")
@@ -86,11 +101,11 @@ class DisplacementResidual:
         errors = found.values[:, 0] - self.test.measured
         slopes = found.gradient[:, 0] if derivatives else np.zeros((len(errors), 0))
         name, size = state.case.name, self.test.size * np.sqrt(len(errors))
-        return [weighted_block("static displacement", name, self.test.name, errors, slopes, self.weights, size)]
+        return [self.weighted(name, self.test.name, errors, slopes, self.weights, size)]
 
 
 @dataclass(frozen=True, eq=False)
-class ForceResidual:
+class ForceResidual(Residual):
     """f − K(x)u on all free DOFs, u as measured; entries that were not measured are chosen for the least force.
 
     Linear in the parameters where K is and all of u was measured. `sd` is of a force, in its unit.
@@ -98,13 +113,19 @@ class ForceResidual:
 
     test: StaticTest
     sd: float
-    on_modes = False
+    key = "static-force"
+    label = "static force"
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> ForceResidual:
+        """See `Residual`; errors as of `_asked_test`."""
+        return cls(_asked_test(asked), asked.entry.sd)
 
     def __post_init__(self) -> None:
         Weights(self.sd)
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """One block.
+        """One block, of whose values as many are independent as displacements were measured.
 
         Raises
         ------
@@ -117,4 +138,5 @@ class ForceResidual:
         found = equation_error(point.stiffness, slopes, ports.outputs, self.test.measured, force)
         size = float(np.linalg.norm(force)) or 1.0
         values, jacobian = -found.error / self.sd, -found.gradient / self.sd
-        return [ResidualBlock("static force", state.case.name, self.test.name, values, jacobian, self.sd / size)]
+        lost = len(values) - len(self.test.measured)
+        return [self.block(state.case.name, self.test.name, values, jacobian, self.sd / size, lost=lost)]

@@ -2,16 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.residuals.block import ResidualBlock
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# ResidualBlock: what one comparison adds to r(p).
+
+
+@dataclass(frozen=True)
+class ResidualBlock:
+    """One block of r(p) = (z_model(p) − z_test)/σ. The residual that makes it fills in what its kind says of itself.
+
+    Parameters
+    ----------
+    kind : label of the kind of residual: "frequency", "shape", "mass" …
+    configuration : name of the configuration
+    mode : label of the test mode, or of what else is compared: a load case, "total"
+    values : (n,) residuals
+    jacobian : (n, k) ∂r/∂x
+    sd : σ relative to the size of what is compared; of values of several deviations their root mean square
+    of_mode : whether the block belongs to a test mode
+    lost : number of combinations of the values that are zero whatever the noise, because the data themselves scale or
+        complete what is compared
+    covariance : (n, n) covariance of the values where the data have the stated standard deviations; None where that is
+        the identity, but for the combinations that are lost
+    not_normal : why the values have no normal distribution; "" where they have one, to first order
+    """
+
+    kind: str
+    configuration: str
+    mode: str
+    values: Reals
+    jacobian: Reals
+    sd: float
+    of_mode: bool = False
+    lost: int = 0
+    covariance: Reals | None = field(default=None, repr=False)
+    not_normal: str = ""
+
+    @property
+    def error(self) -> float:
+        """Size of the misfit relative to what is compared: |r|·σ."""
+        return float(np.linalg.norm(self.values) * self.sd)
+
+    @property
+    def label(self) -> str:
+        """Text for tables."""
+        word = "mode " if self.of_mode else ""
+        return f"{self.configuration} {word}{self.mode} {self.kind}"
+
+    def whitened(self) -> ResidualBlock:
+        """The block with independent values of unit variance, if the data have the stated standard deviations."""
+        if self.covariance is None:
+            return self
+        variances, V = la.eigh(self.covariance)
+        found = variances > DEFINITE * variances[-1]
+        # a combination that is lost is zero; it keeps its scale
+        scale = np.where(found, np.sqrt(np.where(found, variances, 1.0)), 1.0)
+        root = (V / scale) @ V.T
+        return replace(self, values=root @ self.values, jacobian=root @ self.jacobian, covariance=None)
+
 
 DEFINITE = 1e-12
 """Least eigenvalue of a correlation matrix over its largest one, below which it counts as singular."""
@@ -34,8 +90,7 @@ class Weights:
 
     def __post_init__(self) -> None:
         if (self.sd is None) == (self.covariance is None):
-            hint = "give sd, or covariance, one of the two"
-            raise FemtuneError("residual.weights", "a residual is weighted by sd or by covariance", hint=hint)
+            raise FemtuneError("residual.weights/post-init")
         if self.covariance is None:
             _check_sd(np.asarray(self.sd, dtype=float))
         else:
@@ -44,10 +99,11 @@ class Weights:
     def of(self, keep: ArrayLike) -> Weights:
         """Of some of the values, by position."""
         at = np.asarray(keep, dtype=int)
+        if self.size is None or np.array_equal(at, np.arange(self.size)):
+            return self
         if self.covariance is not None:
             return Weights(covariance=np.asarray(self.covariance, dtype=float)[np.ix_(at, at)])
-        sd = np.asarray(self.sd, dtype=float)
-        return self if sd.ndim == 0 else Weights(sd[at])
+        return Weights(np.asarray(self.sd, dtype=float)[at])
 
     @property
     def size(self) -> int | None:
@@ -55,14 +111,16 @@ class Weights:
         matrix = np.asarray(self.sd if self.covariance is None else self.covariance)
         return None if matrix.ndim == 0 else len(matrix)
 
+    def root(self, n: int) -> Reals:
+        """(n, n) L with LLᵀ the covariance of n values."""
+        if self.covariance is not None:
+            return np.asarray(la.cholesky(np.asarray(self.covariance, dtype=float), lower=True))
+        return np.diag(np.broadcast_to(np.asarray(self.sd, dtype=float), (n,)))
+
     def check_size(self, n: int, what: str) -> None:
         """Refuse weights for another number of values (error ``residual.weights``)."""
         if self.size not in (None, n):
-            raise FemtuneError(
-                "residual.weights",
-                f"the weights are for {self.size} values, and {n} are compared: {what}",
-                hint="give a standard deviation, or a row and a column of the covariance, for each of them, in order",
-            )
+            raise FemtuneError("residual.weights/check-size", size=self.size, n=n, subject=what)
 
     def whiten(self, errors: Reals, jacobian: Reals) -> tuple[Reals, Reals]:
         """Residuals (n,) and Jacobian (n, k) of errors in their unit."""
@@ -81,14 +139,6 @@ class Weights:
         return float(np.sqrt(np.mean(np.asarray(self.sd, dtype=float) ** 2)))
 
 
-def weighted_block(
-    kind: str, configuration: str, label: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
-) -> ResidualBlock:
-    """A block of errors in their unit; its `sd` is relative to `size`, the size of what is compared."""
-    values, slopes = weights.whiten(errors, jacobian)
-    return ResidualBlock(kind, configuration, label, values, slopes, weights.scale / (size or 1.0))
-
-
 def as_weights(given: float | Weights) -> Weights:
     """A number is a standard deviation."""
     return given if isinstance(given, Weights) else Weights(given)
@@ -96,20 +146,14 @@ def as_weights(given: float | Weights) -> Weights:
 
 def _check_sd(sd: Reals) -> None:
     if sd.ndim > 1 or not np.isfinite(sd).all() or (sd < 0.0).any():
-        raise FemtuneError(
-            "residual.weights", "standard deviations must be finite and not negative", values={"sd": sd.tolist()},
-            hint="give the scatter of the test in the unit of what is compared",
-        )  # fmt: skip
+        raise FemtuneError("residual.weights/check-sd", values={"sd": sd.tolist()})  # fmt: skip
     if (sd == 0.0).any():
         raise _zero("standard deviation", int(np.argmin(sd)), sd.ndim)
 
 
 def _check_covariance(matrix: Reals) -> None:
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.isfinite(matrix).all():
-        raise FemtuneError(
-            "residual.weights", "a covariance is a square matrix of finite numbers",
-            values={"shape": matrix.shape}, hint="give a row and a column for each value that is compared",
-        )  # fmt: skip
+        raise FemtuneError("residual.weights/check-covariance", values={"shape": matrix.shape})  # fmt: skip
     variances = np.diag(matrix)
     if (variances == 0.0).any():
         raise _zero("variance", int(np.argmin(np.abs(variances))), 1)
@@ -122,17 +166,9 @@ def _check_covariance(matrix: Reals) -> None:
 
 
 def _not_definite(why: str) -> FemtuneError:
-    return FemtuneError(
-        "residual.covariance",
-        f"the covariance is not symmetric and positive definite: {why}",
-        hint="estimate it from more repeats than there are values, or give standard deviations",
-    )
+    return FemtuneError("residual.covariance", why=why)
 
 
 def _zero(what: str, position: int, dimensions: int) -> FemtuneError:
     place = f" of value {position + 1}" if dimensions else ""
-    return FemtuneError(
-        "residual.zero-variance",
-        f"the {what}{place} is zero: nothing is known without scatter, and its weight would be infinite",
-        hint="give the scatter that the test has, or leave this value out",
-    )
+    return FemtuneError("residual.zero-variance", subject=what, place_text=place)

@@ -6,13 +6,16 @@ import datetime
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from femtune.fem.values import FieldRef
 from femtune.files.damping_catalogue import DampingEntry, write_catalogue
-from femtune.files.study_file import ParameterEntry
-from femtune.study.load import Study
-from femtune.study.results_update import ParameterResult, UpdateResults
-from femtune.study.run_folder import unwritable
+from femtune.results.folder import unwritable
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.fem.fields import FieldRef
+    from femtune.files.study_file import ParameterEntry
+    from femtune.results.update import ParameterResult, UpdateResults
 
 CATALOGUE_FILE = "damping.toml"
 

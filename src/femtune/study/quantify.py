@@ -5,32 +5,39 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.assembly.error_places import errors_at
+from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
-from femtune.files.study_file import QuantifyTable
-from femtune.quantify import (
+from femtune.residuals import UpdateProblem
+from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+from femtune.results.update import citations
+from femtune.selection import cosine_distances
+from femtune.uncertainty import (
     CloudRules,
-    ForwardCheck,
-    FrequencyOutputs,
-    StochasticResult,
     StochasticRules,
     forward_check,
     frequency_outputs,
     stochastic_update,
 )
-from femtune.residuals import UpdateProblem
-from femtune.select import CosineDistances, cosine_distances
-from femtune.study.load import Study
-from femtune.study.located import located
-from femtune.study.progress import Progress
-from femtune.study.record_update import citations
-from femtune.study.repeats import Repeats, read_repeats
-from femtune.study.results_quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
 
-Reals = NDArray[np.float64]
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.repeats import Repeats
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import QuantifyTable
+    from femtune.selection import CosineDistances
+    from femtune.uncertainty import (
+        ForwardCheck,
+        FrequencyOutputs,
+        StochasticResult,
+    )
+
 Arrays = dict[str, NDArray]
 
 _CLOUDS = ("cross-covariance", "output-difference")
@@ -54,7 +61,7 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     assert table is not None
     progress.step("mean and covariance of the parameters", 0, None)
     start = np.asarray(study.parameters.denormalise(x))
-    with located(study.file.where("quantify")), in_words_of_the_study(table):
+    with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
         outputs = _outputs(study, repeats, start)
         found = _updated(study, table, outputs, repeats, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
@@ -98,10 +105,8 @@ def _updated(
     first = stochastic_update(outputs, measured, names, start, sd, replace(rules, method="perturbation"))
     if not first.sd.all():
         raise FemtuneError(
-            "quantify.start-sd", "a parameter without effect on the repeated frequencies has no scatter to start from",
-            values={"parameters": ", ".join(n for n, s in zip(names, first.sd) if not s)},
-            hint='leave it out, or take method = "second-order"',
-        )  # fmt: skip
+            "quantify.start-sd/updated", values={"parameters": ", ".join(n for n, s in zip(names, first.sd) if not s)}
+        )
     found = stochastic_update(outputs, measured, names, first.mean, first.sd, rules)
     return replace(found, start=start, solutions=found.solutions + first.solutions)
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.files.study_file.steps import ReductionTable
-from femtune.model.reduce import Trained
-from femtune.residuals import Evaluation
-from femtune.study.load import Study
-from femtune.study.progress import Progress
-from femtune.study.results_reduction import ReducedModelResults, ReductionResults
-from femtune.update import Iteration, ReducedUpdate, ReductionRules, SensitivityMethod, UpdateResult, update_reduced
+from femtune.results.reduction import ReducedModelResults, ReductionResults
+from femtune.updating import ReductionRules, update_reduced
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.files.study_file.step_tables import ReductionTable
+    from femtune.model.reduce import Trained
+    from femtune.residuals import Evaluation
+    from femtune.updating import Iteration, ReducedUpdate, SensitivityMethod, UpdateResult
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
-from femtune.study.run_folder import unwritable
+from femtune.results.folder import unwritable
 
 LOCK_FILE = "running.lock"
 
@@ -121,13 +121,12 @@ def _holder(handle: int) -> dict[str, str]:
 
 
 def _taken(path: Path, holder: dict[str, str]) -> FemtuneError:
-    hint = "wait for it to end, or choose another folder with --output"
     return FemtuneError(
-        "run.locked",
-        "another run is at work in this run folder",
+        "run.locked" if _is_here(holder) else "run.locked/other-host",
         where=Where(str(path)),
         values={"process": holder.get("pid", "not known"), **{k: v for k, v in holder.items() if k != "pid"}},
-        hint=hint if _is_here(holder) else f"{hint}; if that run on {holder['host']} has ended, remove {path.name}",
+        host=holder.get("host"),
+        lock=path.name,
     )
 
 

@@ -1,10 +1,11 @@
-"""Modes of a model as if a test had measured them: at sensors, with scatter where asked for, as Universal File."""
+"""A test that the modes of a model would give: at sensors, with scatter where asked for, as Universal File."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,13 +14,15 @@ from femtune.errors import FemtuneError, Where
 from femtune.files.study_file.kinds import support
 from femtune.files.uff import write_uff_modes
 from femtune.modal import ModeSet
-from femtune.model import EigenSolution
 from femtune.model.response.rigid import is_rigid
-from femtune.study.cases import StudyCase
-from femtune.study.load import Study
 from femtune.study.respond import check_places, id_line, uff_paths
-from femtune.testdata import ModalTest, WireFrame
+from femtune.testdata import ModalTest, WireFrame, sensors_at
 from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.model import EigenSolution
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,8 @@ class SimulatedTest:
 
     Parameters
     ----------
-    path : Universal File to write; with several configurations each has its own, with its number in the name
+    path : Universal File to write; with several configurations each has its own, with its number in the name; None
+        where none is wanted
     sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
     units : length-mass-s of a deck alone, which tells none
     frequency_scatter : standard deviation of each frequency, as a part of it
@@ -36,7 +40,7 @@ class SimulatedTest:
     seed : the same seed gives the same scatter
     """
 
-    path: Path
+    path: Path | None
     sensors: tuple[str, ...]
     units: str | None = None
     frequency_scatter: float = 0.0
@@ -50,19 +54,19 @@ def check_simulated(study: Study, wanted: SimulatedTest) -> None:
     Raises
     ------
     FemtuneError : ``response.units-needed``, ``response.units-given``, ``uff.cannot-write``, ``model.unknown-node``,
-        ``write.overwrites-input``, ``dof.syntax``, ``study.support``
+        ``write.overwrites-input``, ``dof.syntax``, ``study.support``, ``response.noise``
     """
     if study.units_known and wanted.units is not None:
-        raise FemtuneError(
-            "response.units-given", "units are given on the command line, and the study has its own",
-            where=study.file.where("study", "units"), hint="leave --units out; it is for a deck alone",
-        )  # fmt: skip
+        raise FemtuneError("response.units-given", where=study.file.where("study", "units"))  # fmt: skip
     if not study.units_known and wanted.units is None:
-        raise FemtuneError(
-            "response.units-needed", "a Universal File has units, and a deck alone does not tell them",
-            where=Where(str(study.file.path)), hint='say them: --units m-kg-s, "mm-t-s", "in-slinch-s" …',
-        )  # fmt: skip
-    check_places(study, uff_paths(wanted.path, study), wanted.path)
+        raise FemtuneError("response.units-needed", where=Where(str(study.file.path)))  # fmt: skip
+    for name in ("frequency_scatter", "shape_scatter"):
+        if not 0.0 <= getattr(wanted, name) < np.inf:
+            raise FemtuneError("response.noise", values={name: getattr(wanted, name)})
+    if wanted.seed < 0:
+        raise FemtuneError("response.noise/seed", values={"seed": wanted.seed})
+    if wanted.path is not None:
+        check_places(study, uff_paths(wanted.path, study), wanted.path)
     nodes = study.model.structure.nodes
     for dof in sensor_dofs(wanted.sensors):
         nodes.dof(dof.node, dof.component)
@@ -72,10 +76,7 @@ def sensor_dofs(sensors: Sequence[str]) -> DofSet:
     """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
     found = dict.fromkeys(dof for text in sensors for dof in _named(text))
     if not found:
-        raise FemtuneError(
-            "uff.cannot-write", "no sensor is named for the simulated test",
-            hint='name where it measures: --sensor 12Z+, or --sensor "101 THRU 160:123"',
-        )  # fmt: skip
+        raise FemtuneError("uff.cannot-write/sensor-dofs")  # fmt: skip
     return DofSet(tuple(found))
 
 
@@ -87,15 +88,22 @@ def _named(text: str) -> Iterable[Dof]:
 
 def write_simulated(study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]) -> None:
     """A Universal File of each configuration's modes (error ``uff.cannot-write``); rigid-body motions are left out."""
-    chance = np.random.default_rng(wanted.seed)
-    for path, (case, solution) in zip(uff_paths(wanted.path, study), solutions):
-        write_uff_modes(path, simulated(study, case, solution, wanted, chance), ("simulated by femtune",))
+    assert wanted.path is not None
+    for path, test in zip(uff_paths(wanted.path, study), simulated(study, wanted, solutions)):
+        write_uff_modes(path, test, ("simulated by femtune",))
 
 
 def simulated(
+    study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]
+) -> list[ModalTest]:
+    """The modes of each configuration at the sensors, with scatter."""
+    chance = np.random.default_rng(wanted.seed)
+    return [_simulated(study, case, solution, wanted, chance) for case, solution in solutions]
+
+
+def _simulated(
     study: Study, case: StudyCase, solution: EigenSolution, wanted: SimulatedTest, chance: np.random.Generator
 ) -> ModalTest:
-    """The modes of one configuration at the sensors, with scatter."""
     dofs, nodes = sensor_dofs(wanted.sensors), study.model.structure.nodes
     rows, signs = [nodes.dof(d.node, d.component) for d in dofs], np.array([d.sign for d in dofs])
     elastic = ~is_rigid(solution)[: solution.wanted]
@@ -107,4 +115,5 @@ def simulated(
     at = np.array([nodes.position(n) for n in sorted({d.node for d in dofs})])
     frame = WireFrame(nodes.ids[at], nodes.xyz[at], nodes.frames[at].transpose(0, 2, 1))
     units = study.file.study.unit_system if study.units_known else unit_system(str(wanted.units))
-    return ModalTest(id_line(case.name), units, frame, modes=ModeSet(freq, shapes, dofs, source="simulated"))
+    found = ModeSet(freq, shapes, dofs, source="simulated")
+    return ModalTest(id_line(case.name), units, frame, sensors_at(frame, dofs), modes=found)

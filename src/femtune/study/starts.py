@@ -6,26 +6,33 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.assembly.update_method import start_rules
 from femtune.model import digest
-from femtune.residuals import Evaluation
+from femtune.results.folder import unwritable
 from femtune.status import Status
-from femtune.study.load import Study
-from femtune.study.progress import Progress
 from femtune.study.reduction import TrainingProgress, reduction_results
-from femtune.study.results_reduction import ReductionResults
-from femtune.study.run_folder import unwritable
-from femtune.study.update_method import start_rules
-from femtune.update import (
-    MultiStart,
+from femtune.updating import (
     ReductionRules,
-    SensitivityMethod,
     StartResult,
     multi_start,
     multi_start_reduced,
 )
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.parameters import ParameterSet
+    from femtune.residuals import Evaluation
+    from femtune.results.reduction import ReductionResults
+    from femtune.updating import (
+        Iteration,
+        MultiStart,
+        SensitivityMethod,
+    )
 
 STARTS_FILE = "starts.jsonl"
 
@@ -147,3 +154,48 @@ def _key(study: Study, at: Evaluation) -> str:
     tables = study.file.update.model_dump_json() + ("" if reduction is None else reduction.model_dump_json())
     lower, upper = study.parameters.bounds
     return digest(tables, at.residuals, at.jacobian, lower, upper)
+
+
+# ----------------------------------------------------------------------------------------------------
+# history.jsonl: a line for every iteration, written as soon as it is known.
+
+
+HISTORY_FILE = "history.jsonl"
+
+
+@dataclass(frozen=True)
+class History:
+    """The file of one run; `begin` removes that of an earlier run."""
+
+    folder: Path
+    parameters: ParameterSet
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.folder / HISTORY_FILE
+
+    def begin(self) -> None:
+        """An empty file (error ``run.unwritable``)."""
+        try:
+            # removed first: a link of this name must not lead the lines into another file
+            self.path.unlink(missing_ok=True)
+            self.path.touch(exist_ok=False)
+        except OSError as error:
+            raise unwritable(self.folder, error) from error
+
+    def add(self, iteration: Iteration) -> None:
+        """A line for an iteration (error ``run.unwritable``)."""
+        line = {
+            "iteration": iteration.number,
+            "mean_error": iteration.mean_error,
+            "objective": iteration.objective,
+            "parameters": self.parameters.values(iteration.x),
+            "at_bound": iteration.at_bound,
+            "events": iteration.events,
+        }
+        try:
+            with self.path.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(line, ensure_ascii=False) + "\n")
+        except OSError as error:
+            raise unwritable(self.folder, error) from error

@@ -6,27 +6,32 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.assembly.parameters import with_updated_ratios
 from femtune.errors import FemtuneError, Where
-from femtune.fem import MODAL, FieldRef
-from femtune.fem.factors import FACTORS
-from femtune.files.nastran.build import BuiltModel, build_structure
+from femtune.fem import MODAL
+from femtune.fem.fields import FACTORS
+from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
-from femtune.files.nastran.write import WrittenDeck, check_overwrites, write_deck
-from femtune.files.nastran.write_plan import WritePlan, plan_edits
-from femtune.parameters import Parameter
-from femtune.study.history import HISTORY_FILE
-from femtune.study.load import Study
-from femtune.study.mode_ratios import with_updated_ratios
-from femtune.study.provenance import input_paths
-from femtune.study.record_write_back import edits, new_cards, repointed
+from femtune.files.nastran.write import check_overwrites, plan_edits, write_deck
+from femtune.results.folder import ARRAYS_FILE, RESULTS_FILE
+from femtune.results.provenance import input_paths
+from femtune.results.update import WriteBackResults, WrittenValue
+from femtune.results.write_back import edits, new_cards, repointed
 from femtune.study.respond import FRFS_FILE, uff_paths
-from femtune.study.results_update import WriteBackResults, WrittenValue
-from femtune.study.run_folder import ARRAYS_FILE, RESULTS_FILE
-from femtune.update import UpdateResult
+from femtune.study.starts import HISTORY_FILE
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.fem import FieldRef
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.nastran.write import WritePlan, WrittenDeck
+    from femtune.parameters import Parameter
+    from femtune.updating import UpdateResult
 
 NAME = "updated.bdf"
 _OF_NO_CARD = (MODAL, *WITHOUT_CARD)
@@ -53,12 +58,7 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
         if os.path.realpath(folder / name) in inputs:
-            raise FemtuneError(
-                "write.overwrites-input",
-                "a file of the run would overwrite a file that the study reads",
-                where=Where(str(folder / name)),
-                hint="choose another folder for the run",
-            )
+            raise FemtuneError("write.overwrites-input/check-inputs-safe", where=Where(str(folder / name)))
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -189,8 +189,6 @@ def check_written(built: BuiltModel, study: Study) -> None:
     same_grids = np.array_equal(study.built.structure.nodes.ids, built.structure.nodes.ids)
     if before != after or not same_grids:
         raise FemtuneError(
-            "write.not-read-back",
-            "the updated deck, read again, does not have the elements and grid points of the deck that was read",
+            "write.not-read-back/check-written",
             values={"elements that differ": ", ".join(map(str, sorted(before ^ after)[:10])) or "none"},
-            hint="report this with the deck",
         )

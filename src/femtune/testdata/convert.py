@@ -92,23 +92,15 @@ def place(test: ModalTest, rotation: ArrayLike, origin: ArrayLike, *, allow_mirr
 def _check_rotation(turn: NDArray, shift: NDArray, allow_mirrored: bool) -> float:
     if turn.shape != (3, 3) or shift.shape != (3,) or not np.isfinite(shift).all():
         sizes = {"rotation": turn.shape, "origin": shift.shape}
-        raise FemtuneError("test.rotation", "wanted a rotation of 3 × 3 and an origin of 3", values=sizes)
+        raise FemtuneError("test.rotation", values=sizes)
     error = float(np.max(np.abs(turn @ turn.T - np.eye(3))))
     if not error < 1e-6:
         raise FemtuneError(
-            "test.rotation",
-            "the rotation is not orthonormal",
-            values={"rotation": turn.tolist(), "largest deviation": error},
-            hint="its rows must be three unit vectors at right angles",
+            "test.rotation/check-rotation", values={"rotation": turn.tolist(), "largest deviation": error}
         )
     hand = float(np.sign(np.linalg.det(turn)))
     if hand < 0 and not allow_mirrored:
-        raise FemtuneError(
-            "test.mirrored",
-            "the rotation mirrors: it turns a right-handed frame into a left-handed one",
-            values={"rotation": turn.tolist()},
-            hint="change the sign of one row, or say that a mirrored frame is meant",
-        )
+        raise FemtuneError("test.mirrored", values={"rotation": turn.tolist()})
     return hand
 
 

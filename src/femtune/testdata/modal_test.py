@@ -55,18 +55,18 @@ class WireFrame:
         axes = np.asarray(self.axes)
         if self.coordinates.shape != (n, 3) or axes.shape != (n, 3, 3):
             sizes = {"coordinates": self.coordinates.shape, "axes": axes.shape, "nodes": n}
-            raise FemtuneError("test.geometry", "the arrays of the wire frame disagree in size", values=sizes)
+            raise FemtuneError("test.geometry", values=sizes)
         bad = self.nodes[~np.isfinite(self.coordinates).all(axis=1)]
         if bad.size:
-            raise FemtuneError("test.geometry", f"coordinates of nodes {_some(bad)} are not finite numbers")
+            raise FemtuneError("test.geometry/check-sizes", some=_some(bad))
 
     def _check_nodes(self, n: int) -> None:
         if len(self._index) != n:
             numbers, counts = np.unique(self.nodes, return_counts=True)
-            raise FemtuneError("test.duplicate-node", f"nodes {_some(numbers[counts > 1])} are defined twice")
+            raise FemtuneError("test.duplicate-node", some=_some(numbers[counts > 1]))
         missing = sorted({node for path in (*self.lines, *self.elements) for node in path} - set(self._index))
         if missing:
-            raise FemtuneError("test.unknown-node", f"lines or elements use missing nodes {_some(missing)}")
+            raise FemtuneError("test.unknown-node", some=_some(missing))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -86,13 +86,13 @@ class WireFrame:
         FemtuneError : ``test.unknown-node``; ``test.scalar-point`` for a DOF without direction
         """
         if dof.component == 0:
-            raise FemtuneError("test.scalar-point", f"{dof} is a scalar point: it has no direction in space")
+            raise FemtuneError("test.scalar-point", dof=dof)
         assert self.axes is not None
         return dof.sign * self.axes[self._at(dof.node), (dof.component - 1) % 3]
 
     def _at(self, node: int) -> int:
         if node not in self._index:
-            raise FemtuneError("test.unknown-node", f"node {node} is not in the wire frame")
+            raise FemtuneError("test.unknown-node/at", node=node)
         return self._index[node]
 
 
@@ -126,7 +126,7 @@ class Sensor:
         return self.label.component > 3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalTest:
     """One test in one configuration (masses and supports as they were that day).
 
@@ -144,6 +144,13 @@ class ModalTest:
     Raises
     ------
     FemtuneError : ``test.duplicate-sensor``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_test
+    >>> ft.read_test(example_test())
+    ModalTest: cantilever, 4 points, 8 sensors, 4 modes, units m-kg-s
     """
 
     name: str
@@ -160,8 +167,14 @@ class ModalTest:
         seen: set[tuple[int, str]] = set()
         for label in (sensor.label for sensor in self.sensors):
             if (label.node, label.direction) in seen:
-                raise FemtuneError("test.duplicate-sensor", f"two sensors are called {label}")
+                raise FemtuneError("test.duplicate-sensor", label=label)
             seen.add((label.node, label.direction))
+
+    def __repr__(self) -> str:
+        modes = [f"{len(self.modes)} modes"] if self.modes is not None else []
+        frfs = [f"{len(self.frfs.responses)} × {len(self.frfs.references)} FRFs"] if self.frfs is not None else []
+        parts = [self.name, f"{len(self.geometry)} points", f"{len(self.sensors)} sensors", *modes, *frfs]
+        return f"ModalTest: {', '.join([*parts, f'units {self.units.word}'])}"
 
 
 def sensors_at(geometry: WireFrame, dofs: Iterable[Dof]) -> tuple[Sensor, ...]:

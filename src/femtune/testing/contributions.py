@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 # complex steps lose nothing to cancellation, so that they may be as small as this
 STEP = 1e-30

@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.model import EigenSolution, ModelPoint, solve_modes, subspace_derivative
 from femtune.residuals import UpdateProblem
-
-Reals = NDArray[np.float64]
 
 STEP = 1e-30
 """Complex step: nothing is subtracted, so it may be this small."""

@@ -9,13 +9,12 @@ from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.fem.elements.curved_shape import QUAD8_SHAPE, TRI6_SHAPE, centre_shares
-from femtune.fem.elements.curved_ties import QUAD_SHEAR, QUAD_STRAIN, TRI_SHEAR, TRI_STRAIN
-from femtune.fem.elements.shell_areas import areas
-from femtune.fem.elements.shell_normals import shared_normals
+from femtune.fem.elements.shells.curved_strains import QUAD_SHEAR, QUAD_STRAIN, TRI_SHEAR, TRI_STRAIN
+from femtune.fem.elements.shells.curved_surface import QUAD8_SHAPE, TRI6_SHAPE, centre_shares
+from femtune.fem.elements.shells.normals import areas, shared_normals
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
-from femtune.testing.shells import (
+from structures.shells import (
     Anisotropic,
     Isotropic,
     Section,
@@ -58,6 +57,7 @@ def strain_free(structure: Structure) -> int:
     return int((values < 1e-11 * values[-1]).sum())
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize("surface", SURFACES)
 @pytest.mark.parametrize(("material", "z0", "t"), [(ISO, None, 0.1), (ANISO, 0.1, 0.1), (ISO, -0.3, 0.001)])
@@ -276,6 +276,7 @@ def test_flat_and_curved_shells_share_their_normals():
     np.testing.assert_allclose(two[5], [-np.sin(fold), 0.0, np.cos(fold)], atol=1e-12)
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("cells", ["quad8", "right6"])
 @pytest.mark.parametrize("material", [ISO, ANISO, Anisotropic({"11": 5.0, "12": 1.0}, {"11": 1.0})])
 @pytest.mark.parametrize("z0", [None, 0.12])

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from tests.fem.solid_parts import ANISO, LAW, dense, one, translations_of
 
-from femtune.fem.elements import KERNELS
-from femtune.fem.elements.hexa8 import CORNERS, HEXA8, STRAINS, derivatives
-from femtune.fem.elements.solid import solid
-from femtune.fem.elements.solid_modes import jacobians
-from femtune.fem.elements.solid_strains import SolidFormulation, StrainGroup
-from femtune.testing.shells import Isotropic, dofs_of, natural_frequencies, static_displacements
-from femtune.testing.solids import box, isotropic_law, solid_mesh, solid_model
+from femtune.fem.elements import KINDS
+from femtune.fem.elements.solids.first_order import jacobians
+from femtune.fem.elements.solids.hexa8 import CORNERS, HEXA8, STRAINS, derivatives
+from femtune.fem.elements.solids.solid import solid
+from femtune.fem.elements.solids.strains import SolidFormulation, StrainGroup
+from structures.shells import Isotropic, dofs_of, natural_frequencies, static_displacements
+from structures.solids import box, isotropic_law, solid_mesh, solid_model
 
 
 def gauss(count: int):
@@ -60,6 +60,12 @@ def hybrid(xyz, law) -> np.ndarray:
     return G.T @ np.linalg.solve(H, G)
 
 
+def _put(monkeypatch: pytest.MonkeyPatch, key: str, rules: SolidFormulation) -> None:
+    """Another formulation in place of that of a kind of solids."""
+    kind = replace(KINDS[key], kernel=lambda batch, structure: solid(batch, structure, rules))
+    monkeypatch.setitem(KINDS, key, kind)
+
+
 @pytest.mark.parametrize("law", ["isotropic", "anisotropic"])
 def test_a_parallelepiped_is_the_hybrid_element(law: str):
     edges = np.array([[1.0, 0.3, -0.2], [0.4, 0.7, 0.1], [0.2, -0.1, 0.3]])
@@ -87,6 +93,7 @@ def tip_of(K, mesh) -> float:
     return float(u[3 * tip + 2].mean())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(("thickness", "lean"), [(1.0, 0.1), (1.0, 0.3), (0.3, 0.1), (0.3, 0.3)])
 def test_distorted_cells_are_as_soft_as_hybrid_ones(thickness: float, lean: float):
     mesh, law = leaning_beam(thickness, lean), isotropic_law(1.0, 0.3)
@@ -241,6 +248,7 @@ def sliding_box(kind: str, n: int, squeeze: float = 0.06) -> float:
     return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("kind", "counts"), [("hexa8", (4, 8)), ("pyram5", (4, 8)), ("penta6", (6, 9)), ("tetra4", (4, 8))]
 )
@@ -282,11 +290,12 @@ def wing_frequency(counts: tuple[int, int, int], kind: str = "hexa8") -> float:
     return float(natural_frequencies(structure, 1)[0])
 
 
+@pytest.mark.slow
 def test_a_wing_of_one_layer(monkeypatch: pytest.MonkeyPatch):
     """One layer of cells is within .5 % of quadratic ones; plain hexahedra are several times too stiff there."""
     reference = wing_frequency((6, 20, 1), "hexa20")
     assert wing_frequency((6, 20, 1)) == pytest.approx(reference, rel=0.005)
-    monkeypatch.setitem(KERNELS, "hexa8", lambda batch, structure: solid(batch, structure, PLAIN))
+    _put(monkeypatch, "hexa8", PLAIN)
     assert wing_frequency((6, 20, 1)) > 1.8 * reference
 
 
@@ -309,5 +318,5 @@ def test_a_block_of_nearly_incompressible_material_between_plates(monkeypatch: p
         assert pressed_block(kind, 4) == pytest.approx(reference, rel=0.04)
     # what has a constraint of volume at each of eight points, or in each tetrahedron, locks
     assert pressed_block("tetra4", 4) > 10.0 * reference
-    monkeypatch.setitem(KERNELS, "hexa8", lambda batch, structure: solid(batch, structure, PLAIN))
+    _put(monkeypatch, "hexa8", PLAIN)
     assert pressed_block("hexa8", 4) > 10.0 * reference

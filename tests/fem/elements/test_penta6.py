@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.fem.solid_parts import dense, one
 
-from femtune.testing.shells import Isotropic
+from structures.shells import Isotropic
 
 E, NU, LENGTH = 200.0, 0.3, 0.7
 

@@ -11,8 +11,9 @@ from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
 from femtune.fem.elements.shear_panel import _homogeneous, flow, web_field
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, NodeTable, Structure
-from femtune.fem.values import FieldRef, ValueTableBuilder
+from femtune.fem.values import ValueTableBuilder
 from femtune.testing.contributions import check_contribution
 
 Reals = NDArray[np.float64]

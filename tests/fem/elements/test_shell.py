@@ -9,10 +9,10 @@ from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.fem.assemble import assemble, nominal_matrices
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.fem.elements.shell_normals import shared_normals
+from femtune.fem.elements.shells.normals import shared_normals
 from femtune.testing import check_contribution
-from femtune.testing.shells import Anisotropic, Isotropic, Section, ShellPart, cylinder, rectangle, shell_mesh
-from femtune.testing.shells import shell_structure as structure_of
+from structures.shells import Anisotropic, Isotropic, Section, ShellPart, cylinder, rectangle, shell_mesh
+from structures.shells import shell_structure as structure_of
 
 WARPED = np.array([[0, 0, 0], [1.2, 0.1, 0.1], [1.0, 0.9, -0.05], [-0.1, 1.1, 0.2]])
 ISO = Isotropic(200.0, 0.3, 2.0, 0.02)
@@ -152,6 +152,7 @@ def test_lumped_mass_is_on_the_translations_and_in_row_sums():
     assert np.count_nonzero(lumped) == 12
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("material", [ISO, ANISO, Anisotropic({"11": 5.0, "12": 1.0}, {"11": 1.0})])
 @pytest.mark.parametrize("z0", [None, 0.12])
 def test_contributions_keep_their_contract(material, z0):

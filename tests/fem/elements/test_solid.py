@@ -27,7 +27,7 @@ from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
 from femtune.testing import check_contribution
-from femtune.testing.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
+from structures.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
 
 
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
@@ -65,6 +65,7 @@ def test_turning_the_element_with_its_material_turns_the_matrix(kind: str):
     np.testing.assert_allclose(dense(one(kind, xyz @ Q.T, ANISO, Q @ frame)), there, atol=1e-11 * np.abs(there).max())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_numbering_does_not_matter(kind: str, material):
@@ -203,6 +204,7 @@ def test_lumped_mass_of_a_tapered_solid_follows_the_consistent_diagonal():
 # coefficients ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_coefficients_have_exact_derivatives(kind: str, material):
@@ -266,6 +268,7 @@ def test_materials_may_be_mixed_in_a_batch():
         np.testing.assert_allclose(b, a, atol=1e-12 * np.abs(a).max())
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("middle", [300, 301])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])

@@ -7,14 +7,14 @@ import pytest
 from tests.fem.elements.test_solid import dense
 from tests.fem.elements.test_solid_quadratic import SHAPES, curved, one
 
-from femtune.fem.elements.hexa20 import HEXA20 as HEXA
-from femtune.fem.elements.penta15 import PENTA15 as PENTA
-from femtune.fem.elements.solid_points import eight_points, hexahedron_points, pentahedron_points
-from femtune.fem.elements.solid_shape import HEXA20
-from femtune.fem.elements.solid_strains import SolidPlaces
-from femtune.fem.elements.tetra10 import TETRA10 as TETRA
-from femtune.testing.shells import Isotropic, dofs_of, natural_frequencies, static_displacements
-from femtune.testing.solids import solid_mesh, solid_model
+from femtune.fem.elements.solids.quadratic import HEXA20 as HEXA
+from femtune.fem.elements.solids.quadratic import PENTA15 as PENTA
+from femtune.fem.elements.solids.quadratic import TETRA10 as TETRA
+from femtune.fem.elements.solids.shape import HEXA20_SHAPE as HEXA20
+from femtune.fem.elements.solids.shape import eight_points, hexahedron_points, pentahedron_points
+from femtune.fem.elements.solids.strains import SolidPlaces
+from structures.shells import Isotropic, dofs_of, natural_frequencies, static_displacements
+from structures.solids import solid_mesh, solid_model
 
 
 @pytest.mark.parametrize("nu", [0.46, 0.4999])
@@ -80,6 +80,7 @@ def test_a_thick_cylinder_of_nearly_incompressible_material(nu: float) -> None:
     assert thick_cylinder("hexa20", nu) == pytest.approx(1.0, abs=0.005)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(("kind", "n"), [("hexa20", 2), ("penta15", 3), ("tetra10", 3), ("pyram13", 2)])
 def test_nearly_incompressible_waves(kind: str, n: int) -> None:
     """A box that slides on its faces: its lowest modes are shear waves, whatever ν, λ = (G/ρ) π² (1/a² + 1/b²)."""
@@ -104,6 +105,7 @@ def sliding_box(kind: str, n: int, nu: float, squeeze: float = 0.06) -> float:
     return float((natural_frequencies(structure, 1)[0] / exact) ** 2 - 1.0)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("kind", "counts"), [("hexa20", (3, 5)), ("penta15", (4, 6)), ("tetra10", (4, 6)), ("pyram13", (2, 3))]
 )

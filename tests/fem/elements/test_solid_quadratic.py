@@ -12,11 +12,25 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.fem.elements.solid_shape import HEXA20, PENTA15, PYRAM13, TETRA10, SolidShape
+from femtune.fem.elements.solids.shape import (
+    HEXA20_SHAPE as HEXA20,
+)
+from femtune.fem.elements.solids.shape import (
+    PENTA15_SHAPE as PENTA15,
+)
+from femtune.fem.elements.solids.shape import (
+    PYRAM13_SHAPE as PYRAM13,
+)
+from femtune.fem.elements.solids.shape import (
+    TETRA10_SHAPE as TETRA10,
+)
+from femtune.fem.elements.solids.shape import (
+    SolidShape,
+)
 from femtune.fem.structure import Structure
 from femtune.testing import check_contribution
-from femtune.testing.shells import Isotropic
-from femtune.testing.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
+from structures.shells import Isotropic
+from structures.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
 
 SHAPES: dict[str, SolidShape] = {"hexa20": HEXA20, "penta15": PENTA15, "tetra10": TETRA10, "pyram13": PYRAM13}
 KINDS = list(SHAPES)
@@ -101,6 +115,7 @@ def renumberings(kind: str) -> list[list[int]]:
     return out
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_numbering_does_not_matter(kind: str) -> None:
     xyz = curved(kind)
@@ -123,6 +138,7 @@ def wavy(u, v, w):
     return 2.0 * (u + bump), 1.5 * (v - bump), w + 2.0 * bump
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("law", ["isotropic", "anisotropic", "nearly incompressible"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_patch_of_constant_strain_in_curved_cells(kind: str, law: str) -> None:
@@ -262,6 +278,7 @@ def solved_without(structure: Structure, rim: np.ndarray, lost: list[int]) -> tu
 # mass --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
 def test_mass(kind: str, consistent: bool) -> None:
@@ -297,6 +314,7 @@ def test_lumped_mass_of_a_straight_tetrahedron() -> None:
 # coefficients, refusals ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize("material", [ISO, ANISO], ids=["isotropic", "anisotropic"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_coefficients_have_exact_derivatives(kind: str, material: Isotropic | Law) -> None:

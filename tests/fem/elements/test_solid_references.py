@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.fem.elements.test_solid import dense
 
-from femtune.fem.elements import KERNELS
-from femtune.fem.elements.solid import solid
-from femtune.fem.elements.solid_points import SolidPoints, hexahedron_points, tetrahedron_points
-from femtune.fem.elements.solid_quadratic import LINEAR, MEAN, Projection, Quadratic, constant_function
-from femtune.fem.elements.solid_shape import HEXA20, TETRA10
+from femtune.fem.elements import KINDS
+from femtune.fem.elements.solids.quadratic import LINEAR, MEAN, Projection, Quadratic, constant_function
+from femtune.fem.elements.solids.shape import HEXA20_SHAPE as HEXA20
+from femtune.fem.elements.solids.shape import TETRA10_SHAPE as TETRA10
+from femtune.fem.elements.solids.shape import SolidPoints, hexahedron_points, tetrahedron_points
+from femtune.fem.elements.solids.solid import solid
+from femtune.fem.elements.solids.strains import SolidFormulation
 from femtune.fem.structure import Structure
-from femtune.testing.shells import Isotropic, dofs_of, natural_frequencies
-from femtune.testing.solids import SolidPart, box, solid_mesh, solid_model, solid_structure
+from structures.shells import Isotropic, dofs_of, natural_frequencies
+from structures.solids import SolidPart, box, solid_mesh, solid_model, solid_structure
 
 ALL_STRAINS = Projection(constant_function, np.ones_like)
 
@@ -55,10 +58,16 @@ def beam_frequencies(path: Path) -> np.ndarray:
     return natural_frequencies(solid_structure(xyz, [part], held=held, consistent_mass=True), 6)[:6]
 
 
+def _put(monkeypatch: pytest.MonkeyPatch, key: str, rules: SolidFormulation) -> None:
+    """Another formulation in place of that of a kind of solids."""
+    kind = replace(KINDS[key], kernel=lambda batch, structure: solid(batch, structure, rules))
+    monkeypatch.setitem(KINDS, key, kind)
+
+
 def test_hex_beam_with_the_rules_of_solid186(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Eight points for the stiffness, Irons' fourteen for the mass: the listed frequencies to seven digits."""
     rules = Quadratic(HEXA20, hexahedron_points(2), irons(), ALL_STRAINS).formulation("")
-    monkeypatch.setitem(KERNELS, "hexa20", lambda batch, structure: solid(batch, structure, rules))
+    _put(monkeypatch, "hexa20", rules)
     found = beam_frequencies(shared_data / "ansys_full" / "HexBeam.cdb")
     np.testing.assert_allclose(found, LISTED_BEAM, rtol=3e-7)
 
@@ -120,7 +129,11 @@ def test_static_displacements_of_two_tetrahedra_with_nastrans_rule(
     for places, weight in ((corner, 0.45), (np.full((1, 3), 0.25), 0.8)):
         rule = SolidPoints(places, np.full(len(places), weight / 6.0))
         rules = Quadratic(TETRA10, rule, tetrahedron_points(), ALL_STRAINS).formulation("")
-        monkeypatch.setitem(KERNELS, "tetra10", lambda batch, structure, rules=rules: solid(batch, structure, rules))
+        monkeypatch.setitem(
+            KINDS,
+            "tetra10",
+            replace(KINDS["tetra10"], kernel=lambda batch, structure, rules=rules: solid(batch, structure, rules)),
+        )
         parts.append(dense(structure))
     found = deflected(parts[0] - parts[1], structure, ids)
     np.testing.assert_allclose(found, listed, atol=2e-7 * np.abs(listed).max())
@@ -158,6 +171,7 @@ def fv52(kind: str, counts: tuple[int, int, int], hard: bool) -> np.ndarray:
     return found[found > 1.0]
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize(
     ("kind", "counts", "within"),
     [("hexa20", (8, 8, 2), 0.006), ("penta15", (10, 10, 1), 0.022), ("tetra10", (10, 10, 1), 0.035)],

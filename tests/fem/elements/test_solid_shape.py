@@ -7,17 +7,31 @@ from math import factorial
 
 import numpy as np
 import pytest
+import scipy.special
 
-from femtune.fem.elements.solid_points import (
+from femtune.fem.elements.solids.shape import (
+    HEXA20_SHAPE as HEXA20,
+)
+from femtune.fem.elements.solids.shape import (
+    PENTA15_SHAPE as PENTA15,
+)
+from femtune.fem.elements.solids.shape import (
+    PYRAM13_SHAPE as PYRAM13,
+)
+from femtune.fem.elements.solids.shape import (
+    TETRA10_SHAPE as TETRA10,
+)
+from femtune.fem.elements.solids.shape import (
     SolidPoints,
+    SolidShape,
     eight_points,
     four_points,
+    gauss_jacobi,
     hexahedron_points,
     pentahedron_points,
     pyramid_points,
     tetrahedron_points,
 )
-from femtune.fem.elements.solid_shape import HEXA20, PENTA15, PYRAM13, TETRA10, SolidShape
 
 SHAPES = {"hexa20": HEXA20, "penta15": PENTA15, "tetra10": TETRA10, "pyram13": PYRAM13}
 RULES = {
@@ -172,3 +186,9 @@ def test_stiffness_and_mass_of_a_reference_shape_are_integrated_exactly(kind: st
 
 def _products(functions: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.asarray(functions.T @ (weights[:, None] * functions))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_points_of_gauss_and_jacobi(n: int) -> None:
+    expected = scipy.special.roots_jacobi(n, 2.0, 0.0)
+    np.testing.assert_allclose(gauss_jacobi(n), expected, rtol=0.0, atol=1e-14)

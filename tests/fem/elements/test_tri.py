@@ -11,11 +11,11 @@ from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import rigid_body_modes
 from femtune.fem.elements import contributions
-from femtune.fem.elements.tri import tri_residual
+from femtune.fem.elements.shells.tri import tri_residual
 from femtune.fem.structure import Structure
 from femtune.parameters import jet
 from femtune.testing.contributions import check_contribution
-from femtune.testing.shells import (
+from structures.shells import (
     Anisotropic,
     Isotropic,
     Section,
@@ -138,6 +138,7 @@ def field_on(xyz: np.ndarray, strains: np.ndarray) -> np.ndarray:
     return out.ravel()
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("i", range(6))
 @pytest.mark.parametrize("t", [0.5, 1e-3])
 def test_constant_strains_and_curvatures_are_exact(i: int, t: float):
@@ -160,6 +161,7 @@ def test_constant_shear_has_shear_and_residual_bending_flexibility(t: float):
     assert energy == pytest.approx(0.5 / (1.0 / S + h2 / (15.0 * D)), rel=1e-12)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", SECTIONS)
 def test_terms_and_their_derivatives(name: str):
     structure = triangle(SECTIONS[name], PAIR)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from femtune.files.matrices import text_blocks
-from femtune.files.matrices.dof_list import read_dof_list
+from femtune.files.matrices.calculix import read_dof_list
 from femtune.files.matrices.listed_modes import read_listed_modes
 from femtune.files.matrices.registry import format_of, read_matrix
 
@@ -57,11 +58,17 @@ def test_op4_of_nastran(shared_data: Path) -> None:
     assert (np.diff(np.diag(K)[19:]) > 0.0).all()
 
 
+def _pyyeti(name: str) -> Any:
+    """A module of the library, which sets how numpy prints where it is imported: other tests must not see that."""
+    with np.printoptions():
+        return pytest.importorskip(f"pyyeti.nastran.{name}", reason="pyYeti is not installed")
+
+
 @pytest.mark.parametrize("kind", ["dense", "bigmat", "nonbigmat"])
 @pytest.mark.parametrize("written", [(True, "<"), (True, ">"), (False, "<")], ids=["little", "big", "text"])
 @pytest.mark.parametrize("unit", [1.0, 1.0 + 0.1j], ids=["real", "complex"])
 def test_op4_that_another_library_wrote(tmp_path: Path, kind: str, written: tuple[bool, str], unit: complex) -> None:
-    op4 = pytest.importorskip("pyyeti.nastran.op4", reason="pyYeti is not installed")
+    op4 = _pyyeti("op4")
     A = symmetric_example() * unit
     data = {"first": np.ones((3, 5)), "kgg": A}
     op4.OP4().write(str(tmp_path / "a.op4"), data, binary=written[0], endian=written[1], sparse=kind)
@@ -69,7 +76,7 @@ def test_op4_that_another_library_wrote(tmp_path: Path, kind: str, written: tupl
 
 
 def test_op2_matrix_beside_another_library(shared_data: Path) -> None:
-    op2 = pytest.importorskip("pyyeti.nastran.op2", reason="pyYeti is not installed")
+    op2 = _pyyeti("op2")
     path = shared_data / "nastran_decks" / "solid_shell_bar" / "static_solid_shell_bar_kelm.op2"
     K = full(read_matrix(path, "KGG"))
     np.testing.assert_allclose(K, op2.rdmats(str(path))["KGG"], atol=1e-9 * np.abs(K).max())
@@ -80,7 +87,7 @@ def test_op2_matrix_beside_another_library(shared_data: Path) -> None:
 
 def test_reading_op2_leaves_how_numpy_prints(tmp_path: Path) -> None:
     """The library sets numpy's print options where it is imported first, and messages would have fewer digits."""
-    pytest.importorskip("pyyeti", reason="pyYeti is not installed")
+    _pyyeti("op2")
     (tmp_path / "a.op2").write_bytes(b"")
     command = [sys.executable, "-c", _PRINTED, str(tmp_path / "a.op2")]
     found = subprocess.run(command, capture_output=True, text=True, check=True)

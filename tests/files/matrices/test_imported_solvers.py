@@ -41,7 +41,7 @@ def test_calculix(calculix_job: Path) -> None:
     (calculix_job / "study.toml").write_text(text)
     (found,) = steps.modes(calculix_job / "study.toml")
     np.testing.assert_allclose(found.freq_hz, read_listed_modes(calculix_job / "modes.dat"), rtol=2e-6)
-    (facts,) = steps.info(calculix_job / "study.toml").configurations
+    (facts,) = steps.info(calculix_job / "study.toml").record.configurations
     # the beam without the nodes of its clamped end
     assert facts.centre_of_gravity is not None
     assert facts.centre_of_gravity[0] > 1.0

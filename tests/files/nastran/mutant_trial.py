@@ -16,7 +16,7 @@ from types import FrameType
 import numpy as np
 
 from femtune.errors import FemtuneError, FemtuneErrors
-from femtune.files.nastran import (
+from femtune.files.nastran import (  # fmt: skip
     BuiltModel,
     Deck,
     build_structure,
@@ -24,8 +24,8 @@ from femtune.files.nastran import (
     plan_edits,
     read_deck,
     write_deck,
-)  # fmt: skip
-from femtune.files.nastran.located import located
+)
+from femtune.files.nastran.error_places import errors_at_cards
 from femtune.model import Configuration, configure, parametric_model, solve_modes
 from femtune.parameters import ParameterSet
 
@@ -111,7 +111,7 @@ def _use(path: Path, number: int) -> None:
     _check_bytes(deck, path)
     built = build_structure(deck)
     _check_one_value(built, random.Random(number), path.parent.parent / "out")
-    with located(built):
+    with errors_at_cards(built):
         model = configure(parametric_model(built.structure, ParameterSet(()), ()), Configuration())
     solution = solve_modes(model.at(np.zeros(0)), 3)
     assert np.isfinite(solution.freq_hz).all(), solution.freq_hz

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran import Deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.parameters import jet

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran import Deck, read_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
-from femtune.files.nastran.write import write_deck
-from femtune.files.nastran.write_plan import plan_edits
+from femtune.files.nastran.write import plan_edits, write_deck
 
 from .solving import frequencies
 
@@ -184,6 +183,7 @@ CARDS = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", CARDS)
 def test_every_value_is_written_back_into_its_fields(deck_of: DeckOf, tmp_path: Path, name: str):
     text, card, fields = CARDS[name]

@@ -12,7 +12,7 @@ from femtune.errors import FemtuneError
 from femtune.files.nastran import Deck, assembly, build_structure, columns, read_deck
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.columns import columns_of
-from femtune.files.nastran.grid_columns import plain_grids
+from femtune.files.nastran.grids import plain_grids
 
 from .mutations import mutant
 from .whole_decks import DECKS
@@ -101,6 +101,7 @@ def test_whole_decks(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     check_same(fast, one_by_one(path, monkeypatch))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("name", DECKS)
 def test_damaged_decks_say_the_same(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = {n: text.encode("latin-1") for n, text in DECKS[name].items()}

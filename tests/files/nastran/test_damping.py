@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
-from femtune.files.nastran.write_plan import plan_edits
+from femtune.files.nastran.write import plan_edits
 
 DeckOf = Callable[..., Deck]
 BASE = "SPOINT,1\nCELAS2,1,100.,1\nCMASS2,2,4.,1\n"
@@ -125,7 +125,7 @@ def test_a_table_of_one_pair_is_constant(deck_of: DeckOf) -> None:
         ("SDAMPING = X", TABLE, "deck.case-control", "by its number"),
         ("", "TABDMP1,7,CRIT\n,1.,.01,2.,.03\n", "deck.damping-table", "no ENDT"),
         ("", "TABDMP1,7,CRIT\n,ENDT\n", "deck.damping-table", "no pairs"),
-        ("", "TABDMP1,7,LOSS\n,1.,.01,ENDT\n", "deck.damping-table", "no type of damping"),
+        ("", "TABDMP1,7,LOSS\n,1.,.01,ENDT\n", "deck.damping-table", "not a type of damping"),
         ("", "TABDMP1,7,CRIT\n,1.,.01,3.,.01,2.,.01\n,ENDT\n", "deck.damping-table", "neither rise nor fall"),
         ("", "TABDMP1,7,CRIT\n,1.,,2.,.02,ENDT\n", "deck.blank-field", "should hold a real"),
         ("", TABLE + TABLE, "deck.duplicate-id", "table 7"),

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
-from femtune.files.nastran.write_plan import WritePlan, plan_edits
+from femtune.files.nastran.write import WritePlan, plan_edits
 
 DeckOf = Callable[..., Deck]
 TEXT = """GRID,1,,0.,0.,0.
@@ -70,6 +70,7 @@ def lines(path: Path) -> list[str]:
     return path.read_text().splitlines()
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("text", FIELDS)
 def test_every_value_in_its_field(built: BuiltModel, text: str, tmp_path: Path) -> None:
     ref = parse_field_ref(text)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError
@@ -140,10 +140,10 @@ def _free(fields: list[str]) -> str:
     return "".join(h + "," + ",".join(row) + "\n" for h, row in zip(["PBAR", *[""] * len(rows)], rows))
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("layout", [_small, _free])
 @pytest.mark.parametrize("wide", [False, True])
 @given(fields=CARDS, index=st.integers(0, 25), value=st.floats(-1e9, 1e9))
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_field_of_any_card(
     deck_of: DeckOf,
     tmp_path: Path,

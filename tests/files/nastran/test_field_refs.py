@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError, Where
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, edit_fields, read_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve

@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError
@@ -67,7 +67,6 @@ def test_a_cut_behind_begin_bulk_is_never_silent(folder: Path) -> None:
 
 @given(changes=st.lists(st.tuples(st.integers(0, len(DECK) - 1), st.sampled_from(CHARACTERS)), max_size=6))
 @example(changes=[(4, 0xB2)])
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_bytes_changed_at_random(folder: Path, changes: list[tuple[int, int]]) -> None:
     raw = bytearray(DECK)
     for at, byte in changes:

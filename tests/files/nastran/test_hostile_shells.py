@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import build_structure, read_deck
-from femtune.files.nastran.write_plan import plan_edits
+from femtune.files.nastran.write import plan_edits
 
 CARDS = (
     "CORD2C,5,,0.,0.,0.,0.,0.,1.",
@@ -78,6 +78,7 @@ def test_the_deck_is_sound(path: Path) -> None:
     assert np.isfinite(assemble(structure, "stiffness").toarray()).all()
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("place", PLACES)
 def test_each_value_in_each_field(path: Path, place: tuple[int, int]) -> None:
     for value in VALUES:
@@ -85,6 +86,5 @@ def test_each_value_in_each_field(path: Path, place: tuple[int, int]) -> None:
 
 
 @given(changes=st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=2, max_size=5))
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_fields_changed_at_random(path: Path, changes: Changes) -> None:
     check(path, changed(changes))

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
-from femtune.files.nastran.write_plan import plan_edits
+from femtune.files.nastran.write import plan_edits
 
 CARDS = (
     "CORD2C,5,,0.,0.,0.,0.,0.,1.",
@@ -82,14 +82,13 @@ def test_the_deck_is_sound(path: Path) -> None:
     assert all(len(batch) == 1 for batch in structure.batches)
 
 
-@pytest.mark.parametrize("line", range(len(CARDS)))
-def test_each_value_in_each_field(path: Path, line: int) -> None:
-    for place in (place for place in PLACES if place[0] == line):
-        for value in VALUES:
-            check(path, changed([(place, value)]))
+@pytest.mark.quick(8)
+@pytest.mark.parametrize("place", PLACES)
+def test_each_value_in_each_field(path: Path, place: tuple[int, int]) -> None:
+    for value in VALUES:
+        check(path, changed([(place, value)]))
 
 
 @given(changes=st.lists(st.tuples(st.sampled_from(PLACES), st.sampled_from(VALUES)), min_size=2, max_size=5))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_fields_changed_at_random(path: Path, changes: Changes) -> None:
     check(path, changed(changes))

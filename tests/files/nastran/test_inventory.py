@@ -35,9 +35,9 @@ def test_missing_elements_are_an_error_with_count_and_first_line(deck_of: DeckOf
     with pytest.raises(FemtuneError) as error:
         build_structure(deck)
     text = str(error.value)
-    assert "2 CFAST cards are not understood" in text
+    assert "2 CFAST cards are not supported" in text
     assert "deck.bdf:5 (CFAST 1)" in text
-    assert "1 RSPLINE card is not understood" in text
+    assert "1 RSPLINE card is not supported" in text
     model = build_structure(deck, allow_missing=True)
     found = [(n.level, n.what.split(" left")[0]) for n in model.notices if n.code == "deck.unsupported-element"]
     assert found == [("warning", "2 CFAST cards are"), ("warning", "1 RSPLINE card is")]

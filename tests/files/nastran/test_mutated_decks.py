@@ -14,7 +14,7 @@ import pytest
 from femtune.errors import FemtuneError, FemtuneErrors, Where
 from femtune.files.nastran import build_structure, read_deck
 from femtune.files.nastran.catalogue import CATALOGUE
-from femtune.files.nastran.located import located
+from femtune.files.nastran.error_places import errors_at_cards
 
 from .mutant_trial import trial, unplaced
 from .mutations import mutant
@@ -25,7 +25,7 @@ OWN: Sources = {name: {n: text.encode("latin-1") for n, text in files.items()} f
 REFERENCE = ("beam_modes.dat", "satk.dat", "cbush.dat", "pt145.bdf", "random_test_bar_plus_tri.bdf",
              "actuator_tf_modeling.bdf", "004_72_bar_truss/modes.dat", "002_svanberg_beam/modes.dat",
              "002_svanberg_beam/svanberg.bdf")  # fmt: skip
-QUICK, ALL = 500, 10_000
+QUICK, SOME, ALL = 60, 500, 10_000
 
 
 def reference_sources(folder: Path) -> Sources:
@@ -70,11 +70,12 @@ def test_mutants_are_the_same_again_and_changed() -> None:
     assert sum(one != OWN["frame"] for one in both[0]) > 90
 
 
-def test_quick_mutants() -> None:
+@pytest.mark.parametrize(("count", "kinds"), [(QUICK, 8), pytest.param(SOME, 20, marks=pytest.mark.slow)])
+def test_mutants_of_our_own_decks(count: int, kinds: int) -> None:
     codes: Counter[str] = Counter()
-    assert not failures((run(OWN, number) for number in range(QUICK)), codes)
-    assert codes["result"] > QUICK // 5  # many are understood all the same
-    assert len(codes) > 20
+    assert not failures((run(OWN, number) for number in range(count)), codes)
+    assert codes["result"] > count // 5  # many are understood all the same
+    assert len(codes) > kinds
 
 
 @pytest.mark.slow
@@ -129,13 +130,13 @@ def test_a_traceback_and_a_hang_are_failures(monkeypatch: pytest.MonkeyPatch) ->
 def test_errors_of_elements_get_the_place_of_their_card(tmp_path: Path) -> None:
     (tmp_path / "deck.bdf").write_bytes(OWN["springs"]["deck.bdf"])
     built = build_structure(read_deck(tmp_path / "deck.bdf"))
-    kernel = FemtuneError("element.zero-length", "what", where=Where(record="CROD 1"), hint="h")
+    kernel = FemtuneError("element.zero-length", "what", where=Where(record="CROD 1"), hint="h", element=1)
     unknown = FemtuneError("constraint.circular", "what", where=Where(record="MPC"))
-    with pytest.raises(FemtuneErrors) as caught, located(built):
+    with pytest.raises(FemtuneErrors) as caught, errors_at_cards(built):
         raise FemtuneErrors([kernel, unknown])
     places = [error.where for error in caught.value.errors]
     assert places[0] == built.deck.by_name("CROD")[0].where()
     assert places[1] == Where(record="MPC")
-    with pytest.raises(FemtuneError) as alone, located(built):
+    with pytest.raises(FemtuneError) as alone, errors_at_cards(built):
         raise kernel
     assert alone.value.where == places[0]

@@ -10,7 +10,7 @@ import pytest
 from femtune.errors import FemtuneError, Where
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, build_structure
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
@@ -82,6 +82,7 @@ TOTAL = {
 }
 
 
+@pytest.mark.quick(7)
 @pytest.mark.parametrize("name", TOTAL)
 def test_mass_of_the_model(deck_of: DeckOf, name: str) -> None:
     cards, more = TOTAL[name]

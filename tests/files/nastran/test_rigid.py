@@ -9,7 +9,7 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.fem.checks import rigid_body_modes
-from femtune.fem.constraints_average import WeightedPoints, average_rows
+from femtune.fem.constraints import WeightedPoints, average_rows
 from femtune.fem.structure import ConstraintRows, NodeTable, Structure
 from femtune.files.nastran import Deck, build_structure
 
@@ -192,6 +192,7 @@ def test_a_mass_on_an_rbe3_is_the_mass_spread_over_its_points(deck_of: DeckOf) -
     assert np.abs(values[:-3]).max() < 1e-10
 
 
+@pytest.mark.quick(2)
 @pytest.mark.parametrize(
     "rigid",
     [

@@ -9,8 +9,8 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran import Deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.parameters import jet
@@ -265,7 +265,7 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
         ("PCOMP,9\n,1,.1,0.,MAYBE\n" + QUAD + "\n", "deck.field-value", "SOUT of a ply"),
         ("PCOMP,9\n,88,.1\n" + QUAD + "\n", "deck.unknown-material", "material 88"),
         ("PCOMP,9,,,,,,,SYMEM\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SYMEM"),
-        ("PCOMP,9,0.,,,,,,SMEAR\n,1,.1\n" + QUAD + "\n", "deck.laminate", "Z0 stands beside LAM = SMEAR"),
+        ("PCOMP,9,0.,,,,,,SMEAR\n,1,.1\n" + QUAD + "\n", "deck.laminate", "Z0 is given together with LAM = SMEAR"),
         ("PCOMP,9,,,,,,,SMCORE\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SMCORE needs plies"),
         ("PCOMPG,9\n,4,1,.1\n,4,1,.1\n" + QUAD + "\n", "deck.laminate", "global ply 4 twice"),
         ("PCOMP,9\n,1,.1\n" + QUAD + ",,,\n,,,.1,.1,.1,.1\n", "deck.shell-section", "whose property is a laminate"),

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.field_refs import parse_field_ref, resolve
-from femtune.files.nastran.write_plan import WritePlan, plan_edits
+from femtune.files.nastran.write import WritePlan, plan_edits
 from femtune.parameters import jet
 
 DeckOf = Callable[..., Deck]
@@ -107,6 +107,7 @@ def test_formats_say_the_same(deck_of: DeckOf, form: str) -> None:
     assert found == pytest.approx(UPDATABLE)
 
 
+@pytest.mark.quick(15)
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize("text", UPDATABLE)
 def test_only_the_field_changes(deck_of: DeckOf, form: str, text: str, tmp_path: Path) -> None:

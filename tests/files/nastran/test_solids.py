@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran import Deck
 from femtune.files.nastran.build import BuiltModel, build_structure
 from femtune.files.nastran.solids import element_axes
@@ -116,9 +116,9 @@ def test_elements_with_and_without_middles_are_two_batches(deck_of: DeckOf) -> N
         ("CHEXA,20,9,1,2,3,4,5,6\n,7,,9", "corner G8 of the element is missing"),
         ("CTETRA,20,9,1,2,-3,5", "grid points are positive"),
         ("CTETRA,20,9,1,2,3,5,-1", "grid points are positive"),
-        ("CTETRA,20,9,1,2,3,2", "grid point 2 stands twice"),
-        ("CTETRA,20,9,1,2,3,5,9,9", "grid point 9 stands twice"),
-        ("CTETRA,20,9,1,2,3,5,9,10\n,11,12,13,14,15", "10 grid points at the most"),
+        ("CTETRA,20,9,1,2,3,2", "grid point 2 is given twice"),
+        ("CTETRA,20,9,1,2,3,5,9,9", "grid point 9 is given twice"),
+        ("CTETRA,20,9,1,2,3,5,9,10\n,11,12,13,14,15", "10 grid points at most"),
         ("CHEXA,20,9,1,2,3,3,5,6\n,7,7", "as a CPENTA"),
         ("CHEXA,20,9,1,2,3,4,5,5\n,5,5", "as a CPYRAM"),
     ],

@@ -17,9 +17,8 @@ import pytest
 
 from femtune.errors import FemtuneError
 from femtune.fem.assemble import assemble
-from femtune.fem.contribution import MatrixKind
+from femtune.fem.fields import FieldRef, MatrixKind
 from femtune.fem.structure import Structure
-from femtune.fem.values import FieldRef
 from femtune.files.nastran import BuiltModel, WritePlan, build_structure, parse_real, plan_edits, read_deck, write_deck
 from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
 from femtune.files.nastran.sections import SHAPES
@@ -191,6 +190,7 @@ def test_pairs_are_complete() -> None:
         assert {(row[i], row[j]) for row in rows} == set(itertools.product(AXES[i], AXES[j]))
 
 
+@pytest.mark.quick(12)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_values_are_read_where_they_stand(sample: Sample, tmp_path: Path) -> None:
     built = built_of(
@@ -216,6 +216,7 @@ def check_variant(sample: Sample, variant: Variant, folder: Path, start: int, ev
         check_written(deck, built, FieldRef(sample.card, sample.number, name), folder / "run")
 
 
+@pytest.mark.quick(6)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_in_every_format(sample: Sample, tmp_path: Path) -> None:
     for number, variant in enumerate(of_each_form(SAMPLES.index(sample))):
@@ -243,6 +244,7 @@ def test_fifths_are_all_combinations_and_each_has_every_pair() -> None:
         assert all({(row[i], row[j]) for row in rows} == set(itertools.product(AXES[i], AXES[j])) for rows in fifths)
 
 
+@pytest.mark.quick(5)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_matrices_at_each_value(sample: Sample, tmp_path: Path) -> None:
     """The deck that was written has the matrices of the model at the values that the plan states."""
@@ -270,6 +272,7 @@ def buildable(deck: WrittenDeck, ref: FieldRef) -> BuiltModel | None:
     return built if ref in built.fields else None
 
 
+@pytest.mark.quick(10)
 @pytest.mark.parametrize("state", ["blank", "absent"])
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda s: s.name)
 def test_fields_that_are_not_filled(sample: Sample, state: str, tmp_path: Path) -> None:
@@ -304,6 +307,7 @@ def check_not_filled(sample: Sample, state: str, formats: int, tmp_path: Path) -
     assert left_out == (needed | first_line | set(sample.beside.split()) if state == "absent" else needed)
 
 
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("sample", [s for s in SAMPLES if not s.alone], ids=lambda s: s.name)
 def test_a_copy_for_one_of_two_elements(sample: Sample, tmp_path: Path) -> None:
     """A card more behind the one that is shared, and the number of the copy on the element: nothing else changes."""

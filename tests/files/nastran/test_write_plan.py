@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import Deck, read_deck, write_deck
 from femtune.files.nastran.build import BuiltModel, build_structure
-from femtune.files.nastran.write_plan import WritePlan, plan_edits
+from femtune.files.nastran.write import WritePlan, plan_edits
 
 DeckOf = Callable[..., Deck]
 TEXT = """GRID,1,,0.,0.,0.

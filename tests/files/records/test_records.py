@@ -8,7 +8,7 @@ from scipy.io import savemat, wavfile
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
-from femtune.files.records import Column, read_record
+from femtune.files.records import ChannelColumn, read_record
 
 T = np.arange(50) / 100.0
 SIGNALS = np.vstack([np.sin(2 * np.pi * 3 * T), np.cos(2 * np.pi * 5 * T), 0.1 * T])
@@ -38,7 +38,10 @@ def test_text_of_every_separator(tmp_path, separator, comma):
 
 def test_a_column_of_times_gives_the_rate_and_names_find_columns(tmp_path):
     header = "logger 7, made in March\nTime (s),acc top,acc base,temp\n"
-    columns = [Column("acc base", Dof(7, "X"), "acceleration", "input", "m/s2", 9.81), Column(1, Dof(8, "Z", -1))]
+    columns = [
+        ChannelColumn("acc base", Dof(7, "X"), "acceleration", "input", "m/s2", 9.81),
+        ChannelColumn(1, Dof(8, "Z", -1)),
+    ]
     found = read_record(written(tmp_path, header + rows(",", time=True)), columns)
     assert found.sampling_hz == pytest.approx(100.0)
     assert found.values == pytest.approx(SIGNALS[[1, 0]] * [[9.81], [1.0]], abs=1e-7)
@@ -147,9 +150,9 @@ def test_what_is_not_said_is_asked_for(tmp_path):
     with pytest.raises(FemtuneError, match="neither a sampling rate nor times"):
         read_record(path)
     with pytest.raises(FemtuneError, match="there is no column 4"):
-        read_record(path, [Column(4, Dof(1, "X"))], 100.0)
+        read_record(path, [ChannelColumn(4, Dof(1, "X"))], 100.0)
     with pytest.raises(FemtuneError, match="no column is called 'a'"):
-        read_record(path, [Column("a", Dof(1, "X"))], 100.0)
+        read_record(path, [ChannelColumn("a", Dof(1, "X"))], 100.0)
     with pytest.raises(FemtuneError, match="there is no such file"):
         read_record(tmp_path / "none.csv")
     with pytest.raises(FemtuneError, match="extension"):
@@ -164,6 +167,7 @@ def test_universal_files_of_another_program(shared_data, name):
     assert found.values.std() > 0.0
 
 
+@pytest.mark.slow
 def test_ascii_and_binary_are_the_same_record(shared_data):
     ascii_, binary = (read_record(shared_data / "uff" / f"Sample_UFF58{n}.uff") for n in ("_ascii", "b_bin"))
     assert ascii_.values == pytest.approx(binary.values, rel=1e-5, abs=1e-7)

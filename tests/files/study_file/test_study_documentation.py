@@ -10,8 +10,8 @@ from typing import Any, get_args
 import pytest
 
 from femtune.files import study_file
+from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.residual import ResidualEntry
-from femtune.files.study_file.table import Table
 
 _PAGE = (Path(__file__).resolve().parents[3] / "docs" / "study-file.md").read_text()
 _ROW = re.compile(r"^\| `(\w+)` \| (.+?) \| (.+) \| `(.+)` \|$", re.MULTILINE)
@@ -21,7 +21,7 @@ _SHARED = ("kind", "configuration", "modes")
 
 _KINDS = {get_args(m.model_fields["kind"].annotation)[0]: m for m in get_args(get_args(ResidualEntry)[0])}
 
-_TABLES: dict[str, type[Table]] = {
+_TABLES: dict[str, type[TomlTable]] = {
     "## `[study]`": study_file.StudyTable,
     "## `[model]`": study_file.ModelTable,
     "## `[[matrix]]`": study_file.MatrixEntry,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femtune.files.study_file.lines import Place, line_numbers
+from femtune.files.study_file.source import Place, line_numbers
 
 _TEXT = '''\
 # a comment with [brackets] and key = 1

@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from femtune.assembly.cases import overlay
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError
-from femtune.fem.values import FieldRef
-from femtune.files.study_file import StudyFile, element_list, overlay, read_study_file, study_from_text
+from femtune.fem.fields import FieldRef
+from femtune.files.study_file import StudyFile, element_list, read_study_file, study_from_text
 from femtune.model.configuration import AddedMass
 
 _FULL = """\
@@ -217,7 +218,6 @@ def _only_femtune_errors(text: str, folder: Path) -> None:
     assert message.count("fuzz.toml") >= 1
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(_EDITS)
 def test_damaged_text_gives_femtune_errors_only(folder: Path, edits: list[tuple[int, int, str]]) -> None:
     text = _FULL
@@ -246,7 +246,6 @@ _VALUES = st.recursive(
 )
 
 
-@settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(st.integers(0, len(_LINES) - 1), _VALUES), min_size=1, max_size=3))
 @example([(_LINES.index("elements_off = [7, 8]"), "[" + "9" * 400 + "]")])
 @example([(_LINES.index("shape_sd = 0.1"), "9" * 400)])

@@ -41,7 +41,7 @@ def test_each_kind_has_a_table_of_its_own(folder: Path):
 
 
 REFUSED = {
-    "an unknown kind": ('kind = "mas"\nmass = 1.0\nsd = 0.1', "study.value", "'mas' is no kind of residual"),
+    "an unknown kind": ('kind = "mas"\nmass = 1.0\nsd = 0.1', "study.value", "'mas' is not a kind of residual"),
     "no kind": ("mass = 1.0", "study.missing-key", "lacks 'kind'"),
     "a key of another kind": ('kind = "mass"\nmass = 1.0\nsd = 0.1\nscaling = "mass"', "study.unknown-key", "scaling"),
     "no value": ('kind = "mass"\nsd = 0.1', "study.missing-key", "lacks 'mass'"),

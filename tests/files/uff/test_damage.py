@@ -106,6 +106,7 @@ def cuts(data: bytes) -> Iterator[int]:
     yield from range(len(data) - 20, len(data))
 
 
+@pytest.mark.quick(1)
 def test_cut_anywhere(good: bytes, tmp_path: Path) -> None:
     full = read(tmp_path / "a.uff", good)
     assert isinstance(full, UffContent)
@@ -133,6 +134,7 @@ def test_cut_inside_a_record_says_where(tmp_path: Path) -> None:
     assert error.where.record == "data set 55"
 
 
+@pytest.mark.quick(1)
 def test_a_lost_line_is_noticed(good: bytes, tmp_path: Path) -> None:
     """Each single line taken out of an ASCII file: an error, or the numbers as they were (ID lines, names)."""
     if b"58b" in good:
@@ -145,6 +147,7 @@ def test_a_lost_line_is_noticed(good: bytes, tmp_path: Path) -> None:
         assert isinstance(found, FemtuneError) or same(found, full), lines[i]
 
 
+@pytest.mark.slow
 def test_random_bytes(good: bytes, tmp_path: Path) -> None:
     """Whatever is damaged, only FemtuneError comes out."""
     rng = np.random.default_rng(1)
@@ -172,6 +175,7 @@ def test_crlf_blanks_and_d_exponents_change_nothing(good: bytes, tmp_path: Path)
         assert same(found, full)
 
 
+@pytest.mark.quick(8)
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("double", [True, False])

@@ -29,6 +29,7 @@ def _test(freq_hz: NDArray, kind: str = "accelerance", units: str = "m-kg-s") ->
     return ModalTest("plate", unit_system(units), frame, frfs=FrfSet(freq_hz, values, _RESPONSES, _REFERENCES, kind))
 
 
+@pytest.mark.quick(16)
 @pytest.mark.parametrize("units", ["m-kg-s", "mm-t-s", "mm-kg-s", "in-slinch-s", "ft-lbm-s", "cm-g-s"])
 @pytest.mark.parametrize("freq_hz", _LINES)
 @pytest.mark.parametrize("kind", KINDS)

@@ -21,7 +21,7 @@ from femtune.model.reduce import reduce_model, reduced_derivative, reduced_model
 from femtune.model.reduce.condensation import guyan, irs
 from femtune.model.reduce.reduced_model import enlarge
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 X = np.array([0.11, -0.2, 0.05])
 
@@ -154,7 +154,7 @@ def test_models_at_sensors_refuse_what_cannot_be_told(plate: ConfiguredModel) ->
     point, rows = plate.at(X), np.eye(plate.n_free)
     with pytest.raises(FemtuneError, match="combination of those of others"):
         sensor_model(point, np.vstack([rows[:8], rows[:1] + rows[1:2]]))
-    with pytest.raises(FemtuneError, match="while all sensors are held"):
+    with pytest.raises(FemtuneError, match="while all sensors are constrained"):
         sensor_model(point, rows[:2])
     with pytest.raises(FemtuneError, match="cannot be told apart"):
         sensor_model(point, rows[:3], "serep", 4)

@@ -15,7 +15,7 @@ from femtune.fem import FieldRef
 from femtune.files.reduced_basis import load_basis, save_basis
 from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
 from femtune.model.reduce import (
-    Estimator,
+    ErrorEstimator,
     Trained,
     Trainer,
     TrainingRules,
@@ -23,10 +23,9 @@ from femtune.model.reduce import (
     certified_error,
     reduced_modes,
 )
-from femtune.model.reduce.candidates import candidates
-from femtune.model.reduce.training import TRIED
+from femtune.model.reduce.training import TRIED, candidates
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
 RULES = TrainingRules(count=16, tolerance=2e-4, full_solutions=12, inner=12, corners=4)
 
@@ -100,6 +99,7 @@ def test_rigid_body_modes_stay_in_the_basis(plate: ConfiguredModel, trained: Tra
     assert np.abs(values[:6]).max() < 1e-6 * values[6]
 
 
+@pytest.mark.slow
 def test_a_budget_ends_the_training_with_the_best_so_far(trainer: Trainer, plate: ConfiguredModel) -> None:
     short = replace(trainer, rules=replace(RULES, full_solutions=2))
     found = short.train(short.start())
@@ -159,13 +159,14 @@ def test_candidates_fill_the_box_and_are_the_same_every_time() -> None:
     assert np.isin(points[32:, 0], [-0.25, 0.25]).all()
 
 
+@pytest.mark.slow
 def test_few_candidates_are_tried_before_the_worst_of_them_is_solved(
     trainer: Trainer, plate: ConfiguredModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[int] = []
     many = replace(trainer, rules=replace(RULES, full_solutions=3, inner=20), report=lambda t: tried.append(0))
-    estimate = Estimator.at
-    monkeypatch.setattr(Estimator, "at", lambda *given: tried.append(1) or estimate(*given))
+    estimate = ErrorEstimator.at
+    monkeypatch.setattr(ErrorEstimator, "at", lambda *given: tried.append(1) or estimate(*given))
     found = many.train(many.start())
     solutions = [i for i, one in enumerate(tried) if not one]
     assert [sum(tried[a:b]) for a, b in pairwise(solutions)] == [TRIED, TRIED]

@@ -13,7 +13,7 @@ from femtune.fem import FieldRef, Structure
 from femtune.model import Assignment, Configuration, ConfiguredModel, ModelPoint, configure, parametric_model
 from femtune.model.damping import ModalDamping, damping_table
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.structures import bars, make_structure, scalars
+from structures.frames import bars, make_structure, scalars
 
 Link = tuple[int, int, float]
 

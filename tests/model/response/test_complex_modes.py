@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel, solve_modes
 from femtune.model.damping import ModalDamping, as_hysteretic, constant_damping
-from femtune.model.response import ComplexModes, complex_mode_derivative, complex_modes, quadratic
+from femtune.model.response import ComplexModes, complex_eigen, complex_mode_derivative, complex_modes
 
 from .models import beam, chain, configured, matrices, point, rising
 
@@ -144,7 +144,7 @@ def test_iteration_finds_the_poles_of_the_dense_way(
     at = beam(n, clamped=clamped, dashpots=[(6 * n + 1, -1, 20.0), (6 * 7 + 1, 6 * 15 + 1, 50.0)], GE=loss)
     real = solve_modes(at, 10)
     dense = complex_modes(real)
-    monkeypatch.setattr(quadratic, "DENSE_UP_TO", 10)
+    monkeypatch.setattr(complex_eigen, "DENSE_UP_TO", 10)
     found = complex_modes(real)
     assert dense.complete
     assert not found.complete
@@ -191,6 +191,7 @@ def test_derivatives_by_complex_difference(mode: int) -> None:
         np.testing.assert_allclose(found.shape[:, i], shape, rtol=1e-6, atol=1e-7 * np.abs(shape).max() + 1e-9)
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("damping", [rising(0.03, 4.0), as_hysteretic(rising(0.03, 4.0))])
 def test_derivatives_with_modal_damping(damping: ModalDamping) -> None:
     """By differences of fourth order: the damper follows the real modes, which are not complex-differentiable here."""

@@ -29,6 +29,7 @@ def _values(
     return np.asarray(frf(solve_modes(at, count), made, freq_hz, kind, method, damping=damping).values)
 
 
+@pytest.mark.quick(4)
 @every_way
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
 @pytest.mark.parametrize("what", ["viscous", "hysteretic", "modal", "all"])

@@ -55,6 +55,7 @@ def _modal_matrix(at: ModelPoint, damping: DampingRatios | None, freq_hz: NDArra
     return np.einsum("ir,rk,jr->ijk", half, rate[:, None] * over, half)
 
 
+@pytest.mark.quick(4)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", METHODS)
 def test_all_modes_give_the_inverse_of_the_dynamic_stiffness(case: str, method: str) -> None:
@@ -103,6 +104,7 @@ def test_residual_vectors_make_the_static_response_exact(method: str, consistent
     assert _errors(at, 2, method, False, np.zeros(1), "receptance") > 1e-4
 
 
+@pytest.mark.quick(1)
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("clamped", [True, False])
 def test_residual_vectors_shrink_the_truncation_error(method: str, clamped: bool) -> None:

@@ -18,7 +18,7 @@ from femtune.model import (
 )
 from femtune.model.response import mass_response
 from femtune.parameters import Parameter, ParameterSet
-from femtune.testing.structures import bars, make_structure, masses
+from structures.frames import bars, make_structure, masses
 
 from .models import SECTION
 

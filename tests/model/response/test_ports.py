@@ -13,7 +13,7 @@ from femtune.fem.structure import NodeTable
 from femtune.model import Configuration, configure, parametric_model
 from femtune.model.response import Signal, make_ports, matrix_ports
 from femtune.parameters import ParameterSet
-from femtune.testing.structures import make_structure, masses, scalars
+from structures.frames import make_structure, masses, scalars
 
 from .models import beam
 

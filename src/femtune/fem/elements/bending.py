@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.fem.contribution import Coefficient
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 # rows of (v, θ) at both ends in the element's twelve, and the signs that make θ = dv/dx
 PLANES = {

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.fem.contribution import Coefficient, Contribution
+from femtune.fem.elements.kind import ElementKind
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters import jet
 from femtune.parameters.jet import Jet
@@ -78,3 +79,6 @@ def _rotation(zero: Jet, n: int, pairs: Sequence[tuple[int, int]], angles: Seque
         for row in S:
             row[p], row[q] = row[p] * c + row[q] * s, row[q] * c - row[p] * s
     return S
+
+
+GENERIC = ElementKind("generic", generic, papers=("gladwell1995",))

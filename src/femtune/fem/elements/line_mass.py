@@ -11,13 +11,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.fem.contribution import Coefficient, Contribution, product
 from femtune.fem.elements.bending import PLANES
 from femtune.fem.elements.placement import carry
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 LUMPED = np.eye(2) / 2.0
 # a quantity that is linear along the axis: the twist, or the displacement of a linear shape function

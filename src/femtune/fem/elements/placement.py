@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
+import numpy as np
+
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
 from femtune.fem.structure import ElementBatch, Structure
-
-Reals = NDArray[np.float64]
 
 # the sine of the angle between a bar and its orientation vector below which plane 1 is not defined
 PARALLEL = 1e-6
@@ -17,9 +17,10 @@ PARALLEL = 1e-6
 CHUNK = 512
 
 
-def element_error(batch: ElementBatch, i: int, code: str, what: str, hint: str) -> FemtuneError:
+def element_error(batch: ElementBatch, i: int, code: str, **facts: Any) -> FemtuneError:
     """An error that names one element of a batch."""
-    return FemtuneError(code, what, where=Where(record=f"{batch.card} {batch.ids[i]}"), hint=hint)
+    number = int(batch.ids[i])
+    return FemtuneError(code, where=Where(record=f"{batch.card} {number}"), element=number, **facts)
 
 
 def node_positions(batch: ElementBatch, structure: Structure, k: int) -> Reals:
@@ -46,8 +47,7 @@ def line_axes(batch: ElementBatch, start: Reals, end: Reals) -> tuple[Reals, Rea
     # coordinates of size s carry rounding of about 1e-16 s
     size = np.maximum(np.abs(start).max(axis=1, initial=0.0), np.abs(end).max(axis=1, initial=0.0))
     for i in np.flatnonzero(length <= 1e-12 * size):
-        what = "the element's two ends are at the same place"
-        raise element_error(batch, int(i), "element.zero-length", what, "move a grid point or an offset, or delete it")
+        raise element_error(batch, int(i), "element.zero-length/line-axes")
     return span / length[:, None], length
 
 
@@ -62,8 +62,7 @@ def oriented_axes(batch: ElementBatch, x: Reals, v: Reals) -> Reals:
     height, size = np.linalg.norm(z, axis=1), np.linalg.norm(v, axis=1)
     for i in np.flatnonzero(height <= PARALLEL * size):
         vector = ", ".join(f"{c:.6g}" for c in v[i])
-        what = f"the orientation vector ({vector}) does not define a plane with the axis"
-        raise element_error(batch, int(i), "element.orientation", what, "give a vector that is not along the element")
+        raise element_error(batch, int(i), "element.orientation", vector=vector)
     z = z / height[:, None]
     return np.stack([x, np.cross(z, x), z], axis=2)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from femtune.fem.contribution import Contribution, product
 from femtune.fem.elements import placement
+from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.line_mass import line_mass
 from femtune.fem.structure import ElementBatch, Structure
 
@@ -29,3 +30,6 @@ def rod(batch: ElementBatch, structure: Structure) -> list[Contribution]:
         Contribution("stiffness", "torsion", at, twist, ("G", "J"), product("G", "J")),
         *line_mass(batch, structure, ends, length, bending=False),
     ]
+
+
+ROD = ElementKind("rod", rod, line=True, refinable=True)

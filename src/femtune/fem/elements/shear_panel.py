@@ -16,16 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import ErrorCollector
 from femtune.fem.contribution import Contribution, product
+from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.placement import nominal
-from femtune.fem.elements.quad_shape import determinant, functions, quad_shares, slopes
-from femtune.fem.elements.shell_checks import check_shapes, check_thickness
-from femtune.fem.elements.shell_placement import mean_plane
+from femtune.fem.elements.shells.checks import check_shapes, check_thickness
+from femtune.fem.elements.shells.placement import mean_plane
+from femtune.fem.elements.shells.quad import determinant, functions, quad_shares, slopes
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 WIDE = 1.01
 """Effectiveness above which F is a width in thicknesses: each edge has a rod of area F t² / 2."""
@@ -226,3 +226,6 @@ def _mass_terms(batch: ElementBatch, structure: Structure, corners: Reals) -> li
         Contribution("mass", "mass", at, matrix, ("rho", "t"), product("rho", "t")),
         Contribution("mass", "added-mass", at, matrix, ("NSM",), product("NSM")),
     ]
+
+
+SHEAR_PANEL = ElementKind("shear-panel", shear_panel, faces=((0, 1, 2, 3),))

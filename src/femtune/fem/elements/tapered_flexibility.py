@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.fem.contribution import Coefficient
 from femtune.fem.elements.tapered_stations import LengthRule, along, integral
 from femtune.parameters.jet import Jet
 
-Reals = NDArray[np.float64]
 Matrix = list[list[Jet]]
 Values = Mapping[str, Jet]
 Flexibility = Callable[[Values, Reals], Matrix]

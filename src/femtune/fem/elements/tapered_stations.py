@@ -9,11 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 # Gauss points between two stations: 1/(a + b ξ) is right to 1e-6 where it changes sixteenfold, to 1e-3 hundredfold
 POINTS = 12

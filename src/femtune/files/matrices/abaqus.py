@@ -5,15 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.matrices.entries import Entries, numbered
-from femtune.files.matrices.read_matrix import ReadMatrix, matrix_from
-from femtune.files.matrices.text_blocks import check_text
-from femtune.files.matrices.triplets import Listed, empty, read_listed
-
-Integers = NDArray[np.int64]
+from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from, numbered
+from femtune.files.matrices.text_blocks import Listed, check_text, empty, read_listed
 
 
 def read_abaqus(path: Path, name: str | None = None) -> ReadMatrix:
@@ -28,12 +23,7 @@ def read_abaqus(path: Path, name: str | None = None) -> ReadMatrix:
     """
     keys = _columns(path) - 1
     if keys not in (2, 4):
-        raise FemtuneError(
-            "matrices.text",
-            f"the lines of this file hold {keys + 1} numbers",
-            where=Where(str(path), 1),
-            hint="write FORMAT=MATRIX INPUT (node, dof, node, dof, value) or FORMAT=COORDINATE (row, column, value)",
-        )
+        raise FemtuneError("matrices.text", where=Where(str(path), 1), keys=keys + 1)
     what = "row, column and value" if keys == 2 else "node, dof, node, dof and value"
     listed = read_listed(path, keys, what)
     entries = _by_number(listed) if keys == 2 else _by_name(listed)
@@ -50,8 +40,7 @@ def _columns(path: Path) -> int:
                 if line.strip() and not line.lstrip().startswith(b"*"):
                     return len(line.replace(b",", b" ").split())
     except OSError as error:
-        what = f"the file cannot be read: {error.strerror}"
-        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+        raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
     raise empty(path)
 
 
@@ -67,10 +56,8 @@ def _by_name(listed: Listed) -> Entries:
     if bad.size:
         raise FemtuneError(
             "matrices.index",
-            "a degree of freedom is none of 1 to 6",
             where=listed.line(int(bad[0])),
             values={"node, dof, node, dof": " ".join(map(str, listed.keys[bad[0]]))},
-            hint="pressures, temperatures and the like are no part of a structural model: leave their elements out",
         )
     _check_external(listed)
     first, second = (listed.keys[:, i] * np.int64(8) + listed.keys[:, i + 1] for i in (0, 2))
@@ -83,9 +70,5 @@ def _check_external(listed: Listed) -> None:
     if listed.keys[:, [0, 2]].min(initial=1) < 1:
         at = int(np.flatnonzero((listed.keys[:, [0, 2]] < 1).any(axis=1))[0])
         raise FemtuneError(
-            "matrices.index",
-            "a node number is not positive: Abaqus numbers its internal nodes so (hybrid elements, contact, couplings)",
-            where=listed.line(at),
-            values={"node": int(listed.keys[at, [0, 2]].min())},
-            hint="generate the matrices without these, or write FORMAT=COORDINATE with a list of DOFs",
+            "matrices.index/check-external", where=listed.line(at), values={"node": int(listed.keys[at, [0, 2]].min())}
         )

@@ -9,9 +9,7 @@ import scipy.sparse as sp
 
 from femtune._optional import require
 from femtune.errors import FemtuneError, Where
-from femtune.files.matrices.entries import Entries
-from femtune.files.matrices.missing import no_such_matrix
-from femtune.files.matrices.read_matrix import ReadMatrix, matrix_from
+from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from, no_such_matrix
 
 NAMES = ("K", "M")
 
@@ -28,7 +26,7 @@ def read_ansys(path: Path, name: str | None = None) -> ReadMatrix:
         raise no_such_matrix(path, name, list(NAMES))
     where = Where(str(path), None, wanted)
     if not path.is_file():
-        raise FemtuneError("matrices.unreadable", "the file does not exist", where=where, hint="check the path")
+        raise FemtuneError("matrices.unreadable/read-ansys", where=where)
     library = require("ansys.mapdl.reader", extra="ansys")
     try:
         file = library.read_binary(str(path))
@@ -58,19 +56,19 @@ def _check_counts(
     known = len(_held_rows(rows, held))
     if K.shape != (n, n) or M.shape != (n, n) or equations != n or known != len(held) or rows[:, 1].max() > 6:
         raise FemtuneError(
-            "matrices.ansys",
-            "the parts of the file do not agree with each other",
+            "matrices.ansys/check-counts",
             where=where,
-            values={"equations": equations, "DOFs": n, "stiffness": K.shape, "mass": M.shape,
-                    "constrained": len(held), "of these among the DOFs": known, "largest DOF label": rows[:, 1].max()},
-            hint="write the file again with an assembled (not reduced) structural solution: /FILNAME, ANTYPE,MODAL",
-        )  # fmt: skip
+            values={
+                "equations": equations,
+                "DOFs": n,
+                "stiffness": K.shape,
+                "mass": M.shape,
+                "constrained": len(held),
+                "of these among the DOFs": known,
+                "largest DOF label": rows[:, 1].max(),
+            },
+        )
 
 
 def _failed(where: Where, error: Exception) -> FemtuneError:
-    return FemtuneError(
-        "matrices.ansys",
-        f"the library that reads .full files gave up: {type(error).__name__}: {error}",
-        where=where,
-        hint="the file may have been cut; write it again (a .full file of a modal or static analysis, not compressed)",
-    )
+    return FemtuneError("matrices.ansys", where=where, name=type(error).__name__, error=error)

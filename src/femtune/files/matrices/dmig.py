@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from femtune.errors import Where
-from femtune.files.matrices.entries import Entries
-from femtune.files.matrices.read_matrix import ReadMatrix, matrix_from
+from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from
 from femtune.files.nastran.deck import read_deck
-from femtune.files.nastran.dmig import check_one_triangle, dmig_matrix
+from femtune.files.nastran.matrices import check_one_triangle, dmig_matrix
 
 
 def read_dmig(path: Path, name: str | None = None) -> ReadMatrix:

@@ -49,15 +49,12 @@ def _lines(path: Path) -> list[str]:
         with path.open(encoding="latin-1") as file:
             return list(file)
     except OSError as error:
-        what = f"the file cannot be read: {error.strerror}"
-        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+        raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
 
 
 def _none(path: Path) -> FemtuneError:
     return FemtuneError(
         "matrices.no-listing",
-        "the file has no table of eigenvalues that is known",
         where=Where(str(path)),
         values={"known tables": "Nastran f06 (REAL EIGENVALUES), CalculiX and Abaqus dat (EIGENVALUE OUTPUT)"},
-        hint="write the frequencies into the study: listed_hz = [12.3, 45.6]",
     )

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.matrices.entries import Entries
-from femtune.files.matrices.read_matrix import ReadMatrix, matrix_from
-from femtune.files.matrices.triplets import Listed, read_listed
+from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from
+from femtune.files.matrices.text_blocks import Listed, read_listed
 
 _BANNER = b"%%matrixmarket"
 _VALUES = {b"real": 1, b"double": 1, b"integer": 1, b"complex": 2}
@@ -79,17 +78,10 @@ def _banner(path: Path, words: list[bytes]) -> tuple[bool, int, bool]:
     where, shown = Where(str(path), 1), {"banner": b" ".join(words[:6]).decode("latin-1")}
     bad = {b"hermitian", b"skew-symmetric", b"pattern"} & set(words)
     if bad:
-        raise FemtuneError(
-            "matrices.not-symmetric",
-            f"the matrix is declared {min(bad).decode()}",
-            where=where,
-            values=shown,
-            hint="stiffness, mass and damping matrices are symmetric with numbers: write 'general' or 'symmetric'",
-        )
+        raise FemtuneError("matrices.not-symmetric", where=where, values=shown, decode=min(bad).decode())
     good = len(words) == 5 and words[1] == b"matrix" and words[2] in (b"coordinate", b"array")
     if not good or words[3] not in _VALUES or words[4] not in (b"general", b"symmetric"):
-        hint = "write %%MatrixMarket matrix, coordinate or array, real or complex, general or symmetric"
-        raise FemtuneError("matrices.text", "the banner is not understood", where=where, values=shown, hint=hint)
+        raise FemtuneError("matrices.text/banner", where=where, values=shown)
     return words[2] == b"coordinate", _VALUES[words[3]], words[4] == b"symmetric"
 
 
@@ -98,11 +90,10 @@ def _size(path: Path, number: int, line: bytes, coordinate: bool, symmetric: boo
     words = line.split()
     if len(words) != (3 if coordinate else 2) or not all(w.isdigit() and len(w) < 18 for w in words):
         raise FemtuneError(
-            "matrices.text",
-            "the size line should hold rows, columns" + (" and the number of entries" if coordinate else ""),
+            "matrices.text/size",
             where=Where(str(path), number),
             values={"line": f"'{line[:80].decode('latin-1').rstrip()}'"},
-            hint="write the matrix again",
+            words=" and the number of entries" if coordinate else "",
         )
     rows, columns = int(words[0]), int(words[1])
     dense = rows * (rows + 1) // 2 if symmetric else rows * columns
@@ -111,9 +102,13 @@ def _size(path: Path, number: int, line: bytes, coordinate: bool, symmetric: boo
 
 def _check_square(path: Path, header: _Header, name: str) -> None:
     if header.rows != header.columns:
-        what = f"{name} has {header.rows} rows and {header.columns} columns"
-        hint = "name a stiffness or mass matrix: they are square"
-        raise FemtuneError("matrices.not-square", what, where=Where(str(path), header.lines), hint=hint)
+        raise FemtuneError(
+            "matrices.not-square/check-square",
+            where=Where(str(path), header.lines),
+            name=name,
+            rows=header.rows,
+            columns=header.columns,
+        )
 
 
 def _check_length(path: Path, header: _Header) -> None:
@@ -128,22 +123,14 @@ def _check_count(path: Path, header: _Header, found: int) -> None:
         raise _short(path, header, {"entries": header.count, "found": found})
     if found > header.count:
         raise FemtuneError(
-            "matrices.text",
-            "the file has more entries than its size line says",
+            "matrices.text/check-count",
             where=Where(str(path), header.lines),
             values={"entries": header.count, "found": found},
-            hint="the file may hold two matrices: write the matrix again",
         )
 
 
 def _short(path: Path, header: _Header, values: dict[str, object]) -> FemtuneError:
-    return FemtuneError(
-        "matrices.truncated",
-        "the file has fewer entries than its size line says",
-        where=Where(str(path), header.lines),
-        values=values,
-        hint="the file was cut: write or copy it again",
-    )
+    return FemtuneError("matrices.truncated/short", where=Where(str(path), header.lines), values=values)
 
 
 def _by_number(listed: Listed, header: _Header) -> Entries:

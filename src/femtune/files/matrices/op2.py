@@ -10,9 +10,7 @@ import scipy.sparse as sp
 
 from femtune._optional import require
 from femtune.errors import FemtuneError, Where
-from femtune.files.matrices.entries import Entries
-from femtune.files.matrices.missing import no_such_matrix
-from femtune.files.matrices.read_matrix import ReadMatrix, matrix_from
+from femtune.files.matrices.read_matrix import Entries, ReadMatrix, matrix_from, no_such_matrix
 
 _MOST_NUMBERS = 150_000_000
 
@@ -30,7 +28,7 @@ def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
         library = require("pyyeti.nastran.op2", extra="op2")
     where = Where(str(path), None, name or "")
     if not path.is_file():
-        raise FemtuneError("matrices.unreadable", "the file does not exist", where=where, hint="check the path")
+        raise FemtuneError("matrices.unreadable/read-ansys", where=where)
     try:
         with library.OP2(str(path)) as file:
             found = _columns(file, path, name)
@@ -70,10 +68,8 @@ def _check_size(trailer: Any, where: Where) -> None:
     if columns * rows > _MOST_NUMBERS:
         raise FemtuneError(
             "matrices.too-large",
-            "the library that reads OP2 files keeps all zeros of a matrix",
             where=where,
             values={"rows": rows, "columns": columns, "it would take": f"{8e-9 * rows * columns:.1f} GB"},
-            hint="write the matrix to an OP4 file (OUTPUT4, sparse): these are read as they are",
         )
 
 
@@ -90,19 +86,8 @@ def _check_trailer(full: np.ndarray, trailer: Any, where: Where) -> None:
 
 
 def _mismatch(where: Where, values: dict[str, Any]) -> FemtuneError:
-    return FemtuneError(
-        "matrices.truncated",
-        "the matrix that was read is not what its trailer in the file says",
-        where=where,
-        values=values,
-        hint="the file was cut, or is of a kind that the library does not know: write the matrix to OP4 (OUTPUT4)",
-    )
+    return FemtuneError("matrices.truncated/mismatch", where=where, values=values)
 
 
 def _failed(where: Where, error: Exception) -> FemtuneError:
-    return FemtuneError(
-        "matrices.op2",
-        f"the library that reads OP2 files gave up: {type(error).__name__}: {error}",
-        where=where,
-        hint="the file may have been cut, or copied as text; OP4 (OUTPUT4) is the safer way for matrices",
-    )
+    return FemtuneError("matrices.op2", where=where, name=type(error).__name__, error=error)

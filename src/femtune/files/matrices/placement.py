@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Notice
+from femtune.arrays import Integers
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.fem.structure import NodeTable
 from femtune.files.matrices.read_matrix import ReadMatrix
-
-Integers = NDArray[np.int64]
+from femtune.files.matrices.text_blocks import line_blocks
+from femtune.files.nastran.build import raise_distinct
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.grids import read_grids
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +69,8 @@ def place_matrices(matrices: Sequence[ReadMatrix], listed: Integers | None, poin
     for m in bare:
         assert rows is not None
         if m.size != len(rows):
-            raise _size(m, len(rows), "the list of DOFs has" if listed is not None else f"{bare[0].name} has")
+            code = "matrices.size/list" if listed is not None else "matrices.size/other-matrix"
+            raise _size(code, m, len(rows), other=bare[0].name)
     named = [m.rows if m.rows is not None else rows for m in matrices]
     found = [r for r in named if r is not None]
     nodes = _nodes(np.concatenate(found), points)
@@ -75,20 +83,13 @@ def _unnamed(
     first = bare[0]
     if len(bare) < len(matrices):
         other = next(m for m in matrices if m.rows is not None)
-        raise FemtuneError(
-            "matrices.no-dofs",
-            f"the rows of {first.name} have no names, and those of {other.name} have",
-            where=first.where,
-            hint='say which DOFs its rows are: dofs = "list.txt" in [model], one line "node component" a row',
-        )
+        raise FemtuneError("matrices.no-dofs", where=first.where, first_name=first.name, other_name=other.name)
     if points is not None and points.n_dofs == first.size:
-        text = f"the {first.size} rows are taken as all DOFs of the grid points in ascending order of their numbers"
-        return _g_set(points), [Notice("matrices.rows-as-g-set", text, first.where, "info")]
+        return _g_set(points), [Notice("matrices.rows-as-g-set", where=first.where, level="info", rows=first.size)]
     if points is not None:
-        raise _size(first, points.n_dofs, "the grid points have")
-    text = f"the {first.size} rows have no names and are scalar points 1 to {first.size}"
+        raise _size("matrices.size", first, points.n_dofs)
     rows = np.stack([np.arange(1, first.size + 1), np.zeros(first.size, np.int64)], axis=1)
-    return rows, [Notice("matrices.no-names", text, first.where, "info")]
+    return rows, [Notice("matrices.no-names", where=first.where, level="info", rows=first.size)]
 
 
 def _g_set(points: NodeTable) -> Integers:
@@ -99,13 +100,8 @@ def _g_set(points: NodeTable) -> Integers:
     return np.asarray(every[np.argsort(every[:, 0], kind="stable")])
 
 
-def _size(matrix: ReadMatrix, rows: int, what: str) -> FemtuneError:
-    return FemtuneError(
-        "matrices.size",
-        f"{matrix.name} has {matrix.size} rows, and {what} {rows}",
-        where=matrix.where,
-        hint="take matrices and DOFs of one and the same run and set; a file that was cut lacks its last rows",
-    )
+def _size(code: str, matrix: ReadMatrix, expected: int, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=matrix.where, matrix=matrix.name, rows=matrix.size, expected=expected, **facts)
 
 
 def _nodes(rows: Integers, points: NodeTable | None) -> NodeTable:
@@ -113,20 +109,17 @@ def _nodes(rows: Integers, points: NodeTable | None) -> NodeTable:
     scalars = np.unique(rows[rows[:, 1] == 0, 0])
     both = np.intersect1d(grids, scalars)
     if both.size:
-        raise FemtuneError(
-            "matrices.dof-list", f"node {both[0]} is a grid point (components 1 to 6) and a scalar point (0)",
-            hint="a scalar point has a number of its own",
-        )  # fmt: skip
+        raise FemtuneError("matrices.dof-list", both=both[0])
     n = len(grids)
     if points is None:
-        return NodeTable(grids, np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)), scalars, located=n == 0)
+        return NodeTable(grids, np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)), scalars, has_coordinates=n == 0)
     missing = np.setdiff1d(grids, points.ids)
     if missing.size:
         raise FemtuneError(
             "matrices.no-coordinates",
-            f"{missing.size} of the {n} nodes of the matrices are not among the grid points",
             values={"nodes": ", ".join(map(str, missing[:10]))},
-            hint="name the file of the mesh that the matrices were made of, or leave grid out",
+            missing_size=missing.size,
+            n=n,
         )
     at = np.searchsorted(points.ids, grids)
     return NodeTable(grids, points.xyz[at], points.frames[at], scalars)
@@ -137,3 +130,69 @@ def _dofs(nodes: NodeTable, rows: Integers) -> Integers:
     grid = 6 * np.searchsorted(nodes.ids, rows[:, 0]) + rows[:, 1] - 1
     scalar = 6 * len(nodes.ids) + np.searchsorted(nodes.scalar_points, rows[:, 0])
     return np.asarray(np.where(rows[:, 1] > 0, grid, scalar))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Coordinates of grid points for matrices: from a Nastran deck, or the *NODE blocks of an Abaqus or CalculiX file.
+
+
+_NODE = re.compile(rb"\s*\*NODE\s*(,|$)", re.IGNORECASE)
+INPUT_SUFFIXES = (".inp", ".msh")
+
+
+def read_points(path: Path) -> NodeTable:
+    """Grid points (with displacement frames, where the file is a deck) and scalar points.
+
+    Raises
+    ------
+    FemtuneError : ``matrices.points``, and ``deck.*`` for a deck
+    """
+    if path.suffix.lower() in INPUT_SUFFIXES:
+        return _of_input(path)
+    building = Building(read_deck(path))
+    table = read_grids(building).table
+    raise_distinct(building.errors)
+    return table
+
+
+def _of_input(path: Path) -> NodeTable:
+    ids: list[int] = []
+    xyz: list[list[float]] = []
+    inside, number = False, 0
+    for block in line_blocks(path):
+        for text in block.content.splitlines():
+            number += 1
+            if text.startswith(b"**") or not text.strip():
+                continue
+            if text.lstrip().startswith(b"*"):
+                inside = _NODE.match(text) is not None
+            elif inside:
+                node, place = _node(path, number, text)
+                ids.append(node)
+                xyz.append(place)
+    return _table(path, np.array(ids, np.int64), np.array(xyz, float).reshape(-1, 3))
+
+
+def _node(path: Path, line: int, text: bytes) -> tuple[int, list[float]]:
+    try:
+        node, *place = text.replace(b",", b" ").split()
+        values = [float(x) for x in place[:3]]
+        return int(node), [*values, *([0.0] * (3 - len(values)))]
+    except ValueError as error:
+        shown = {"line": f"'{text[:60].decode('latin-1')}'"}
+        raise _error(path, line, "matrices.points/node", shown) from error
+
+
+def _table(path: Path, ids: NDArray[np.int64], xyz: NDArray[np.float64]) -> NodeTable:
+    if not len(ids):
+        raise _error(path, None, "matrices.points", {})
+    order = np.argsort(ids, kind="stable")
+    ids, xyz = ids[order], xyz[order]
+    twice = np.flatnonzero(np.diff(ids) == 0)
+    if twice.size:
+        raise _error(path, None, "matrices.points/table", {}, ids=ids[twice[0]])
+    return NodeTable(ids, xyz, np.tile(np.eye(3), (len(ids), 1, 1)))
+
+
+def _error(path: Path, line: int | None, code: str, values: dict[str, str], **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), values=values, **facts)

@@ -2,17 +2,189 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.matrices.checks import check_duplicates, check_finite, check_magnitude, check_range, symmetrised
-from femtune.files.matrices.entries import Entries, row_label
+from femtune.arrays import Integers
+from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 
-Integers = NDArray[np.int64]
+# ----------------------------------------------------------------------------------------------------
+# Entries of a matrix as a file lists them.
+
+
+_TABLE = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """Entries of a matrix as a file lists them.
+
+    Parameters
+    ----------
+    row, col : (m,) from 0
+    value : (m,) real or complex
+    size : (rows, columns)
+    rows : (n, 2) node and component of each row, or None
+    line : line or byte of an entry from its position; None where the file has no such thing
+    """
+
+    row: Integers
+    col: Integers
+    value: NDArray
+    size: tuple[int, int]
+    rows: Integers | None = None
+    line: Callable[[int], Where] | None = None
+
+
+def numbered(first: Integers, second: Integers) -> tuple[Integers, tuple[Integers, Integers]]:
+    """Distinct numbers of both, ascending, and the place of each among them."""
+    most = int(max(first.max(initial=0), second.max(initial=0))) + 1
+    if most > _TABLE or min(first.min(initial=0), second.min(initial=0)) < 0:
+        names, at = np.unique(np.concatenate([first, second]), return_inverse=True)
+        return names, (at[: len(first)], at[len(first) :])
+    # a table is faster than sorting and takes less memory
+    seen = np.zeros(most, bool)
+    seen[first] = seen[second] = True
+    place = np.cumsum(seen) - 1
+    return np.flatnonzero(seen), (place[first], place[second])
+
+
+def row_label(rows: Integers | None, i: int) -> str:
+    """A row in words: node and component where they are known, or its number from 1."""
+    if rows is None or i >= len(rows):
+        return f"row {i + 1}"
+    return f"{rows[i, 0]}:{rows[i, 1]}"
+
+
+# ----------------------------------------------------------------------------------------------------
+# What entries of a matrix must be: in range, finite, each once, and symmetric where both triangles are there.
+
+
+# entries with eight digits, beside the diagonal of their row and column
+SYMMETRY = 1e-7
+# rows for each entry that no model has, beyond a small matrix
+_EMPTY_ROWS, _SMALL = 10, 1000
+LARGEST = 1e100
+"""Entries above this are no stiffness or mass in any units, and their products overflow."""
+
+
+def _at(entries: Entries, i: int, where: Where) -> Where:
+    return where if entries.line is None else replace(entries.line(i), record=where.record)
+
+
+def _named(entries: Entries, i: int) -> str:
+    return row_label(entries.rows, i)
+
+
+def check_range(entries: Entries, where: Where) -> None:
+    """Refuse a row or column that the matrix does not have (error ``matrices.index``)."""
+    n = entries.size[0]
+    if n > _EMPTY_ROWS * len(entries.value) + _SMALL:
+        raise _too_many_rows(entries, n, where)
+    bad = np.flatnonzero((entries.row < 0) | (entries.col < 0) | (entries.row >= n) | (entries.col >= n))
+    if bad.size:
+        i = int(bad[0])
+        raise FemtuneError(
+            "matrices.index/check-range",
+            where=_at(entries, i, where),
+            values={"row": int(entries.row[i]) + 1, "column": int(entries.col[i]) + 1, "such entries": bad.size},
+            n=n,
+        )
+
+
+def _too_many_rows(entries: Entries, n: int, where: Where) -> FemtuneError:
+    """Rows are made of the largest number in some files: one wrong digit must not fill the memory."""
+    at = int(np.argmax(np.maximum(entries.row, entries.col))) if len(entries.value) else 0
+    return FemtuneError(
+        "matrices.index/too-many-rows",
+        where=_at(entries, at, where) if len(entries.value) else where,
+        n=n,
+        n_entries_value=len(entries.value),
+    )
+
+
+def check_finite(entries: Entries, where: Where) -> None:
+    """Refuse NaN and infinity (error ``matrices.not-finite``)."""
+    bad = np.flatnonzero(~np.isfinite(entries.value))
+    if bad.size:
+        i = int(bad[0])
+        raise FemtuneError(
+            "matrices.not-finite", where=_at(entries, i, where), values={**_entry(entries, i), "such entries": bad.size}
+        )
+
+
+def check_magnitude(entries: Entries, where: Where) -> None:
+    """Refuse numbers whose products overflow (error ``matrices.huge``)."""
+    bad = np.flatnonzero(np.maximum(np.abs(entries.value.real), np.abs(entries.value.imag)) > LARGEST)
+    if bad.size:
+        i = int(bad[0])
+        raise FemtuneError(
+            "matrices.huge/check-magnitude",
+            where=_at(entries, i, where),
+            values={**_entry(entries, i), "such entries": bad.size},
+            largest=LARGEST,
+        )
+
+
+def _entry(entries: Entries, i: int) -> dict[str, Any]:
+    return {
+        "row": _named(entries, int(entries.row[i])),
+        "column": _named(entries, int(entries.col[i])),
+        "value": entries.value[i],
+    }
+
+
+def check_duplicates(entries: Entries, where: Where) -> None:
+    """Refuse an entry that is given twice (error ``matrices.duplicate``)."""
+    key = entries.row * np.int64(entries.size[1]) + entries.col
+    if not (np.diff(np.sort(key)) == 0).any():
+        return
+    order = np.argsort(key, kind="stable")
+    twice = np.flatnonzero(np.diff(key[order]) == 0)
+    if twice.size:
+        first, second = int(order[twice[0]]), int(order[twice[0] + 1])
+        raise FemtuneError(
+            "matrices.duplicate/check-duplicates",
+            where=_at(entries, second, where),
+            values={
+                **_entry(entries, second),
+                "value before": entries.value[first],
+                "first given at": str(_at(entries, first, where)),
+                "such entries": twice.size,
+            },
+        )
+
+
+def symmetrised(
+    row: NDArray[np.int64], col: NDArray[np.int64], value: NDArray, entries: Entries, where: Where
+) -> sp.csr_array:
+    """Upper triangle of the mean of a matrix and its transpose (error ``matrices.not-symmetric``)."""
+    A = sp.csr_array((value, (row, col)), shape=entries.size)
+    D = sp.coo_array(A - A.T)
+    size = np.sqrt(np.abs(A.diagonal()))
+    scale = np.maximum(size[D.row] * size[D.col], 1e-12 * np.abs(value).max())
+    gap = np.abs(D.data) / scale
+    if gap.size and gap.max() > SYMMETRY:
+        raise _not_symmetric(A, entries, where, D, gap)
+    upper = sp.csr_array(sp.triu(0.5 * (A + A.T), format="csr"))
+    upper.sort_indices()
+    return upper
+
+
+def _not_symmetric(A: sp.csr_array, entries: Entries, where: Where, D: sp.coo_array, gap: NDArray) -> FemtuneError:
+    k = int(np.argmax(gap))
+    i, j = int(D.row[k]), int(D.col[k])
+    some = int((gap > SYMMETRY).sum()) // 2
+    return FemtuneError("matrices.not-symmetric/not-symmetric", where=where, values={
+            "row": _named(entries, i), "column": _named(entries, j), "value": A[i, j], "its mirror": A[j, i],
+            "pairs that differ": some,
+        })  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +229,11 @@ def matrix_from(entries: Entries, name: str, where: Where, held: Integers | None
     """
     if entries.size[0] != entries.size[1]:
         raise FemtuneError(
-            "matrices.not-square",
-            f"{name} has {entries.size[0]} rows and {entries.size[1]} columns",
+            "matrices.not-square/matrix-from",
             where=where,
-            hint="name a stiffness or mass matrix: they are square",
+            name=name,
+            entries_size=entries.size[0],
+            entries_size_2=entries.size[1],
         )
     check_range(entries, where)
     check_finite(entries, where)
@@ -82,3 +255,17 @@ def _upper(entries: Entries, where: Where) -> tuple[sp.csr_array, str]:
     half.sort_indices()
     names = {(True, False): "lower triangle", (False, True): "upper triangle", (False, False): "a diagonal"}
     return half, f"{names[below, above]}, {len(value)} entries"
+
+
+# ----------------------------------------------------------------------------------------------------
+# A matrix that a file does not hold.
+
+
+def no_such_matrix(path: Path, name: str | None, known: Sequence[str]) -> FemtuneError:
+    """The file does not hold the matrix that was asked for."""
+    where, values = Where(str(path)), {"matrices": ", ".join(known[:20]) or "none"}
+    if not name:
+        return FemtuneError("matrices.no-such-matrix/empty-file", where=where, values=values)
+    return FemtuneError(
+        "matrices.no-such-matrix", where=where, values=values, hint=did_you_mean(name, known), matrix=name
+    )

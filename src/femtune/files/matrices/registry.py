@@ -55,12 +55,10 @@ def read_matrix(path: Path | str, name: str | None = None, format: str | None = 
 def _check_regular(path: Path) -> None:
     """Refuse directories and devices, which may have no end."""
     if path.exists() and not path.is_file():
-        what = "this is a directory" if path.is_dir() else "this is a device or pipe, not a file"
-        hint = "name the file of the matrix" + (" in it" if path.is_dir() else "")
-        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint=hint)
+        code = "matrices.unreadable/directory" if path.is_dir() else "matrices.unreadable/device"
+        raise FemtuneError(code, where=Where(str(path)))
     if not path.exists():
-        hint = "check the path"
-        raise FemtuneError("matrices.unreadable", "the file does not exist", where=Where(str(path)), hint=hint)
+        raise FemtuneError("matrices.unreadable/missing", where=Where(str(path)))
 
 
 def format_of(path: Path) -> str:
@@ -69,16 +67,15 @@ def format_of(path: Path) -> str:
         with path.open("rb") as file:
             start = file.read(64)
     except OSError as error:
-        what = f"the file cannot be read: {error.strerror}"
-        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+        raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
     if is_matrix_market(start):
         return "matrix-market"
     if path.suffix.lower() in _BY_EXTENSION:
         return _BY_EXTENSION[path.suffix.lower()]
     raise FemtuneError(
         "matrices.unknown-format",
-        f"the extension '{path.suffix}' tells no format of matrices",
         where=Where(str(path)),
         values={"formats": ", ".join(READERS)},
-        hint=did_you_mean(path.suffix, _BY_EXTENSION) + "; or write format = … beside the file",
+        suffix=path.suffix,
+        did_you_mean=did_you_mean(path.suffix, _BY_EXTENSION),
     )

@@ -19,7 +19,7 @@ _NUMBERS = bytes.maketrans(b",;DdQ\r\t", b"  EEE  ")
 
 
 @dataclass(frozen=True)
-class Lines:
+class LineBlock:
     """Whole lines of a file; `first` is the number of the first of them."""
 
     file: str
@@ -27,7 +27,7 @@ class Lines:
     content: bytes
 
 
-def line_blocks(path: Path, skip: int = 0) -> Iterator[Lines]:
+def line_blocks(path: Path, skip: int = 0) -> Iterator[LineBlock]:
     """Blocks of whole lines after the first `skip` lines (errors ``matrices.unreadable``, ``matrices.binary``)."""
     number = 1
     try:
@@ -39,11 +39,10 @@ def line_blocks(path: Path, skip: int = 0) -> Iterator[Lines]:
                 number += 1
             while content := file.read(BLOCK):
                 content += file.readline()
-                yield Lines(str(path), number, content)
+                yield LineBlock(str(path), number, content)
                 number += content.count(b"\n")
     except OSError as error:
-        what = f"the file cannot be read: {error.strerror}"
-        raise FemtuneError("matrices.unreadable", what, where=Where(str(path)), hint="check path and rights") from error
+        raise FemtuneError("matrices.unreadable", where=Where(str(path)), strerror=error.strerror) from error
 
 
 def check_text(path: Path, start: bytes) -> None:
@@ -52,14 +51,12 @@ def check_text(path: Path, start: bytes) -> None:
     if control:
         raise FemtuneError(
             "matrices.binary",
-            "the file is binary, and this format is text",
             where=Where(str(path), None, f"byte {start.index(control[:1])}"),
             values={"first bytes": start[:16].hex(" ")},
-            hint="let the solver write it as text, or name the format that it has (format = …)",
         )
 
 
-def numbers(lines: Lines, columns: int, what: str, comment: bytes = b"") -> NDArray[np.float64]:
+def numbers(lines: LineBlock, columns: int, what: str, comment: bytes = b"") -> NDArray[np.float64]:
     """(m, columns) numbers of the lines; comments and blank lines are left aside.
 
     Raises
@@ -74,7 +71,7 @@ def numbers(lines: Lines, columns: int, what: str, comment: bytes = b"") -> NDAr
     return values.reshape(-1, columns)
 
 
-def _without(lines: Lines, comment: bytes) -> Lines:
+def _without(lines: LineBlock, comment: bytes) -> LineBlock:
     content = lines.content
     plain = comment == b"" or comment not in content
     if plain and b"\n\n" not in content and b"\n\r" not in content and not content.startswith((b"\n", b"\r")):
@@ -93,7 +90,7 @@ def _parsed(content: bytes) -> NDArray[np.float64] | None:
             return None
 
 
-def _bad_line(lines: Lines, columns: int, what: str, comment: bytes) -> FemtuneError:
+def _bad_line(lines: LineBlock, columns: int, what: str, comment: bytes) -> FemtuneError:
     """The first line that does not hold so many numbers; the block does, so there is one."""
     for i, line in enumerate(lines.content.splitlines()):
         if not line.strip() or (comment and line.lstrip().startswith(comment)):
@@ -104,14 +101,14 @@ def _bad_line(lines: Lines, columns: int, what: str, comment: bytes) -> FemtuneE
     return _at_line(lines, 0, lines.content[:80], columns, what)
 
 
-def _at_line(lines: Lines, i: int, line: bytes, columns: int, what: str) -> FemtuneError:
+def _at_line(lines: LineBlock, i: int, line: bytes, columns: int, what: str) -> FemtuneError:
     last = lines.content.count(b"\n") <= i
     return FemtuneError(
-        "matrices.truncated" if last else "matrices.text",
-        "the file ends in the middle of a line" if last else f"a line should hold {columns} numbers: {what}",
+        "matrices.truncated/line" if last else "matrices.text/columns",
         where=Where(lines.file, lines.first + i),
         values={"line": f"'{line[:80].decode('latin-1')}'"},
-        hint="the file was cut: write or copy it again" if last else "write the matrix again, or remove the line",
+        columns=columns,
+        names=what,
     )
 
 
@@ -125,11 +122,9 @@ def check_whole_last_line(path: Path) -> None:
     if tail and not tail.endswith(b"\n"):
         line = tail.rpartition(b"\n")[2]
         raise FemtuneError(
-            "matrices.truncated",
-            "the file ends in the middle of a line",
+            "matrices.truncated/check-whole-last-line",
             where=Where(str(path), None, f"byte {end}"),
             values={"last line": f"'{line[:80].decode('latin-1')}'"},
-            hint="the file was cut: write or copy it again",
         )
 
 
@@ -137,12 +132,59 @@ def whole(values: NDArray[np.float64], line: Callable[[int], Where], what: str) 
     """Numbers that must be whole, in 32 bits where they fit (error ``matrices.text``)."""
     bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > 2**53))
     if bad.size:
-        raise FemtuneError(
-            "matrices.text",
-            f"{what} should be a whole number",
-            where=line(int(bad[0])),
-            values={what: values[bad[0]]},
-            hint="write the matrix again, or name the format in the study (format = …)",
-        )
+        raise FemtuneError("matrices.text/whole", where=line(int(bad[0])), values={what: values[bad[0]]}, subject=what)
     small = np.abs(values).max(initial=0.0) < 2**31
     return values.astype(np.int32 if small else np.int64)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Text files of one entry a line: `row column value`, or `node dof node dof value`.
+
+
+@dataclass(frozen=True, eq=False)
+class Listed:
+    """Whole numbers (m, k), of 32 bits where they fit, and values (m,) of a file; `line` tells the line of an entry."""
+
+    keys: NDArray[np.signedinteger]
+    value: NDArray
+    line: Callable[[int], Where]
+
+
+def read_listed(path: Path, keys: int, what: str, skip: int = 0, comment: bytes = b"*", values: int = 1) -> Listed:
+    """Lines of `keys` whole numbers and a value, of two numbers where it is complex.
+
+    Raises
+    ------
+    FemtuneError : ``matrices.text``, ``matrices.truncated``, ``matrices.empty``, ``matrices.unreadable``
+    """
+    found_keys, found_values, starts, count = [], [], [], 0
+    for lines in line_blocks(path, skip):
+        block = numbers(lines, keys + values, what, comment)
+        starts.append((count, lines.first))
+        count += len(block)
+        found_keys.append(_keys(block, keys, _place(str(path), [(0, lines.first)])))
+        found_values.append(np.ascontiguousarray(block[:, keys]) if values == 1 else block[:, keys] + 1j * block[:, -1])
+    if not count:
+        raise empty(path)
+    check_whole_last_line(path)
+    return Listed(np.concatenate(found_keys), np.concatenate(found_values), _place(str(path), starts))
+
+
+def _keys(block: NDArray[np.float64], keys: int, where: Callable[[int], Where]) -> NDArray[np.signedinteger]:
+    columns = [whole(block[:, i], where, f"number {i + 1}") for i in range(keys)]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(block), 0), np.int32)
+
+
+def empty(path: Path) -> FemtuneError:
+    """The file holds no entry."""
+    return FemtuneError("matrices.empty", where=Where(str(path)))
+
+
+def _place(file: str, starts: list[tuple[int, int]]) -> Callable[[int], Where]:
+    """Line of an entry, exact where no comments stand between the entries of a block."""
+
+    def line(i: int) -> Where:
+        begin, first = max(s for s in starts if s[0] <= i)
+        return Where(file, first + i - begin)
+
+    return line

@@ -3,14 +3,105 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from typing import Any
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.card import Card, fields_of
-from femtune.files.nastran.fields import FieldLine, beyond_last_column, split_line
-from femtune.files.nastran.replication import is_replication, replicate
+from femtune.files.nastran.lines import (
+    FieldLine,
+    beyond_last_column,
+    format_real,
+    parse_integer,
+    parse_real,
+    split_line,
+)
 from femtune.files.nastran.source import SourceLine
+
+# ----------------------------------------------------------------------------------------------------
+# Replication: a line that starts with ``=`` repeats the card above with some fields changed.
+#
+# ``=`` in a data field repeats that field, ``==`` that field and all after it, ``*(i)`` adds i to it; ``=(n)`` or
+# ``=n`` in the first field makes n more cards in the same way.
+
+
+_HEAD = re.compile(r"=(?:\(?(\d{1,5})\)?)?")
+_INCREMENT = re.compile(r"\*\(?([^()*]+)\)?")
+
+
+def is_replication(cut: FieldLine) -> bool:
+    """Whether a line repeats the card above."""
+    return cut.head.startswith("=")
+
+
+def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[Card]:
+    """Cards that the replication line makes.
+
+    Raises
+    ------
+    FemtuneError : ``deck.replication``
+    """
+    head = _HEAD.fullmatch(cut.head)
+    if not cards:
+        raise _error(cut, "deck.replication/no-card")
+    if head is None:
+        raise _error(cut, "deck.replication/unknown")
+    parent = cards[-1]
+    if len(parent.lines) > 1:
+        raise _error(cut, "deck.replication")
+    count, rule = int(head[1] or 1), cut
+    if head[1] and not any(cut.data):
+        rule = _rule_above(parent, cut)
+    made = [parent]
+    for _ in range(count):
+        made.append(_next(made[-1], rule, cut, len(cards) + len(made) - 1, superelement))
+    return made[1:]
+
+
+def _rule_above(parent: Card, cut: FieldLine) -> FieldLine:
+    if not parent.replicated:
+        raise _error(cut, "deck.replication/rule-above")
+    rule = parent.lines[0]
+    return split_line(rule, rule.body)
+
+
+def _next(previous: Card, rule: FieldLine, cut: FieldLine, position: int, superelement: int) -> Card:
+    before = [*previous.fields, *[""] * (8 - len(previous.fields))]
+    fields: list[str] = []
+    for index, text in enumerate(rule.data):
+        if text == "==":
+            fields += before[index:]
+            break
+        fields.append(_field(before[index], text, cut))
+    while fields and not fields[-1]:
+        fields.pop()
+    card = replace(previous, given=tuple(fields), lines=(cut.source,), position=position, plain=False)
+    return replace(card, replicated=True, superelement=superelement, format=cut.format)
+
+
+def _field(before: str, text: str, cut: FieldLine) -> str:
+    if text == "=":
+        return before
+    increment = _INCREMENT.fullmatch(text)
+    return _sum(before, increment[1], cut) if increment else text
+
+
+def _sum(before: str, step: str, cut: FieldLine) -> str:
+    whole, whole_step = parse_integer(before), parse_integer(step)
+    if whole is not None and whole_step is not None:
+        return str(whole + whole_step)
+    real, real_step = parse_real(before), parse_real(step)
+    if real is None or real_step is None:
+        raise _error(cut, "deck.replication/sum", step=step, before=before)
+    return format_real(float(Decimal(repr(real)) + Decimal(repr(real_step))), 16)
+
+
+def _error(cut: FieldLine, code: str, **facts: Any) -> FemtuneError:
+    where = Where(cut.source.file, cut.source.number, cut.head)
+    return FemtuneError(code, where=where, **facts)
+
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,7}")
 _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*([A-Z]*)\s*=?\s*(\d{0,9})", re.IGNORECASE)
@@ -110,12 +201,11 @@ class _Assembly:
 
     def _continue(self, cut: FieldLine) -> None:
         if not self.open:
-            raise _continuation(cut, "this continuation has no card above it", "add the card's first line")
+            raise _continuation(cut, "deck.continuation")
         asked, given = self.open[-1].tail[1:].upper(), cut.head[1:]
         self.open.append(cut)
         if asked and given and asked != given:
-            what = f"the card above asks for continuation '{asked}', but '{given}' follows"
-            raise _continuation(cut, what, "put a card's continuations right below it, in order")
+            raise _continuation(cut, "deck.continuation/continue", asked=asked, given=given)
 
     def _cut_plain(self) -> None:
         """Cut up the card that is being read, to go on with lines that are not plain."""
@@ -144,21 +234,20 @@ class _Assembly:
             self.superelement = 0
             return
         self.superelement = int(begin[2])
-        what = f"the cards that follow belong to superelement {begin[2]}"
-        self.notices.append(Notice("deck.superelement", what, Where(line.file, line.number, "BEGIN SUPER")))
+        self.notices.append(
+            Notice("deck.superelement", where=Where(line.file, line.number, "BEGIN SUPER"), begin=begin[2])
+        )
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):
             where = Where(cut.source.file, cut.source.number, cut.head)
-            what = "text after column 80 is not read"
-            self.notices.append(Notice("deck.beyond-column-80", what, where))
+            self.notices.append(Notice("deck.beyond-column-80", where=where))
 
     def _note_dangling(self, lines: list[FieldLine]) -> None:
         tail = lines[-1].tail
         if _asks_for_continuation(tail):
             where = Where(lines[-1].source.file, lines[-1].source.number, lines[0].head)
-            what = f"the continuation '{tail}' that this card asks for does not follow"
-            self.notices.append(Notice("deck.dangling-continuation", what, where))
+            self.notices.append(Notice("deck.dangling-continuation", where=where, tail=tail))
 
 
 def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
@@ -178,12 +267,7 @@ def _plain_name(head: str) -> str:
 def _checked_name(cut: FieldLine) -> FieldLine:
     if _NAME.fullmatch(cut.head.removesuffix("*").rstrip()):
         return cut
-    raise FemtuneError(
-        "deck.card-name",
-        f"'{cut.head[:20]}' is not the name of a card",
-        where=Where(cut.source.file, cut.source.number),
-        hint="a name starts with a letter and has 8 letters or digits at most; a comment starts with $",
-    )
+    raise FemtuneError("deck.card-name", where=Where(cut.source.file, cut.source.number), head=cut.head[:20])
 
 
 def _asks_for_continuation(tail: str) -> bool:
@@ -193,13 +277,9 @@ def _asks_for_continuation(tail: str) -> bool:
 def _cut(lines: list[FieldLine]) -> FemtuneError:
     last = lines[-1]
     return FemtuneError(
-        "deck.truncated",
-        f"the deck ends in the middle of a card: its continuation '{last.tail}' is not there",
-        where=Where(last.source.file, last.source.number, lines[0].head),
-        hint="the file may have been cut here; if the card is complete, remove its last field (columns 73-80)",
+        "deck.truncated", where=Where(last.source.file, last.source.number, lines[0].head), tail=last.tail
     )
 
 
-def _continuation(cut: FieldLine, what: str, hint: str) -> FemtuneError:
-    where = Where(cut.source.file, cut.source.number, cut.head)
-    return FemtuneError("deck.continuation", what, where=where, hint=hint)
+def _continuation(cut: FieldLine, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(cut.source.file, cut.source.number, cut.head), **facts)

@@ -2,21 +2,79 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
+from femtune.fem.elements.bar import BAR
+from femtune.fem.elements.tapered_beam import TAPERED_BEAM
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.files.nastran.bar_properties import BarProperties
-from femtune.files.nastran.building import BatchRows, Building
+from femtune.files.nastran.beam_sections import BeamSection, read_pbarl, read_pbeam, read_pbeaml
+from femtune.files.nastran.building import BatchRows, Building, Library
+from femtune.files.nastran.card import CardEntry
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.composite_beams import read_pbcomp
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials
-from femtune.files.nastran.properties import read_properties
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.materials import Materials, Properties, read_properties
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# Sections of bars and beams by property number: PBAR, PBARL, PBEAM, PBEAML, PBCOMP, with their material.
+
+
+@dataclass
+class BarProperties:
+    """Sections with the material's E G rho GE, by property number."""
+
+    building: Building
+    properties: Properties
+    materials: Materials
+    _library: Library[BeamSection] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._library = Library(self._make)
+
+    def get(self, pid: int, user: CardEntry) -> BeamSection:
+        """The section of a property, asked for by an element."""
+        self.properties.find(pid, user)
+        return self._library.get(pid, user)
+
+    def _make(self, pid: int, user: CardEntry) -> BeamSection:
+        record = self.properties.find(pid, user)
+        material = self.materials.get(record.integer("MID"), record)
+        section = self._section(record, pid, material)
+        if self.building.values.values[material["G"]] == 0.0:
+            _check_constant(record, section)
+            # without a shear modulus there is no shear flexibility either
+            none = self.building.values.add(FieldRef(record.name, pid, "no shear flexibility"), 0.0)
+            stiff = {name: none for name in section.roles if name[:2] in ("K1", "K2")}
+            section = replace(section, roles={**section.roles, **stiff})
+        return replace(section, roles={**material, **section.roles})
+
+    def _section(self, record: CardEntry, pid: int, material: Mapping[str, int]) -> BeamSection:
+        if record.name == "PBCOMP":
+            return read_pbcomp(self.building, record, pid, material, self.materials)
+        return _READERS[record.name](self.building, record, pid)
+
+
+def _check_constant(record: CardEntry, section: BeamSection) -> None:
+    """Beams that change along their length, or whose axes lie beside each other, are made by their flexibility."""
+    if section.stations:
+        raise record.error("deck.section/shear-modulus", at="MID", card=record.name)
+
+
+def read_pbar(b: Building, record: CardEntry, pid: int) -> BeamSection:
+    """A constant section of a bar."""
+    return BeamSection({n: b.value(record, pid, n) for n in ("A", "I1", "I2", "I12", "J", "K1", "K2", "NSM")})
+
+
+_READERS = {"PBAR": read_pbar, "PBARL": read_pbarl, "PBEAM": read_pbeam, "PBEAML": read_pbeaml}
+assert set(_READERS) <= set(CATALOGUE)
+
 
 _DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 _PARALLEL = 1e-8
@@ -35,7 +93,7 @@ def read_bars(building: Building, grids: Grids, materials: Materials) -> list[El
     return found
 
 
-def _add(rows: dict[int, BatchRows], record: Record, grids: Grids, properties: BarProperties) -> None:
+def _add(rows: dict[int, BatchRows], record: CardEntry, grids: Grids, properties: BarProperties) -> None:
     """One element more, in the batch of its number of stations (0: a constant section)."""
     eid = record.integer("EID")
     section = properties.get(record.integer("PID", eid), record)
@@ -44,17 +102,17 @@ def _add(rows: dict[int, BatchRows], record: Record, grids: Grids, properties: B
     facts["pins"] = np.concatenate([_pins(record, "PA"), _pins(record, "PB")])
     if section.stations:
         facts["stations"] = np.array(section.stations)
-    kind = "tapered-beam" if section.stations else "bar"
+    kind = (TAPERED_BEAM if section.stations else BAR).key
     batch = rows.setdefault(len(section.stations), BatchRows(kind, record.name))
     batch.add(eid, [a, b], grids.dofs(a) + grids.dofs(b), section.roles, facts)
 
 
-def _pins(record: Record, name: str) -> NDArray[np.bool_]:
+def _pins(record: CardEntry, name: str) -> NDArray[np.bool_]:
     flags = record.component(name)
     return np.array([str(i + 1) in flags for i in range(6)])
 
 
-def _placement(record: Record, grids: Grids, a: int, b: int) -> dict[str, NDArray]:
+def _placement(record: CardEntry, grids: Grids, a: int, b: int) -> dict[str, NDArray]:
     """Orientation vector and offsets in the basic frame."""
     kinds = _offset_kinds(record)
     _check_no_warping(record)
@@ -67,24 +125,22 @@ def _placement(record: Record, grids: Grids, a: int, b: int) -> dict[str, NDArra
     return {"orientation": v, "offset_a": offsets[0], "offset_b": offsets[1], "offset_of_line": of_line}
 
 
-def _offset_kinds(record: Record) -> str:
+def _offset_kinds(record: CardEntry) -> str:
     """OFFT: orientation in the displacement frame (G) or basic (B), offsets in it (G) or in the line's frame (O)."""
     kinds: str = record.text("OFFT", "GGG")
     # decks of old programs have a flag there that tells a vector (1) from a grid point (2)
     kinds = "GGG" if kinds in ("1", "2") else kinds
     if len(kinds) != 3 or kinds[0] not in "GB" or set(kinds[1:]) - set("GO"):
-        raise record.error("deck.offset-frame", f"OFFT '{kinds}' of {record.name} is not known", at="OFFT",
-                           hint="known: GGG BGG GGO BGO GOG BOG GOO BOO")  # fmt: skip
+        raise record.error("deck.offset-frame", at="OFFT", kinds=kinds, record_name=record.name)
     return kinds
 
 
-def _check_no_warping(record: Record) -> None:
+def _check_no_warping(record: CardEntry) -> None:
     if record.name == "CBEAM" and (record.integer("SA", 0) or record.integer("SB", 0)):
-        raise record.error("deck.section", "warping of beams (SA, SB) is not modelled", at="SA",
-                           hint="take the scalar points off the CBEAM if warping does not matter")  # fmt: skip
+        raise record.error("deck.section/check-no-warping", at="SA")
 
 
-def orientation_vector(record: Record, grids: Grids, a: int, basic: bool = False) -> Reals:
+def orientation_vector(record: CardEntry, grids: Grids, a: int, basic: bool = False) -> Reals:
     """Vector v from X1 X2 X3, or from end A to the grid point G0, in the basic frame.
 
     Raises
@@ -95,19 +151,18 @@ def orientation_vector(record: Record, grids: Grids, a: int, basic: bool = False
         return grids.location(record.integer("X1"), record) - grids.table.xyz[a]
     x = record.reals("X1", "X2", "X3")
     if not any(x):
-        raise record.error("deck.orientation", "the element has no orientation vector", at="X1",
-                           hint="fill X1 X2 X3, or G0, or give a BAROR or BEAMOR card")  # fmt: skip
+        raise record.error("deck.orientation", at="X1")
     return np.array(x) if basic else grids.vector(a, x)
 
 
-def _names_point(record: Record) -> bool:
+def _names_point(record: CardEntry) -> bool:
     """Whether X1 is a grid point G0; X2 and X3 of a BAROR or BEAMOR don't count beside the card's own G0."""
     filled = not record.card.blank(record.at("X1"))
     given = replace(record, defaults=None) if filled or record.defaults is None else record.defaults
     return given.has_integer("X1") and given.blank("X2") and given.blank("X3")
 
 
-def _offset(record: Record, grids: Grids, end: str, row: int, kind: str, line: Reals, v: Reals) -> Reals:
+def _offset(record: CardEntry, grids: Grids, end: str, row: int, kind: str, line: Reals, v: Reals) -> Reals:
     names = (f"W1{end}", f"W2{end}", f"W3{end}")
     if len(record.card.fields) <= record.at(names[0]):
         return np.zeros(3)
@@ -128,12 +183,10 @@ def element_frame(line: Reals, v: Reals) -> Reals:
     return np.column_stack([x, cross(z, x), z])
 
 
-def check_line(record: Record, line: Reals, v: Reals) -> None:
+def check_line(record: CardEntry, line: Reals, v: Reals) -> None:
     """Errors ``deck.zero-length`` and ``deck.orientation`` of an element's axis and orientation vector."""
     size = length(line)
     if size == 0.0:
-        raise record.error("deck.zero-length", "the two ends of the element are at the same point",
-                           hint="correct grid points or offsets; join coincident points by RBE2 or CBUSH")  # fmt: skip
+        raise record.error("deck.zero-length")
     if length(cross(line, v)) <= _PARALLEL * size * length(v):
-        raise record.error("deck.orientation", "the orientation vector is parallel to the element",
-                           hint="choose a vector that points away from the element's axis")  # fmt: skip
+        raise record.error("deck.orientation/check-line")

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, Structure
-from femtune.fem.values import FieldRef
 from femtune.files.nastran.bars import read_bars
 from femtune.files.nastran.building import Building, FieldPlace, duplicate
 from femtune.files.nastran.bushes import read_bushes
 from femtune.files.nastran.catalogue import CATALOGUE, ELEMENT
 from femtune.files.nastran.columns import plain_numbers
+from femtune.files.nastran.constraints import read_dof_sets, read_multipoint_sets, read_supports
 from femtune.files.nastran.control import (
     EigenMethod,
     check_selected,
@@ -25,33 +26,26 @@ from femtune.files.nastran.control import (
     real_param,
     selected_equations,
 )
-from femtune.files.nastran.dampers import read_dampers
-from femtune.files.nastran.damping import damping_notices, overall_damping
-from femtune.files.nastran.damping_tables import damping_tables, modal_damping
+from femtune.files.nastran.damping import damping_notices, damping_tables, modal_damping, overall_damping
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.direct_matrices import read_direct_matrices
-from femtune.files.nastran.dof_sets import read_dof_sets
 from femtune.files.nastran.grids import Grids, permanent_constraints, read_grids
 from femtune.files.nastran.inventory import (
     MISSING,
-    CardCount,
+    CardUse,
     ignored_notices,
     matrix_input,
     missing_error,
     missing_notice,
     take_inventory,
 )
-from femtune.files.nastran.masses import read_masses
+from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
-from femtune.files.nastran.multipoint import read_multipoint_sets
-from femtune.files.nastran.nonstructural import add_nonstructural_mass
+from femtune.files.nastran.matrices import read_direct_matrices
 from femtune.files.nastran.rigid import read_rigid
-from femtune.files.nastran.rods import read_rods
+from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_scalars
 from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
-from femtune.files.nastran.springs import read_scalars
-from femtune.files.nastran.supports import read_supports
 from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
@@ -78,7 +72,7 @@ class BuiltModel:
     deck: Deck
     structure: Structure
     notices: tuple[Notice, ...]
-    cards: tuple[CardCount, ...]
+    cards: tuple[CardUse, ...]
     fields: Mapping[FieldRef, FieldPlace]
     element_cards: Mapping[int, int]
     eigen_method: EigenMethod | None
@@ -116,7 +110,7 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     )  # fmt: skip
 
 
-def _report_cards(building: Building, cards: tuple[CardCount, ...], allow_missing: bool) -> None:
+def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool) -> None:
     building.notices += [*ignored_notices(cards), *ignored_params(building.deck)]
     missing = [count for count in cards if count.use == MISSING]
     if allow_missing:
@@ -212,6 +206,5 @@ def raise_distinct(errors: ErrorCollector) -> None:
     shown = distinct[:_MOST_SHOWN]
     if len(distinct) > len(shown):
         rest = len(distinct) - len(shown)
-        shown.append(FemtuneError("deck.more-problems", f"{rest} more problems are not shown",
-                                  hint="mend the first ones and read the deck again"))  # fmt: skip
+        shown.append(FemtuneError("deck.more-problems", rest=rest))
     ErrorCollector(shown).raise_if_any()

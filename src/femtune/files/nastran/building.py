@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef, ValueTableBuilder
-from femtune.files.nastran.card import Card
+from femtune.fem.values import ValueTableBuilder
+from femtune.files.nastran.card import Card, CardEntry, records_of
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.deck import Deck
 from femtune.files.nastran.lists import read_list
-from femtune.files.nastran.record import Record, records_of
 
 T = TypeVar("T")
 
@@ -53,20 +53,20 @@ class Building:
     errors: ErrorCollector = field(default_factory=ErrorCollector)
     notices: list[Notice] = field(default_factory=list)
 
-    def records(self, *names: str, defaults: Record | None = None) -> list[Record]:
+    def records(self, *names: str, defaults: CardEntry | None = None) -> list[CardEntry]:
         """All entries of the cards of some names."""
         return [record for name in names for card in self.deck.by_name(name) for record in records_of(card, defaults)]
 
-    def defaults(self, name: str) -> Record | None:
+    def defaults(self, name: str) -> CardEntry | None:
         """The GRDSET, BAROR or BEAMOR card; the deck may hold one of each."""
         cards = self.deck.by_name(name)
         if len(cards) > 1:
             with self.errors.catch():
                 raise duplicate(cards[1], f"a second {name} card", cards[0])
-        return Record(cards[0], CATALOGUE[name].fields) if cards else None
+        return CardEntry(cards[0], CATALOGUE[name].fields) if cards else None
 
     def value(
-        self, record: Record, id: int, name: str, default: float = 0.0, also: tuple[int, ...] = (),
+        self, record: CardEntry, id: int, name: str, default: float = 0.0, also: tuple[int, ...] = (),
         flag: tuple[int, str] | None = None,
     ) -> int:  # fmt: skip
         """Position in the value table of a field of a card; a blank field is an entry with the default."""
@@ -75,12 +75,12 @@ class Building:
             self.places[ref] = FieldPlace(record.card.position, (record.at(name), *also), flag)
         value = record.real(name, default)
         if abs(value) > _LARGEST or 0.0 < abs(value) < _SMALLEST:
-            raise record.error("deck.field-value", "a value is beyond all sizes", at=name, hint="correct its exponent")
+            raise record.error("deck.field-value", at=name)
         return self.values.add(ref, value)
 
-    def by_number(self, records: list[Record], what: str) -> dict[int, Record]:
+    def by_number(self, records: list[CardEntry], what: str) -> dict[int, CardEntry]:
         """Records by their number, the first field; a number that stands twice is an error."""
-        found: dict[int, Record] = {}
+        found: dict[int, CardEntry] = {}
         for record in records:
             with self.errors.catch():
                 number = record.card.integer(record.start)
@@ -92,30 +92,25 @@ class Building:
 
 def duplicate(card: Card, what: str, first: Card) -> FemtuneError:
     """A number that was given before."""
-    return card.error(
-        "deck.duplicate-id",
-        f"{what} is defined twice; the first stands at {first.where()}",
-        hint="remove one of the two cards or give it another number",
-    )
+    return card.error("deck.duplicate-id", subject=what, place=first.where())
 
 
-def listed_numbers(record: Record, fields: Sequence[str]) -> list[int]:
+def listed_numbers(record: CardEntry, fields: Sequence[str]) -> list[int]:
     """Numbers of a list with THRU that is written out (error ``deck.field-value`` where it is too long)."""
     try:
         return list(read_list(fields, record.where).expand())
     except ValueError as error:
-        raise record.error("deck.field-value", f"{record.name} lists more than a million numbers, or ALL",
-                           hint="list the numbers that the model uses") from error  # fmt: skip
+        raise record.error("deck.field-value/listed-numbers", record_name=record.name) from error
 
 
 @dataclass
 class Library(Generic[T]):
     """Results by number, each made when it is first asked for; what failed fails again with the same error."""
 
-    make: Callable[[int, Record], T]
+    make: Callable[[int, CardEntry], T]
     _known: dict[int, T | FemtuneError] = field(default_factory=dict)
 
-    def get(self, number: int, user: Record) -> T:
+    def get(self, number: int, user: CardEntry) -> T:
         """The result of a number, asked for by a card."""
         if number not in self._known:
             try:

@@ -7,19 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
+from femtune.fem.elements.discrete import BUSH
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran.bars import check_line, element_frame, orientation_vector
 from femtune.files.nastran.building import BatchRows, Building, Library
-from femtune.files.nastran.card import Card
+from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.coordinates import length
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Roles
-from femtune.files.nastran.properties import Properties, read_properties
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.materials import Properties, Roles, read_properties
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 _LINES = ("K", "B", "GE")
 _FLAGS = ("K", "B", "GE", "RCV", "M", "T", "D")
@@ -30,14 +28,14 @@ def read_bushes(building: Building, grids: Grids) -> list[ElementBatch]:
     """Batch of CBUSH."""
     properties = read_properties(building, "CBUSH")
     values = Library(lambda pid, user: _values(building, properties.find(pid, user), pid))
-    rows = BatchRows("bush", "CBUSH")
+    rows = BatchRows(BUSH.key, "CBUSH")
     for record in building.records("CBUSH"):
         with building.errors.catch():
             _add(rows, record, building, grids, properties, values)
     return rows.batches()
 
 
-def _values(building: Building, record: Record, pid: int) -> Roles:
+def _values(building: Building, record: CardEntry, pid: int) -> Roles:
     """K1 to K6, B1 to B6 and GE1 to GE6; each line of the card starts with the flag of what it holds."""
     flags = _flags(record.card)
     spare = 8 * max(-(-len(record.card.fields) // 8), 1) + 1
@@ -52,18 +50,16 @@ def _flags(card: Card) -> dict[str, int]:
     flags = {card.text(at): at for at in range(1, max(len(card.fields), 2), 8)}
     wrong = [flag for flag in flags if flag and flag not in _FLAGS]
     if wrong:
-        raise card.error("deck.field-value", f"flag '{wrong[0]}' of PBUSH is not known", index=flags[wrong[0]],
-                         hint=f"known: {' '.join(_FLAGS)}")  # fmt: skip
+        raise card.error("deck.field-value/flags", index=flags[wrong[0]], wrong=wrong[0], flags=" ".join(_FLAGS))
     if "M" in flags and any(card.real(flags["M"] + i, 0.0) for i in range(1, 7)):
-        raise card.error("deck.section", "mass of a PBUSH (flag M) is not modelled", index=flags["M"],
-                         hint="give the mass by a CONM2")  # fmt: skip
+        raise card.error("deck.section/flags", index=flags["M"])
     return flags
 
 
-def _line(building: Building, record: Record, pid: int, flag: str, at: int, present: bool) -> dict[str, int]:
+def _line(building: Building, record: CardEntry, pid: int, flag: str, at: int, present: bool) -> dict[str, int]:
     """The six values of a line; one that the card lacks is written with its flag behind the last line."""
     names = tuple(f"{flag}{i}" for i in range(1, 7))
-    own = Record(record.card, names, at + 1)
+    own = CardEntry(record.card, names, at + 1)
     new = None if present else (at, flag)
     if flag == "GE" and all(own.blank(name) for name in names[1:]):
         # Nastran gives all directions the first loss factor where the others are blank
@@ -78,7 +74,7 @@ def _same(x: Jet) -> Jet:
 
 
 def _add(
-    rows: BatchRows, record: Record, building: Building, grids: Grids, properties: Properties, values: Library[Roles]
+    rows: BatchRows, record: CardEntry, building: Building, grids: Grids, properties: Properties, values: Library[Roles]
 ) -> None:
     eid = record.integer("EID")
     pid = record.integer("PID", eid)
@@ -92,7 +88,7 @@ def _add(
     rows.add(eid, [a, b], grids.dofs(a) + grids.dofs(b), roles, facts)
 
 
-def _placement(record: Record, grids: Grids, a: int, b: int, stiffness: Mapping[str, float]) -> dict[str, NDArray]:
+def _placement(record: CardEntry, grids: Grids, a: int, b: int, stiffness: Mapping[str, float]) -> dict[str, NDArray]:
     """Element axes and the arms from the grid points to the springs."""
     xyz = grids.table.xyz
     start, end = xyz[a], xyz[b if b >= 0 else a]
@@ -101,25 +97,24 @@ def _placement(record: Record, grids: Grids, a: int, b: int, stiffness: Mapping[
     return {"frame": _frame(record, grids, a, end - start, stiffness), "arm_a": place - start, "arm_b": arm_b}
 
 
-def _location(record: Record, grids: Grids, start: Reals, end: Reals) -> Reals:
+def _location(record: CardEntry, grids: Grids, start: Reals, end: Reals) -> Reals:
     ocid = record.integer("OCID", -1)
     if ocid >= 0:
         return grids.systems.get(ocid, record).point(np.array(record.reals("S1", "S2", "S3")))
     return start + record.real("S", 0.5) * (end - start)
 
 
-def _frame(record: Record, grids: Grids, a: int, line: Reals, stiffness: Mapping[str, float]) -> Reals:
+def _frame(record: CardEntry, grids: Grids, a: int, line: Reals, stiffness: Mapping[str, float]) -> Reals:
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
     if length(line) <= _COINCIDENT * max(1.0, length(grids.table.xyz[a])):
-        raise record.error("deck.orientation", "a CBUSH between coincident points or to ground needs its axes",
-                           at="CID", hint="give the coordinate system of its axes in CID (0 for basic)")  # fmt: skip
+        raise record.error("deck.orientation/frame", at="CID")
     v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)
     check_line(record, line, v)
     return element_frame(line, v)
 
 
-def _axial_only(record: Record, stiffness: Mapping[str, float]) -> bool:
+def _axial_only(record: CardEntry, stiffness: Mapping[str, float]) -> bool:
     """Without orientation the axes across the line do not matter where only directions 1 and 4 act."""
     oriented = not all(record.blank(x) for x in ("X1", "X2", "X3"))
     return not oriented and not any(stiffness[flag + i] for flag in "KB" for i in "2356")

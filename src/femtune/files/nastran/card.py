@@ -8,8 +8,8 @@ from types import EllipsisType
 from typing import Any, overload
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.nastran.fields import FieldLine, Format, split_line
-from femtune.files.nastran.reals import is_too_large, parse_integer, parse_real
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.lines import FieldLine, Format, is_too_large, parse_integer, parse_real, split_line
 from femtune.files.nastran.source import SourceLine
 
 
@@ -84,10 +84,10 @@ class Card:
         """
         text = self.text(index)
         if not text:
-            return self._checked_default(index, default, "an integer")
+            return self._checked_default(index, default, "deck.blank-field/integer")
         value = parse_integer(text)
         if value is None:
-            raise self._bad("deck.not-an-integer", index, "an integer", "write it without a decimal point")
+            raise self.error("deck.not-an-integer", index=index)
         return value
 
     @overload
@@ -105,11 +105,11 @@ class Card:
         """
         text = self.text(index)
         if not text:
-            return self._checked_default(index, default, "a real number")
+            return self._checked_default(index, default, "deck.blank-field/real")
         value = parse_real(text)
         if value is None:
-            hint = "correct its exponent" if is_too_large(text) else "a real has a decimal point: 1.5, 2.-3"
-            raise self._bad("deck.not-a-real", index, "a real number", hint)
+            code = "deck.not-a-real/too-large" if is_too_large(text) else "deck.not-a-real"
+            raise self.error(code, index=index)
         return value
 
     def component(self, index: int, default: str = "") -> str:
@@ -124,20 +124,17 @@ class Card:
             return text or default
         if set(text) <= set("123456") and len(set(text)) == len(text):
             return text
-        raise self._bad("deck.not-a-component", index, "a list of components", "write digits 1 to 6: 123")
+        raise self.error("deck.not-a-component", index=index)
 
-    def error(self, code: str, what: str, *, index: int | None = None, hint: str = "") -> FemtuneError:
+    def error(self, code: str, *, index: int | None = None, hint: str | None = None, **facts: Any) -> FemtuneError:
         """An error at this card; with `index` its message names the field and what stands there."""
         values = {} if index is None else self._values(index)
-        return FemtuneError(code, what, where=self.where(index), values=values, hint=hint)
+        return FemtuneError(code, where=self.where(index), values=values, hint=hint, **facts)
 
-    def _checked_default(self, index: int, default: Any, kind: str) -> Any:
+    def _checked_default(self, index: int, default: Any, code: str) -> Any:
         if default is ...:
-            raise self._bad("deck.blank-field", index, kind, f"{self.name} has no default here: fill the field")
+            raise self.error(code, index=index, card=self.name)
         return default
-
-    def _bad(self, code: str, index: int, kind: str, hint: str) -> FemtuneError:
-        return self.error(code, f"this field should hold {kind}", index=index, hint=hint)
 
     def _values(self, index: int) -> dict[str, object]:
         line, column = divmod(index, 8)
@@ -181,3 +178,94 @@ def line_starts(large: Sequence[bool]) -> list[int]:
         starts.append(at)
         at += 4 if wide else 8
     return starts
+
+
+# ----------------------------------------------------------------------------------------------------
+# CardEntry: a card read by the names of its fields, with the defaults that another card gives.
+
+
+# squares and products of coordinates stay numbers
+_LARGEST = 1e30
+
+
+@dataclass(frozen=True)
+class CardEntry:
+    """A card, or one of the entries of a card that holds several.
+
+    Parameters
+    ----------
+    card : the card
+    names : names of the fields, from position `start` of the card
+    start : position of the first name
+    defaults : record whose fields stand in for blank ones (GRDSET, BAROR, BEAMOR)
+    """
+
+    card: Card
+    names: tuple[str, ...]
+    start: int = 0
+    defaults: CardEntry | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the card."""
+        return self.card.name
+
+    @property
+    def where(self) -> Where:
+        """Place of the card."""
+        return self.card.where()
+
+    def at(self, name: str) -> int:
+        """Index of a field in the card."""
+        return self.start + self.names.index(name)
+
+    def blank(self, name: str) -> bool:
+        """Whether a field is blank, here and in the defaults."""
+        return self._source(name).card.blank(self.at(name))
+
+    def has_integer(self, name: str) -> bool:
+        """Whether a field holds an integer."""
+        return self._source(name).card.is_integer(self.at(name))
+
+    def integer(self, name: str, default: int | EllipsisType | None = ...) -> Any:
+        """Integer in a field; without default a blank field is an error."""
+        return self._source(name).card.integer(self.at(name), default)  # type: ignore[arg-type]
+
+    def real(self, name: str, default: float | EllipsisType | None = ...) -> Any:
+        """Real number in a field; without default a blank field is an error."""
+        return self._source(name).card.real(self.at(name), default)  # type: ignore[arg-type]
+
+    def reals(self, *names: str) -> list[float]:
+        """Components of a point or vector, 0 where blank (error ``deck.field-value`` beyond all sizes)."""
+        found = [self.real(name, 0.0) for name in names]
+        for name, x in zip(names, found):
+            if abs(x) > _LARGEST:
+                raise self.error("deck.field-value/reals", at=name)
+        return found
+
+    def text(self, name: str, default: str = "") -> str:
+        """Text in a field, upper case."""
+        return self._source(name).card.text(self.at(name), default)
+
+    def component(self, name: str, default: str = "") -> str:
+        """Components in a field."""
+        return self._source(name).card.component(self.at(name), default)
+
+    def error(self, code: str, *, at: str | None = None, hint: str | None = None, **facts: Any) -> FemtuneError:
+        """An error at this card, or at one of its fields."""
+        return self.card.error(code, index=None if at is None else self.at(at), hint=hint, **facts)
+
+    def _source(self, name: str) -> CardEntry:
+        if self.defaults is None or name not in self.defaults.names or not self.card.blank(self.at(name)):
+            return self
+        return self.defaults
+
+
+def records_of(card: Card, defaults: CardEntry | None = None) -> list[CardEntry]:
+    """The entries of a card; later entries of a card of several that are blank are left out."""
+    kind = CATALOGUE[card.name]
+    return [
+        CardEntry(card, kind.fields, start, defaults)
+        for start in kind.starts
+        if start == 0 or not card.blank(start)
+    ]  # fmt: skip

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.files.nastran.lines import parse_integer
 from femtune.files.nastran.lists import IntegerList, read_list
-from femtune.files.nastran.reals import parse_integer
 from femtune.files.nastran.source import SourceLine
 
 _COMMAND = re.compile(r"([A-Z][A-Z0-9]*)\s*(\([^)]*\))?\s*[=,]?\s*(.*)", re.IGNORECASE | re.DOTALL)
@@ -70,7 +70,7 @@ def read_case_control(lines: Sequence[SourceLine]) -> CaseControl:
     ------
     FemtuneError : ``deck.case-control`` (a selection that is not a number), ``deck.list`` (a SET)
     """
-    reading = _Reading()
+    reading = _CaseControlReading()
     for command in _commands(lines):
         reading.take(command)
     return reading.result()
@@ -114,7 +114,7 @@ def _full_name(word: str) -> str:
     return next(full, word)
 
 
-class _Reading:
+class _CaseControlReading:
     """Values of the global level and of the first subcase, as the commands go by."""
 
     def __init__(self) -> None:
@@ -178,8 +178,9 @@ class _Reading:
         if len(self.subcases) < 2 or self.first_subcase is None:
             return ()
         named = ", ".join(map(str, self.subcases))
-        what = f"of the subcases {named} the first, {self.subcases[0]}, is used"
-        return (Notice("deck.several-subcases", what, self.first_subcase.where),)
+        return (
+            Notice("deck.several-subcases", where=self.first_subcase.where, named=named, subcases=self.subcases[0]),
+        )
 
 
 def _of_fluid(command: CaseCommand) -> bool:
@@ -190,9 +191,4 @@ def _number(command: CaseCommand) -> int:
     number = parse_integer(command.value)
     if number is not None:
         return number
-    raise FemtuneError(
-        "deck.case-control",
-        f"{command.name} should select a set by its number, not '{command.value}'",
-        where=command.where,
-        hint=f"write {command.name} = 1",
-    )
+    raise FemtuneError("deck.case-control", where=command.where, command_name=command.name, command_value=command.value)

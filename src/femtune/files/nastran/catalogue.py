@@ -18,6 +18,7 @@ class CardKind:
     fields : field names by position from the first field after the card's name; "-" where there is none
     values : names of the fields that element matrices are functions of; of fields that repeat with a number, the first
     starts : positions at which the sequence of names starts (a PELAS card holds two properties)
+    properties : names of the property cards that the PID of an element may refer to
     """
 
     name: str
@@ -25,6 +26,7 @@ class CardKind:
     fields: tuple[str, ...]
     values: tuple[str, ...] = ()
     starts: tuple[int, ...] = (0,)
+    properties: tuple[str, ...] = ()
 
     def holds(self, name: str) -> bool:
         """Whether it has a value of that name; plies have any number."""
@@ -35,7 +37,11 @@ class CardKind:
 PLY_CARDS = ("PCOMP", "PCOMPG")
 """Cards whose values are those of plies, as many as there are: T1, THETA1, T2 …"""
 
-_LAYOUT = """
+_DIMENSIONS = " ".join(f"DIM{i}" for i in range(1, 11))
+_DIMENSIONS_B = " ".join(f"DIM{i}B" for i in range(1, 11))
+
+# one line for each card: name, role and fields; an element's property cards follow PID=, the values of a card follow |
+_LAYOUT = f"""
 GRID      other     ID CP X1 X2 X3 CD PS SEID
 GRDSET    other     - CP - - - CD PS SEID
 SPOINT    other     ID
@@ -45,61 +51,67 @@ CORD1S    other     CID G1 G2 G3
 CORD2R    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 CORD2C    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
 CORD2S    other     CID RID A1 A2 A3 B1 B2 B3 C1 C2 C3
-MAT1      material  MID E G NU RHO A TREF GE
-MAT2      material  MID G11 G12 G13 G22 G23 G33 RHO A1 A2 A3 TREF GE
-MAT8      material  MID E1 E2 NU12 G12 G1Z G2Z RHO A1 A2 TREF XT XC YT YC S GE
-MAT9      material  MID G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO \
-A1 A2 A3 A4 A5 A6 TREF GE
-MAT11     material  MID E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO A1 A2 A3 TREF GE
-CQUAD4    element   EID PID G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4
-CTRIA3    element   EID PID G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3
-CQUAD8    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 T1 T2 T3 T4 THETA ZOFFS TFLAG
-CTRIA6    element   EID PID G1 G2 G3 G4 G5 G6 THETA ZOFFS T1 T2 T3 TFLAG
-CHEXA     element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15 G16 G17 G18 G19 G20
-CPENTA    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15
-CTETRA    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10
-CPYRAM    element   EID PID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13
+MAT1      material  MID E G NU RHO A TREF GE | E G NU RHO GE
+MAT2      material  MID G11 G12 G13 G22 G23 G33 RHO A1 A2 A3 TREF GE | G11 G12 G13 G22 G23 G33 RHO GE
+MAT8      material  MID E1 E2 NU12 G12 G1Z G2Z RHO A1 A2 TREF XT XC YT YC S GE | E1 E2 NU12 G12 G1Z G2Z RHO GE
+MAT9      material  MID G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO A1 A2 \
+A3 A4 A5 A6 TREF GE \
+| G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO GE
+MAT11     material  MID E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO A1 A2 A3 TREF GE \
+| E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO GE
+CQUAD4    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 THETA ZOFFS - TFLAG T1 T2 T3 T4 | ZOFFS T1 T2 T3 T4
+CTRIA3    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 THETA ZOFFS - - TFLAG T1 T2 T3 | ZOFFS T1 T2 T3
+CQUAD8    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 G5 G6 G7 G8 T1 T2 T3 T4 THETA ZOFFS TFLAG \
+| ZOFFS T1 T2 T3 T4
+CTRIA6    element   EID PID=PSHELL,PCOMP,PCOMPG G1 G2 G3 G4 G5 G6 THETA ZOFFS T1 T2 T3 TFLAG | ZOFFS T1 T2 T3
+CHEXA     element   EID PID=PSOLID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15 G16 G17 G18 G19 G20
+CPENTA    element   EID PID=PSOLID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13 G14 G15
+CTETRA    element   EID PID=PSOLID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10
+CPYRAM    element   EID PID=PSOLID G1 G2 G3 G4 G5 G6 G7 G8 G9 G10 G11 G12 G13
 PSOLID    property  PID MID CORDM IN STRESS ISOP FCTN
-CSHEAR    element   EID PID G1 G2 G3 G4
-PSHEAR    property  PID MID T NSM F1 F2
-PSHELL    property  PID MID1 T MID2 RI MID3 TS NSM Z1 Z2 MID4
-PCOMP     property  PID Z0 NSM SB FT TREF GE LAM
-PCOMPG    property  PID Z0 NSM SB FT TREF GE LAM
-CBAR      element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B
-CBEAM     element   EID PID GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B SA SB
+CSHEAR    element   EID PID=PSHEAR G1 G2 G3 G4
+PSHEAR    property  PID MID T NSM F1 F2 | T NSM F1 F2
+PSHELL    property  PID MID1 T MID2 RI MID3 TS NSM Z1 Z2 MID4 | T RI TS NSM
+PCOMP     property  PID Z0 NSM SB FT TREF GE LAM | Z0 NSM GE T1 THETA1
+PCOMPG    property  PID Z0 NSM SB FT TREF GE LAM | Z0 NSM GE T1 THETA1
+CBAR      element   EID PID=PBAR,PBARL GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B | W1A W2A W3A W1B W2B W3B
+CBEAM     element   EID PID=PBEAM,PBEAML,PBCOMP GA GB X1 X2 X3 OFFT PA PB W1A W2A W3A W1B W2B W3B SA SB \
+| W1A W2A W3A W1B W2B W3B
 BAROR     other     - PID - - X1 X2 X3 OFFT
 BEAMOR    other     - PID - - X1 X2 X3 OFFT
-PBAR      property  PID MID A I1 I2 J NSM - C1 C2 D1 D2 E1 E2 F1 F2 K1 K2 I12
-PBEAM     property  PID MID A I1 I2 I12 J NSM C1 C2 D1 D2 E1 E2 F1 F2
-PBARL     property  PID MID GROUP TYPE - - - -
-PBEAML    property  PID MID GROUP TYPE - - - -
-PBCOMP    property  PID MID A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2 SYMOPT
-CROD      element   EID PID G1 G2
-CONROD    element   EID G1 G2 MID A J C NSM
-PROD      property  PID MID A J C NSM
-CELAS1    element   EID PID G1 C1 G2 C2
-CELAS2    element   EID K G1 C1 G2 C2 GE S
-CELAS3    element   EID PID S1 S2
-CELAS4    element   EID K S1 S2
-PELAS     property  PID K GE S
-CDAMP1    element   EID PID G1 C1 G2 C2
-CDAMP2    element   EID B G1 C1 G2 C2
-CDAMP3    element   EID PID S1 S2
-CDAMP4    element   EID B S1 S2
-PDAMP     property  PID B
-CVISC     element   EID PID G1 G2
-PVISC     property  PID CE CR
-CBUSH1D   element   EID PID GA GB CID
-PBUSH1D   property  PID K C M
-CBUSH     element   EID PID GA GB X1 X2 X3 CID S OCID S1 S2 S3
-PBUSH     property  PID - K1 K2 K3 K4 K5 K6
-CMASS1    element   EID PID G1 C1 G2 C2
-CMASS2    element   EID M G1 C1 G2 C2
-CMASS3    element   EID PID S1 S2
-CMASS4    element   EID M S1 S2
-PMASS     property  PID M
-CONM1     element   EID G CID M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66
-CONM2     element   EID G CID M X1 X2 X3 - I11 I21 I22 I31 I32 I33
+PBAR      property  PID MID A I1 I2 J NSM - C1 C2 D1 D2 E1 E2 F1 F2 K1 K2 I12 | A I1 I2 J NSM K1 K2 I12
+PBEAM     property  PID MID A I1 I2 I12 J NSM C1 C2 D1 D2 E1 E2 F1 F2 \
+| A I1 I2 I12 J NSM AB I1B I2B I12B JB NSMB K1 K2 NSIA NSIB M1A M2A M1B M2B N1A N2A N1B N2B
+PBARL     property  PID MID GROUP TYPE - - - - | {_DIMENSIONS} NSM
+PBEAML    property  PID MID GROUP TYPE - - - - | {_DIMENSIONS} NSM {_DIMENSIONS_B} NSMB
+PBCOMP    property  PID MID A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2 SYMOPT | A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2
+CROD      element   EID PID=PROD G1 G2
+CONROD    element   EID G1 G2 MID A J C NSM | A J NSM
+PROD      property  PID MID A J C NSM | A J NSM
+CELAS1    element   EID PID=PELAS G1 C1 G2 C2
+CELAS2    element   EID K G1 C1 G2 C2 GE S | K GE
+CELAS3    element   EID PID=PELAS S1 S2
+CELAS4    element   EID K S1 S2 | K
+PELAS     property  PID K GE S | K GE
+CDAMP1    element   EID PID=PDAMP G1 C1 G2 C2
+CDAMP2    element   EID B G1 C1 G2 C2 | B
+CDAMP3    element   EID PID=PDAMP S1 S2
+CDAMP4    element   EID B S1 S2 | B
+PDAMP     property  PID B | B
+CVISC     element   EID PID=PVISC G1 G2
+PVISC     property  PID CE CR | CE CR
+CBUSH1D   element   EID PID=PBUSH1D GA GB CID
+PBUSH1D   property  PID K C M | K C
+CBUSH     element   EID PID=PBUSH GA GB X1 X2 X3 CID S OCID S1 S2 S3
+PBUSH     property  PID - K1 K2 K3 K4 K5 K6 | K1 K2 K3 K4 K5 K6 B1 B2 B3 B4 B5 B6 GE1 GE2 GE3 GE4 GE5 GE6
+CMASS1    element   EID PID=PMASS G1 C1 G2 C2
+CMASS2    element   EID M G1 C1 G2 C2 | M
+CMASS3    element   EID PID=PMASS S1 S2
+CMASS4    element   EID M S1 S2 | M
+PMASS     property  PID M | M
+CONM1     element   EID G CID M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66 \
+| M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66
+CONM2     element   EID G CID M X1 X2 X3 - I11 I21 I22 I31 I32 I33 | M I11 I21 I22 I31 I32 I33
 RBE2      element   EID GN CM
 RBAR      element   EID GA GB CNA CNB CMA CMB ALPHA
 RBAR1     element   EID GA GB CB ALPHA
@@ -142,47 +154,6 @@ PARAM     other     NAME VALUE
 TABDMP1   other     TID TYPE FLAT
 """
 
-_DIMENSIONS = " ".join(f"DIM{i}" for i in range(1, 11))
-
-_VALUES = {
-    "MAT1": "E G NU RHO GE",
-    "MAT2": "G11 G12 G13 G22 G23 G33 RHO GE",
-    "MAT8": "E1 E2 NU12 G12 G1Z G2Z RHO GE",
-    "MAT9": "G11 G12 G13 G14 G15 G16 G22 G23 G24 G25 G26 G33 G34 G35 G36 G44 G45 G46 G55 G56 G66 RHO GE",
-    "MAT11": "E1 E2 E3 NU12 NU13 NU23 G12 G13 G23 RHO GE",
-    "CQUAD4": "ZOFFS T1 T2 T3 T4",
-    "CTRIA3": "ZOFFS T1 T2 T3",
-    "CQUAD8": "ZOFFS T1 T2 T3 T4",
-    "CTRIA6": "ZOFFS T1 T2 T3",
-    "PSHELL": "T RI TS NSM",
-    "PCOMP": "Z0 NSM GE T1 THETA1",
-    "PCOMPG": "Z0 NSM GE T1 THETA1",
-    "PSHEAR": "T NSM F1 F2",
-    "PBAR": "A I1 I2 J NSM K1 K2 I12",
-    "PBEAM": "A I1 I2 I12 J NSM AB I1B I2B I12B JB NSMB K1 K2 NSIA NSIB M1A M2A M1B M2B N1A N2A N1B N2B",
-    "PBARL": f"{_DIMENSIONS} NSM",
-    "PBEAML": f"{_DIMENSIONS} NSM {_DIMENSIONS.replace(' ', 'B ')}B NSMB",
-    "PBCOMP": "A I1 I2 I12 J NSM K1 K2 M1 M2 N1 N2",
-    "CBAR": "W1A W2A W3A W1B W2B W3B",
-    "CBEAM": "W1A W2A W3A W1B W2B W3B",
-    "PROD": "A J NSM",
-    "CONROD": "A J NSM",
-    "PELAS": "K GE",
-    "CELAS2": "K GE",
-    "CELAS4": "K",
-    "PDAMP": "B",
-    "CDAMP2": "B",
-    "CDAMP4": "B",
-    "PVISC": "CE CR",
-    "PBUSH1D": "K C",
-    "PBUSH": "K1 K2 K3 K4 K5 K6 B1 B2 B3 B4 B5 B6 GE1 GE2 GE3 GE4 GE5 GE6",
-    "PMASS": "M",
-    "CMASS2": "M",
-    "CMASS4": "M",
-    "CONM1": "M11 M21 M22 M31 M32 M33 M41 M42 M43 M44 M51 M52 M53 M54 M55 M61 M62 M63 M64 M65 M66",
-    "CONM2": "M I11 I21 I22 I31 I32 I33",
-}
-
 _STARTS = {
     **dict.fromkeys(("PELAS", "PVISC", "CORD1R", "CORD1C", "CORD1S"), (0, 4)),
     **dict.fromkeys(("PMASS", "PDAMP"), (0, 2, 4, 6)),
@@ -190,9 +161,11 @@ _STARTS = {
 
 
 def _kind(line: str) -> CardKind:
-    name, role, *fields = line.split()
-    values = tuple(_VALUES.get(name, "").split())
-    return CardKind(name, role, tuple(fields), values, _STARTS.get(name, (0,)))
+    layout, _, values = line.partition("|")
+    name, role, *words = layout.split()
+    fields = tuple(word.partition("=")[0] for word in words)
+    properties = tuple(card for word in words for card in word.partition("=")[2].split(",") if card)
+    return CardKind(name, role, fields, tuple(values.split()), _STARTS.get(name, (0,)), properties)
 
 
 CATALOGUE: dict[str, CardKind] = {kind.name: kind for kind in map(_kind, _LAYOUT.strip().splitlines())}

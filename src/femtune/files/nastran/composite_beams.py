@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from femtune.fem.values import FieldRef
-from femtune.files.nastran.beam_stations import BeamSection, beam_section
+from femtune.fem.fields import FieldRef
+from femtune.files.nastran.beam_sections import BeamSection, beam_section
 from femtune.files.nastran.building import Building
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.materials import Materials
-from femtune.files.nastran.record import Record
 
 # images of a lump by SYMOPT: none, in both axes, in the y axis, in the z axis, in the origin, none
 _IMAGES: tuple[tuple[tuple[int, int], ...], ...] = (
@@ -45,7 +45,7 @@ class Lump:
 
 
 def read_pbcomp(
-    b: Building, record: Record, pid: int, material: Mapping[str, int], materials: Materials
+    b: Building, record: CardEntry, pid: int, material: Mapping[str, int], materials: Materials
 ) -> BeamSection:  # fmt: skip
     """The section of a PBCOMP and its density "rho".
 
@@ -68,35 +68,31 @@ def read_pbcomp(
     return BeamSection({**section.roles, **density}, section.stations)
 
 
-def _lumps(record: Record, material: Mapping[str, int], materials: Materials) -> list[Lump]:
+def _lumps(record: CardEntry, material: Mapping[str, int], materials: Materials) -> list[Lump]:
     images = _images(record)
     lumps = []
     for start in range(16, len(record.card.fields), 8):
-        line = Record(record.card, _LUMP_FIELDS, start)
+        line = CardEntry(record.card, _LUMP_FIELDS, start)
         fraction = line.real("C", 0.0)
         if fraction < 0.0:
-            raise line.error("deck.section", "the fraction of a lumped area should not be negative", at="C",
-                             hint="correct C")  # fmt: skip
+            raise line.error("deck.section/lumps-2", at="C")
         own = material if line.blank("MID") else materials.get(line.integer("MID"), line)
         y, z = line.reals("Y", "Z")
         lumps += [Lump(s * y, t * z, fraction, own) for s, t in images if fraction]
     if len(lumps) > _MOST:
-        what = f"PBCOMP has {len(lumps)} lumped areas with their images; {_MOST} is the most"
-        raise record.error("deck.section", what, hint="join areas that are close to each other")
+        raise record.error("deck.section/lumps", n_lumps=len(lumps), most=_MOST)
     return lumps
 
 
-def _check_finite(b: Building, record: Record, made: Mapping[str, int]) -> None:
+def _check_finite(b: Building, record: CardEntry, made: Mapping[str, int]) -> None:
     if not all(math.isfinite(b.values.values[at]) for at in made.values()):
-        raise record.error("deck.section", "the values that follow from the lumped areas of PBCOMP are not numbers",
-                           hint="correct A, the fractions C, and the materials' E and G")  # fmt: skip
+        raise record.error("deck.section/check-finite")
 
 
-def _images(record: Record) -> tuple[tuple[int, int], ...]:
+def _images(record: CardEntry) -> tuple[tuple[int, int], ...]:
     option = record.integer("SYMOPT", 0)
     if not 0 <= option < len(_IMAGES):
-        raise record.error("deck.section", f"SYMOPT = {option} of PBCOMP is not known", at="SYMOPT",
-                           hint="known: 0 to 5")  # fmt: skip
+        raise record.error("deck.section/images", at="SYMOPT", option=option)
     return _IMAGES[option]
 
 

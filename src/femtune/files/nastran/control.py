@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.building import Building
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.deck import Deck, DeckParameter
-from femtune.files.nastran.reals import parse_integer, parse_real
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.lines import parse_integer, parse_real
 
 UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP", "CK2", "CM2", "CB2",
     "CK42")  # fmt: skip
@@ -37,7 +37,7 @@ def eigen_methods(building: Building) -> dict[int, EigenMethod]:
     return {n: _method(r, n) for n, r in building.by_number(building.records("EIGRL", "EIGR"), "METHOD").items()}
 
 
-def _method(record: Record, number: int) -> EigenMethod:
+def _method(record: CardEntry, number: int) -> EigenMethod:
     low, high = ("V1", "V2") if record.name == "EIGRL" else ("F1", "F2")
     # with the old inverse power method NE is an estimate; ND is what is wanted in all
     return EigenMethod(
@@ -57,8 +57,9 @@ def selected_equations(building: Building, number: int | None, known: Collection
     if number is None or known:
         check_selected(building, "MPC", number, known)
         return number
-    what = f"case control selects MPC = {number}, but the deck has no MPC cards: no equations act"
-    building.notices.append(Notice("deck.missing-set", what, Where(str(building.deck.path), record="MPC")))
+    building.notices.append(
+        Notice("deck.missing-set/selected-equations", where=Where(str(building.deck.path), record="MPC"), number=number)
+    )
     return None
 
 
@@ -73,9 +74,11 @@ def _missing(deck: Deck, kind: str, number: int, known: Collection[int]) -> Femt
     shown = ", ".join(map(str, sorted(known)[:10]))
     return FemtuneError(
         "deck.missing-set",
-        f"case control selects {kind} = {number}, but no {cards} card has that number",
         where=Where(str(deck.path), record=kind),
         hint=f"select one that exists: {shown}" if shown else f"add the {cards} card or remove the line",
+        kind=kind,
+        number=number,
+        cards=cards,
     )
 
 
@@ -139,8 +142,7 @@ def _switch(building: Building, name: str, words: dict[str, bool], default: bool
 
 
 def _bad_param(name: str, given: DeckParameter, expected: str) -> FemtuneError:
-    return given.card.error("deck.param", f"PARAM {name} should be {expected}", index=1,
-                            hint="correct the value or remove the card")  # fmt: skip
+    return given.card.error("deck.param", index=1, name=name, expected=expected)
 
 
 def ignored_params(deck: Deck) -> list[Notice]:
@@ -148,9 +150,11 @@ def ignored_params(deck: Deck) -> list[Notice]:
     return [
         Notice(
             "deck.ignored-param",
-            f"PARAM {name} = {given.value} is ignored{_WHY_IGNORED.get(name, '')}",
-            given.card.where(),
-            "info",
+            where=given.card.where(),
+            level="info",
+            name=name,
+            given_value=given.value,
+            get=_WHY_IGNORED.get(name, ""),
         )
         for name, given in deck.params.items()
         if name not in UNDERSTOOD_PARAMS

@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.nastran.record import Record
-
-Reals = NDArray[np.float64]
+from femtune.files.nastran.card import CardEntry
 
 _MAX_CHAIN = 200
 _ON_AXIS = 1e-10
@@ -95,12 +93,12 @@ class CoordinateSystems:
     grid_location : basic coordinates of a grid point, for CORD1 cards
     """
 
-    records: Mapping[int, Record]
-    grid_location: Callable[[int, Record], Reals]
+    records: Mapping[int, CardEntry]
+    grid_location: Callable[[int, CardEntry], Reals]
     _known: dict[int, CoordinateSystem | FemtuneError] = field(default_factory=lambda: {0: BASIC})
     _pending: list[int] = field(default_factory=list)
 
-    def get(self, cid: int, user: Record) -> CoordinateSystem:
+    def get(self, cid: int, user: CardEntry) -> CoordinateSystem:
         """The system of a number, asked for by a card.
 
         Raises
@@ -115,7 +113,7 @@ class CoordinateSystems:
             raise found
         return found
 
-    def _resolved(self, cid: int, user: Record) -> CoordinateSystem | FemtuneError:
+    def _resolved(self, cid: int, user: CardEntry) -> CoordinateSystem | FemtuneError:
         if cid not in self.records:
             return _unknown(cid, user, self.records)
         if cid in self._pending or len(self._pending) > _MAX_CHAIN:
@@ -128,40 +126,32 @@ class CoordinateSystems:
         finally:
             self._pending.pop()
 
-    def _build(self, cid: int, record: Record) -> CoordinateSystem:
+    def _build(self, cid: int, record: CardEntry) -> CoordinateSystem:
         points = self._from_grids(record) if record.name.startswith("CORD1") else self._from_points(record)
         found = system_through(cid, record.name[-1], *points)
         if found is None:
-            raise record.error(
-                "deck.degenerate-coordinates",
-                f"the three points of coordinate system {cid} lie on a line",
-                hint="choose C off the line from A to B (or G3 off the line from G1 to G2)",
-            )
+            raise record.error("deck.degenerate-coordinates", cid=cid)
         return found
 
-    def _from_grids(self, record: Record) -> tuple[Reals, Reals, Reals]:
+    def _from_grids(self, record: CardEntry) -> tuple[Reals, Reals, Reals]:
         a, b, c = (self.grid_location(record.integer(name), record) for name in ("G1", "G2", "G3"))
         return a, b, c
 
-    def _from_points(self, record: Record) -> tuple[Reals, Reals, Reals]:
+    def _from_points(self, record: CardEntry) -> tuple[Reals, Reals, Reals]:
         base = self.get(record.integer("RID", 0), record)
         a, b, c = (base.point(np.array(record.reals(p + "1", p + "2", p + "3"))) for p in "ABC")
         return a, b, c
 
 
-def _unknown(cid: int, user: Record, known: Mapping[int, Record]) -> FemtuneError:
+def _unknown(cid: int, user: CardEntry, known: Mapping[int, CardEntry]) -> FemtuneError:
     return user.error(
         "deck.unknown-coordinate-system",
-        f"coordinate system {cid} does not exist",
         hint=did_you_mean(str(cid), [str(k) for k in list(known)[:20]]) or "the deck defines none; use 0",
+        cid=cid,
     )
 
 
-def _circular(chain: list[int], record: Record) -> FemtuneError:
+def _circular(chain: list[int], record: CardEntry) -> FemtuneError:
     shown = chain[chain.index(chain[-1]) :] if chain[-1] in chain[:-1] else chain[-10:]
     long = "" if chain[-1] in chain[:-1] else f" (more than {_MAX_CHAIN} systems long)"
-    return record.error(
-        "deck.circular-coordinates",
-        f"coordinate systems are defined by each other{long}: " + " -> ".join(map(str, shown)),
-        hint="refer one of them to the basic system (RID 0)",
-    )
+    return record.error("deck.circular-coordinates", long=long, str=" -> ".join(map(str, shown)))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from femtune.errors import Notice
+from collections.abc import Mapping
+
+from femtune.errors import FemtuneError, Notice
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import OverallDamping
-from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building, FieldPlace
-from femtune.files.nastran.control import real_param
+from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.control import check_selected, real_param
 from femtune.files.nastran.deck import Deck
+from femtune.model.damping import DampingUnit, ModalDamping, as_hysteretic, damping_table
 
 _LARGEST_LOSS = 2.0
 _MATRICES = ("B2PP",)
@@ -31,8 +35,7 @@ def _not_negative(building: Building, name: str) -> float:
     if value < 0.0:
         with building.errors.catch():
             card = building.deck.params[name].card
-            raise card.error("deck.param", f"PARAM {name} should be zero or more", index=1,
-                             hint="give the frequency in rad/s, or remove the card")  # fmt: skip
+            raise card.error("deck.param/not-negative", index=1, name=name)
     return max(value, 0.0)
 
 
@@ -48,8 +51,15 @@ def _large_losses(building: Building) -> list[Notice]:
         return []
     ref, value = found[0]
     more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    what = f"the loss factor {ref} = {value:g}{more} is beyond any material: is it a percentage?"
-    return [Notice("deck.large-loss-factor", what, building.deck.cards[building.places[ref].card].where())]
+    return [
+        Notice(
+            "deck.large-loss-factor",
+            where=building.deck.cards[building.places[ref].card].where(),
+            ref=ref,
+            value=value,
+            more=more,
+        )
+    ]
 
 
 def _is_loss(ref: FieldRef) -> bool:
@@ -62,9 +72,59 @@ def _is_large(value: float) -> bool:
 
 def _matrix_notices(deck: Deck) -> list[Notice]:
     return [
-        Notice(
-            "deck.damping-matrix", f"{c.name} = {c.value} adds damping that is not read; modes do not change", c.where
-        )
+        Notice("deck.damping-matrix", where=c.where, c_name=c.name, c_value=c.value)
         for c in deck.case_control.others
         if c.name in _MATRICES
     ]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Modal damping over frequency: TABDMP1, and which table case control selects.
+
+
+_UNITS: Mapping[str, DampingUnit] = {"G": "G", "CRIT": "CRIT", "Q": "Q"}
+_FIRST_PAIR = 8
+
+
+def damping_tables(building: Building) -> dict[int, ModalDamping]:
+    """Tables of modal damping by number."""
+    tables = {}
+    for number, record in building.by_number(building.records("TABDMP1"), "table").items():
+        with building.errors.catch():
+            tables[number] = _table(record)
+    return tables
+
+
+def modal_damping(building: Building, tables: Mapping[int, ModalDamping]) -> ModalDamping | None:
+    """The table that SDAMPING selects, as PARAM KDAMP has it taken; None without one (error ``deck.missing-set``)."""
+    selected = building.deck.case_control.damping
+    # a table that cannot be used has its own error
+    known = {card.integer(0, 0) for card in building.deck.by_name("TABDMP1") if card.is_integer(0)}
+    check_selected(building, "SDAMPING", selected, known)
+    if selected is None or selected not in tables:
+        return None
+    found = tables[selected]
+    return as_hysteretic(found) if real_param(building, "KDAMP", 1.0) < 0.0 else found
+
+
+def _table(record: CardEntry) -> ModalDamping:
+    unit = record.text("TYPE", "G")
+    if unit not in _UNITS:
+        raise record.error("deck.damping-table/table", at="TYPE", unit=unit)
+    pairs = _pairs(record.card)
+    try:
+        return damping_table([x for x, _ in pairs], [y for _, y in pairs], _UNITS[unit], record.integer("FLAT", 0) == 1)
+    except FemtuneError as error:
+        raise record.error("deck.damping-table/values", reason=error.what, hint=error.hint) from error
+
+
+def _pairs(card: Card) -> list[tuple[float, float]]:
+    """Frequencies and values up to ENDT; a pair with SKIP is left out, and one that is blank."""
+    found: list[tuple[float, float]] = []
+    for at in range(_FIRST_PAIR, len(card.fields), 2):
+        texts = (card.text(at), card.text(at + 1))
+        if "ENDT" in texts:
+            return found
+        if "SKIP" not in texts and any(texts):
+            found.append((card.real(at), card.real(at + 1)))
+    raise card.error("deck.damping-table")

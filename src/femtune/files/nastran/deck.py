@@ -12,8 +12,8 @@ from femtune.errors import FemtuneError, Notice, Where
 from femtune.files.nastran.assembly import Bulk, read_bulk
 from femtune.files.nastran.card import Card
 from femtune.files.nastran.case_control import CaseControl, read_case_control
-from femtune.files.nastran.reals import parse_integer
-from femtune.files.nastran.source import Source, SourceFile, SourceLine, read_source
+from femtune.files.nastran.lines import parse_integer
+from femtune.files.nastran.source import DeckSource, SourceFile, SourceLine, read_source
 
 _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK\b|SUPER\b|$)", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
@@ -52,7 +52,7 @@ class Deck:
     """
 
     path: Path
-    source: Source
+    source: DeckSource
     executive: Executive
     case_control: CaseControl
     cards: tuple[Card, ...]
@@ -99,7 +99,7 @@ def read_deck(path: str | Path) -> Deck:
 _Lines = tuple[SourceLine, ...]
 
 
-def _sections(source: Source) -> tuple[_Lines, _Lines, _Lines]:
+def _sections(source: DeckSource) -> tuple[_Lines, _Lines, _Lines]:
     """Lines of executive control, case control and bulk data."""
     lines = source.lines[:-1] if source.ended else source.lines
     begin = next((i for i, line in enumerate(lines) if _BEGIN.match(line.text)), None)
@@ -118,10 +118,7 @@ def _check_bulk_only(lines: _Lines) -> None:
     found = next((line for line in lines if _EXECUTIVE.match(line.text)), None)
     if found:
         raise FemtuneError(
-            "deck.truncated",
-            "the deck has executive control but no BEGIN BULK",
-            where=Where(found.file, found.number, found.body.strip()[:20]),
-            hint="the file may have been cut; bulk data start after a line BEGIN BULK",
+            "deck.truncated/check-bulk-only", where=Where(found.file, found.number, found.body.strip()[:20])
         )
 
 
@@ -137,23 +134,21 @@ def _params(case_control: CaseControl, bulk: Bulk) -> tuple[dict[str, DeckParame
     for card in [*(card for card in bulk.cards if card.name == "PARAM"), *in_case]:
         name, value = card.text(0), card.text(1)
         if name in params and params[name].value != value:
-            what = f"PARAM {name} is given again: {value} counts, {params[name].value} does not"
-            notices.append(Notice("deck.repeated-param", what, card.where()))
+            notices.append(
+                Notice(
+                    "deck.repeated-param", where=card.where(), name=name, value=value, params_value=params[name].value
+                )
+            )
         params[name] = DeckParameter(value, card)
     return params, notices
 
 
-def _check_end(source: Source, has_sections: bool) -> tuple[Notice, ...]:
+def _check_end(source: DeckSource, has_sections: bool) -> tuple[Notice, ...]:
     if source.ended or not has_sections:
         return ()
     main = source.files[0]
     last = main.lines[-1]
     where = Where(main.file, last.number)
     if not last.ending:
-        raise FemtuneError(
-            "deck.truncated",
-            "the deck ends in the middle of a line, without ENDDATA",
-            where=where,
-            hint="the file may have been cut here; if it is complete, add a line ENDDATA",
-        )
-    return (Notice("deck.no-enddata", "the deck has no ENDDATA: is it complete?", where),)
+        raise FemtuneError("deck.truncated/check-end", where=where)
+    return (Notice("deck.no-enddata", where=where),)

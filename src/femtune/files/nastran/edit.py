@@ -12,21 +12,23 @@ from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.nastran.assembly import read_bulk
 from femtune.files.nastran.card import Card, line_starts
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.field_text import (
-    Layout,
+from femtune.files.nastran.lines import (
+    CardLayout,
     Value,
     field_width,
+    format_real,
     layout_of,
     new_card_lines,
     new_line,
+    parse_real,
+    rounded,
+    split_line,
     value_text,
     with_field,
 )
-from femtune.files.nastran.fields import split_line
-from femtune.files.nastran.reals import format_real, parse_real, rounded
 from femtune.files.nastran.source import SourceFile, SourceLine
 
-_LARGE = Layout("large", True)
+_LARGE = CardLayout("large", True)
 Edits = Mapping[tuple[int, int], float | int | str]
 
 
@@ -149,17 +151,9 @@ class _Editing:
     def _check_editable(self, card: Card) -> None:
         following = self.deck.cards[card.position + 1 : card.position + 2]
         if card.replicated or any(below.replicated for below in following):
-            raise card.error(
-                "write.replicated",
-                "this card and others are made from one line by replication, so it cannot be changed alone",
-                hint="write these cards out, one line each",
-            )
+            raise card.error("write.replicated")
         if self.uses[card.lines[0][:2]] > 1:
-            raise card.error(
-                "write.included-twice",
-                "the file of this card is included more than once, so a change would count more than once",
-                hint="give each INCLUDE a file of its own",
-            )
+            raise card.error("write.included-twice")
 
     def _note_values(self, card: Card, values: Mapping[int, float | int | str]) -> None:
         for index, value in values.items():
@@ -181,7 +175,7 @@ class _Editing:
                 self.replacements[old[:2]] = text
 
 
-def _new_field_text(field: Value, layout: Layout, width: int) -> str:
+def _new_field_text(field: Value, layout: CardLayout, width: int) -> str:
     exact = isinstance(field, str | Integral) or field is None
     return value_text(field, width if exact else layout.width)
 
@@ -314,8 +308,4 @@ def _check_read_back(card: Card, texts: dict[int, str], lines: Sequence[Sequence
     wanted = {i: text for i, text in (dict(enumerate(card.fields)) | texts).items() if text}
     found = {i: text for i, text in enumerate(read[0].fields) if text} if len(read) == 1 else {}
     if {i: _sixteen(text) for i, text in found.items()} != {i: _sixteen(text) for i, text in wanted.items()}:
-        raise card.error(
-            "write.not-read-back",
-            "the changed card would not be read back as intended",
-            hint="write this card out plainly, in small or large field, eight fields a line",
-        )
+        raise card.error("write.not-read-back")

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.files.nastran.building import Building
-from femtune.files.nastran.card import Card
+from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.columns import columns_of
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.record import Record
 
 Section = TypeVar("Section")
 _PID, _FIRST = 1, 2
@@ -26,9 +25,9 @@ def read_elements(
     grids: Grids,
     name: str,
     sizes: Sequence[int],
-    section: Callable[[int, Record], Section],
+    section: Callable[[int, CardEntry], Section],
     plain: Callable[[int, Section, list[int]], bool],
-    other: Callable[[Record], None],
+    other: Callable[[CardEntry], None],
 ) -> None:
     """Read the elements of one card: those that are plain by whole columns, the others one by one, in deck order.
 
@@ -54,7 +53,7 @@ def read_elements(
 class _Sections(Generic[Section]):
     """Sections by number; None for one that is wrong, which its users say by themselves."""
 
-    make: Callable[[int, Record], Section]
+    make: Callable[[int, CardEntry], Section]
     known: dict[int, Section | None] = field(default_factory=dict)
 
     def get(self, number: int, user: Card) -> Section | None:
@@ -67,8 +66,8 @@ class _Sections(Generic[Section]):
         return self.known[number]
 
 
-def _record(card: Card) -> Record:
-    return Record(card, CATALOGUE[card.name].fields)
+def _record(card: Card) -> CardEntry:
+    return CardEntry(card, CATALOGUE[card.name].fields)
 
 
 def _plain_elements(cards: Sequence[Card], sizes: Sequence[int], grids: Grids) -> dict[int, tuple[int, int, list[int]]]:

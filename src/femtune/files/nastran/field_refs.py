@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from femtune.errors import FemtuneError, Where, did_you_mean
-from femtune.fem.factors import FACTORS
-from femtune.fem.mode_ratios import MODAL, mode_ratio_field
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FACTORS, FieldRef
+from femtune.fem.structure import MODAL, mode_ratio_field
 from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.card import records_of
 from femtune.files.nastran.catalogue import CATALOGUE, PLY_CARDS
-from femtune.files.nastran.reals import parse_integer
-from femtune.files.nastran.record import records_of
+from femtune.files.nastran.lines import parse_integer
 from femtune.files.nastran.sections import SECTION_ROLES
 
 UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
@@ -18,8 +17,8 @@ UPDATABLE = tuple(kind.name for kind in CATALOGUE.values() if kind.values)
 _OTHER_NAMES = {("PSHELL", "12I/T**3"): "RI", ("PSHELL", "12I/T3"): "RI", ("PSHELL", "TS/T"): "TS"}
 _SHELLS = ("CQUAD4", "CTRIA3", "CQUAD8", "CTRIA6")
 _MOST_NAMED = 12
-_OF_DIMENSIONS = "it follows from the dimensions; update DIM1 …"
-_OF_CORNERS = "a shell's thickness is that of its PSHELL or the mean of its corners; update T of the PSHELL, or T1 …"
+_OF_DIMENSIONS = "parameter.derived-field/of-dimensions"
+_OF_CORNERS = "parameter.derived-field/of-corners"
 _FOLLOWING = {
     **{(card, name): _OF_DIMENSIONS for card in ("PBARL", "PBEAML") for name in SECTION_ROLES},
     **{(card, "T"): _OF_CORNERS for card in _SHELLS},
@@ -52,29 +51,30 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
         return FieldRef(words[0], 0, words[1])
     number = parse_integer(words[1]) if len(words) == 3 else None
     if number is None:
-        raise _unknown(f"'{text}' is not a field", "write card, number and field, as in PBAR 3 I1", where)
+        raise FemtuneError("study.unknown-field/parse-field-ref", where=where, text=text)
     card, name = words[0], _OTHER_NAMES.get((words[0], words[2]), words[2])
     if card not in UPDATABLE:
-        raise _unknown(f"'{card}' has no field that can be updated", did_you_mean(card, UPDATABLE), where)
+        raise FemtuneError(
+            "study.unknown-field/parse-field-ref-2", where=where, hint=did_you_mean(card, UPDATABLE), card_text=card
+        )
     if (card, name) in _FOLLOWING:
-        raise _derived(FieldRef(card, number, name), _FOLLOWING[card, name], where)
+        raise FemtuneError(_FOLLOWING[card, name], where=where, field=FieldRef(card, number, name))
     if not CATALOGUE[card].holds(name):
         hint = did_you_mean(name, CATALOGUE[card].values)
-        raise _unknown(f"{card} has no field '{name}' that can be updated", hint, where)
+        raise FemtuneError("study.unknown-field/parse-field-ref-3", where=where, hint=hint, card_text=card, name=name)
     return FieldRef(card, number, name)
 
 
 def _of_modes(text: str, words: list[str], where: Where | None) -> FieldRef:
     number = parse_integer(words[1]) if len(words) == 3 else 0
     if words[-1] != "ZETA" or len(words) not in (2, 3) or number is None or (len(words) == 3 and number < 1):
-        hint = 'write "MODAL 3 ZETA" for the damping ratio of mode 3, or "MODAL ZETA" for that of all modes'
-        raise _unknown(f"'{text}' is no damping of modes", hint, where)
+        raise FemtuneError("study.unknown-field/of-modes", where=where, text=text)
     return mode_ratio_field(number)
 
 
 def _param(text: str, words: list[str], where: Where | None) -> FieldRef:
     if words != ["PARAM", "G"]:
-        raise _unknown(f"'{text}' cannot be updated", "of the parameters of a deck PARAM G can be", where)
+        raise FemtuneError("study.unknown-field/param", where=where, text=text)
     return FieldRef("PARAM", 0, "G")
 
 
@@ -89,36 +89,41 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
     table = built.structure.values
     index = table.index(ref)
     if ref.card == "PARAM" and ref not in built.fields:
-        raise _unknown(f"the bulk data have no {ref}", "add PARAM,G,0.0 behind BEGIN BULK", where)
+        raise FemtuneError("study.unknown-field/resolve", where=where, ref=ref)
     if index is None and ref.card in OF_MATRICES:
         known = [r.name for r in table.refs if r.card == ref.card]
-        raise _unknown(f"the model has no {ref}", did_you_mean(ref.name, known) or "it has no matrices", where)
+        raise FemtuneError(
+            "study.unknown-field/resolve-2", where=where, hint=did_you_mean(ref.name, known) or None, ref=ref
+        )
     if ref.card in BARS and (index is None or ref not in built.fields) and ref.id in built.element_cards:
         raise _blank(ref, where)
     if index is None:
         raise _not_in_table(built, ref, where)
     if table.is_derived(index):
-        raise _derived(ref, _explanation(built, index), where)
+        raise FemtuneError("parameter.derived-field/blank", where=where, field=ref, sources=_sources(built, index))
     if not len(built.structure.users(index)):
         raise _untouched(ref, where)
     return index
 
 
-def _explanation(built: BuiltModel, index: int) -> str:
+def _sources(built: BuiltModel, index: int) -> str:
     table = built.structure.values
     rule = next(d for d in table.derived if d.target == index)
-    sources = " and ".join(table.refs[s].name for s in rule.sources)
-    return f"its field is blank, so that it follows from {sources}; update {sources}, or fill the field in the deck"
+    return " and ".join(table.refs[s].name for s in rule.sources)
 
 
 def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
     cards = built.deck.by_name(ref.card)
     numbers = [record.card.text(record.start) for card in cards for record in records_of(card)]
     if str(ref.id) not in numbers:
-        hint = did_you_mean(str(ref.id), numbers[:50]) or f"the deck has no {ref.card} card at all"
-        return _unknown(f"the deck has no {ref.card} {ref.id}", hint, where)
+        hint = did_you_mean(str(ref.id), numbers[:50]) or None
+        return FemtuneError(
+            "study.unknown-field/not-in-table", where=where, hint=hint, card_text=ref.card, ref_id=ref.id
+        )
     if ref.name.startswith("DIM"):
-        return _unknown(f"the section of {ref.card} {ref.id} has no {ref.name}", "name one of its dimensions", where)
+        return FemtuneError(
+            "study.unknown-field/not-in-table-2", where=where, card_text=ref.card, ref_id=ref.id, ref_name=ref.name
+        )
     if ref.card in _SHELLS:
         return _blank(ref, where)
     if ref.card in PLY_CARDS:
@@ -129,34 +134,15 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
 def _no_ply(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
     """Plies that are not there, or whose thickness is that of the ply before."""
     known = [r.name for r in built.fields if (r.card, r.id) == (ref.card, ref.id)]
-    hint = f"it has {', '.join(known[:_MOST_NAMED])}" if known else "no element uses it"
-    return _unknown(f"{ref.card} {ref.id} has no value {ref.name} of its own", hint, where)
-
-
-def _unknown(what: str, hint: str, where: Where | None) -> FemtuneError:
-    return FemtuneError("study.unknown-field", what, where=where, hint=hint)
-
-
-def _derived(ref: FieldRef, why: str, where: Where | None) -> FemtuneError:
-    reason, _, hint = why.rpartition("; ")
-    return FemtuneError("parameter.derived-field", f"{ref} cannot be updated: {reason}", where=where, hint=hint)
+    code = "study.unknown-field/value-of-card" if known else "study.unknown-field/value-of-unused-card"
+    return FemtuneError(code, where=where, field=ref, known=", ".join(known[:_MOST_NAMED]))
 
 
 def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
     """Fields of shells and offsets of bars are values where they are filled; blank ones have none of their own."""
     start = "0." if ref.name == "ZOFFS" or ref.card in BARS else "the thickness of the PSHELL"
-    return FemtuneError(
-        "parameter.touches-nothing",
-        f"the field of {ref} is blank in the deck",
-        where=where,
-        hint=f"write {start} there to have it as a value of its own",
-    )
+    return FemtuneError("parameter.touches-nothing/blank", where=where, ref=ref, start=start)
 
 
 def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:
-    return FemtuneError(
-        "parameter.touches-nothing",
-        f"no element's stiffness, mass or damping depends on {ref}",
-        where=where,
-        hint="name a field of a card that elements of the model use",
-    )
+    return FemtuneError("parameter.touches-nothing/untouched", where=where, ref=ref)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,17 +13,86 @@ from numpy.typing import NDArray
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable
 from femtune.files.nastran.building import Building, Library, duplicate, listed_numbers
+from femtune.files.nastran.card import Card, CardEntry
+from femtune.files.nastran.catalogue import CATALOGUE
+from femtune.files.nastran.columns import Columns, columns_of
 from femtune.files.nastran.coordinates import CoordinateSystem, CoordinateSystems
-from femtune.files.nastran.grid_columns import PlainGrids, plain_grids
-from femtune.files.nastran.record import Record
+
+# ----------------------------------------------------------------------------------------------------
+# GRID cards of a large deck, read by whole columns.
+
+
+_CP, _X, _CD, _PS = 1, 2, 5, 6
+
+
+@dataclass(frozen=True, eq=False)
+class CardRecords(Mapping[int, CardEntry]):
+    """Records by number, each made when it is asked for."""
+
+    cards: Mapping[int, Card]
+
+    def __getitem__(self, number: int) -> CardEntry:
+        card = self.cards[number]
+        return CardEntry(card, CATALOGUE[card.name].fields)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.cards)
+
+    def __len__(self) -> int:
+        return len(self.cards)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self.cards
+
+
+@dataclass(frozen=True, eq=False)
+class PlainGrids:
+    """Grid points of plain columns, in ascending order of their numbers.
+
+    Parameters
+    ----------
+    records : their cards by number
+    xyz : (n, 3) coordinates, for those that are `simple`
+    simple : (n,) coordinates and displacements are in the basic frame, and plainly spelled
+    supported : (n,) field PS is filled
+    """
+
+    records: CardRecords
+    xyz: NDArray[np.float64]
+    simple: NDArray[np.bool_]
+    supported: NDArray[np.bool_]
+
+
+def plain_grids(cards: tuple[Card, ...]) -> PlainGrids | None:
+    """Columns of GRID cards; None where a number is not plain or stands twice."""
+    columns = columns_of(cards)
+    if columns is None:
+        return None
+    numbers, plain = columns.integers(0)
+    order = np.argsort(numbers, kind="stable")
+    ascending = numbers[order]
+    if not plain.all() or ascending[0] <= 0 or not (np.diff(ascending) > 0).all():
+        return None
+    simple = _basic(columns, _CP) & _basic(columns, _CD)
+    xyz = np.empty((len(cards), 3))
+    for i in range(3):
+        xyz[:, i], given = columns.reals(_X + i)
+        simple &= given
+    records = CardRecords(dict(zip(ascending.tolist(), (cards[i] for i in order.tolist()))))
+    return PlainGrids(records, xyz[order], simple[order], ~columns.blank(_PS)[order])
+
+
+def _basic(columns: Columns, index: int) -> NDArray[np.bool_]:
+    system, plain = columns.integers(index)
+    return np.asarray(columns.blank(index) | (plain & (system == 0)))
 
 
 @dataclass
 class Grids:
     """Grid points by number with their coordinate systems; `table` is their node table once it is complete."""
 
-    records: Mapping[int, Record]
-    system_records: Mapping[int, Record]
+    records: Mapping[int, CardEntry]
+    system_records: Mapping[int, CardEntry]
     plain: PlainGrids | None = None
     systems: CoordinateSystems = field(init=False)
     _locations: Library[NDArray[np.float64]] = field(init=False)
@@ -33,7 +102,7 @@ class Grids:
         self.systems = CoordinateSystems(self.system_records, self.location)
         self._locations = Library(self._locate)
 
-    def location(self, number: int, user: Record) -> NDArray[np.float64]:
+    def location(self, number: int, user: CardEntry) -> NDArray[np.float64]:
         """Basic coordinates of a grid point, asked for by a card.
 
         Raises
@@ -44,7 +113,7 @@ class Grids:
             raise unknown_grid(number, user)
         return self._locations.get(number, user)
 
-    def _locate(self, number: int, user: Record) -> NDArray[np.float64]:
+    def _locate(self, number: int, user: CardEntry) -> NDArray[np.float64]:
         record = self.records[number]
         system = self.systems.get(record.integer("CP", 0), record)
         return system.point(np.array(record.reals("X1", "X2", "X3")))
@@ -54,8 +123,7 @@ class Grids:
         record = self.records[number]
         cd = record.integer("CD", 0)
         if cd == -1:
-            raise record.error("deck.fluid-point", f"grid point {number} is a fluid point", at="CD",
-                               hint="take fluid points out of the deck; structures are read only")  # fmt: skip
+            raise record.error("deck.fluid-point", at="CD", number=number)
         return self.systems.get(cd, record)
 
     @cached_property
@@ -63,7 +131,7 @@ class Grids:
         """Numbers of all grid points and scalar points."""
         return frozenset([*self.records, *self.table.scalar_points.tolist()])
 
-    def row(self, number: int, user: Record) -> int:
+    def row(self, number: int, user: CardEntry) -> int:
         """Row of the node table (error ``deck.unknown-grid``, or what is wrong with the grid point)."""
         if not self.table.has_grid(number):
             raise unknown_grid(number, user)
@@ -85,7 +153,7 @@ class Grids:
         """The six g-set DOFs of a row of the node table, −1 for ground."""
         return [6 * row + i for i in range(6)] if row >= 0 else [-1] * 6
 
-    def dof(self, number: int, component: int, user: Record) -> int:
+    def dof(self, number: int, component: int, user: CardEntry) -> int:
         """g-set DOF of a component of a grid point or scalar point."""
         try:
             return self.table.dof(number, component, user.where)
@@ -99,10 +167,9 @@ class Grids:
         return self.table.frames[row] @ np.array(components)
 
 
-def unknown_grid(number: int, user: Record) -> FemtuneError:
+def unknown_grid(number: int, user: CardEntry) -> FemtuneError:
     """A card refers to a grid point that is not there."""
-    return user.error("deck.unknown-grid", f"grid point {number} does not exist",
-                      hint="correct the number or add the GRID card")  # fmt: skip
+    return user.error("deck.unknown-grid", number=number)
 
 
 def read_grids(building: Building) -> Grids:
@@ -123,9 +190,9 @@ def _check_systems(building: Building, grids: Grids) -> None:
             grids.systems.get(number, record)
 
 
-def _grid_records(building: Building) -> dict[int, Record]:
+def _grid_records(building: Building) -> dict[int, CardEntry]:
     """Grid points by number; Nastran accepts a repeated one that is the same."""
-    found: dict[int, Record] = {}
+    found: dict[int, CardEntry] = {}
     for record in building.records("GRID", defaults=building.defaults("GRDSET")):
         with building.errors.catch():
             number = _positive(record)
@@ -138,22 +205,20 @@ def _grid_records(building: Building) -> dict[int, Record]:
     return found
 
 
-def _positive(record: Record) -> int:
+def _positive(record: CardEntry) -> int:
     number: int = record.integer("ID")
     if number <= 0:
-        raise record.error("deck.field-value", "numbers of grid points are positive", at="ID",
-                           hint="give it a number from 1 to 99999999")  # fmt: skip
+        raise record.error("deck.field-value/positive", at="ID")
     return number
 
 
-def _same(a: Record, b: Record) -> bool:
+def _same(a: CardEntry, b: CardEntry) -> bool:
     numbers = all(a.real(x, 0.0) == b.real(x, 0.0) for x in ("X1", "X2", "X3"))
     return numbers and all(a.text(x, "0") == b.text(x, "0") for x in ("CP", "CD", "PS"))
 
 
-def _repeated(record: Record, number: int) -> Notice:
-    what = f"grid point {number} is given again with the same data; one is used, as Nastran does"
-    return Notice("deck.repeated-grid", what, record.where, level="info")
+def _repeated(record: CardEntry, number: int) -> Notice:
+    return Notice("deck.repeated-grid", where=record.where, level="info", number=number)
 
 
 def _node_table(building: Building, grids: Grids) -> NodeTable:
@@ -171,7 +236,7 @@ def _node_table(building: Building, grids: Grids) -> NodeTable:
     return NodeTable(ids, xyz, frames, _scalar_points(building, grids.records))
 
 
-def _scalar_points(building: Building, grids: Mapping[int, Record]) -> NDArray[np.int64]:
+def _scalar_points(building: Building, grids: Mapping[int, CardEntry]) -> NDArray[np.int64]:
     found: set[int] = set()
     for record in building.records("SPOINT"):
         with building.errors.catch():
@@ -179,18 +244,17 @@ def _scalar_points(building: Building, grids: Mapping[int, Record]) -> NDArray[n
     return np.array(sorted(found | _implied_scalars(building, grids)), dtype=np.int64)
 
 
-def _spoint_numbers(record: Record, grids: Mapping[int, Record]) -> set[int]:
+def _spoint_numbers(record: CardEntry, grids: Mapping[int, CardEntry]) -> set[int]:
     numbers = set(listed_numbers(record, record.card.fields))
     if min(numbers, default=1) <= 0:
-        raise record.error("deck.field-value", "numbers of scalar points are positive",
-                           hint="give numbers from 1 to 99999999")  # fmt: skip
+        raise record.error("deck.field-value/spoint-numbers")
     both = sorted(numbers & set(grids))
     if both:
         raise duplicate(record.card, f"point {both[0]}", grids[both[0]].card)
     return numbers
 
 
-def _implied_scalars(building: Building, grids: Mapping[int, Record]) -> set[int]:
+def _implied_scalars(building: Building, grids: Mapping[int, CardEntry]) -> set[int]:
     """Points that scalar elements name without a component: Nastran makes them scalar points."""
     found = set()
     for record in building.records(*_SCALAR_ELEMENTS):
@@ -205,7 +269,7 @@ def _implied_scalars(building: Building, grids: Mapping[int, Record]) -> set[int
 _SCALAR_ELEMENTS = tuple(f"{kind}{i}" for kind in ("CELAS", "CMASS", "CDAMP") for i in (1, 2, 3, 4))
 
 
-def _no_component(record: Record, end: str) -> bool:
+def _no_component(record: CardEntry, end: str) -> bool:
     """True where an end is a scalar point; elements that join scalar points only name no components."""
     return "G1" not in record.names or record.component("C" + end, "0") == "0"
 

@@ -49,7 +49,7 @@ _NO_ELEMENTS = ("CORD", "CSET", "CYJOIN", "CYSYM", "CYAX", "CYSUP", "CREEP", "CL
 
 
 @dataclass(frozen=True)
-class CardCount:
+class CardUse:
     """Cards of one name: how many, the place of the first, and what became of them."""
 
     name: str
@@ -58,10 +58,10 @@ class CardCount:
     use: str
 
 
-def take_inventory(deck: Deck) -> tuple[CardCount, ...]:
+def take_inventory(deck: Deck) -> tuple[CardUse, ...]:
     """Every card name of the deck, in the order in which they occur."""
     return tuple(
-        CardCount(name, len(cards), cards[0].where(), READ if name == "DMIG" and _selected(deck) else use_of(name))
+        CardUse(name, len(cards), cards[0].where(), READ if name == "DMIG" and _selected(deck) else use_of(name))
         for name, cards in deck.names.items()
     )
 
@@ -81,32 +81,35 @@ def use_of(name: str) -> str:
     return MISSING if element or name in _ELEMENTS else IGNORED
 
 
-def ignored_notices(counts: tuple[CardCount, ...]) -> list[Notice]:
+def ignored_notices(counts: tuple[CardUse, ...]) -> list[Notice]:
     """A notice for each card name that is not read."""
     levels = {NOT_NEEDED: "info", IGNORED: "warning"}
     return [
-        Notice("deck.ignored-cards", f"{_cards(c)} ignored: {_REMARKS.get(c.name, c.use)}", c.where, levels[c.use])
+        Notice(
+            "deck.ignored-cards", where=c.where, level=levels[c.use], cards=_cards(c), get=_REMARKS.get(c.name, c.use)
+        )
         for c in counts
         if c.use in levels
     ]
 
 
-def missing_error(count: CardCount) -> FemtuneError:
+def missing_error(count: CardUse) -> FemtuneError:
     """An element or constraint that is not read."""
     return FemtuneError(
         "deck.unsupported-element",
-        f"{_cards(count)} not understood; without {'it' if count.count == 1 else 'them'} the modes would be wrong",
         where=count.where,
-        hint=f'take them out of the model, or write allow_ignored = ["{count.name}"] in [study] if they do not matter',
+        cards=_cards(count),
+        words="it" if count.count == 1 else "them",
+        count_name=count.name,
     )
 
 
-def missing_notice(count: CardCount) -> Notice:
+def missing_notice(count: CardUse) -> Notice:
     """The same as a warning, where missing elements are allowed."""
-    return Notice("deck.unsupported-element", f"{_cards(count)} left out of the model: not understood", count.where)
+    return Notice("deck.unsupported-element/missing-notice", where=count.where, cards=_cards(count))
 
 
-def _cards(count: CardCount) -> str:
+def _cards(count: CardUse) -> str:
     return f"{count.count} {count.name} card{'s are' if count.count > 1 else ' is'}"
 
 
@@ -114,10 +117,10 @@ def matrix_input(deck: Deck) -> list[FemtuneError]:
     """Case control that adds matrices or mass which are not read."""
     return [
         FemtuneError(
-            "deck.unsupported-element",
-            f"case control selects {command.name} = {command.value}, which adds matrices or mass that are not read",
+            "deck.unsupported-element/matrix-input",
             where=command.where,
-            hint="take the line out, or allow missing elements if it does not matter",
+            command_name=command.name,
+            command_value=command.value,
         )
         for command in deck.case_control.others
         if command.name in _MATRIX_INPUT

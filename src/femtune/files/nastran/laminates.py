@@ -6,17 +6,98 @@ every coefficient of the kernel is an entry of these. Z0 moves the middle off th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from femtune.errors import FemtuneError, Notice
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran import laminate_laws as laws_of
 from femtune.files.nastran.building import Building
-from femtune.files.nastran.plane_laws import PlaneLaws, rigid_modulus
-from femtune.files.nastran.plies import Ply, read_plies
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.card import CardEntry
+from femtune.files.nastran.plane_laws import PlaneLaw, PlaneLaws, rigid_modulus
+
+# ----------------------------------------------------------------------------------------------------
+# Plies of PCOMP (four fields each, numbered from the bottom) and of PCOMPG (a line each, with global numbers).
+
+
+_FIRST = 8
+_FIELDS = {"PCOMP": (4, ("MID", "T", "THETA", "SOUT")), "PCOMPG": (8, ("GPLYID", "MID", "T", "THETA", "SOUT"))}
+
+_THINNEST = 1e-15
+"""Sixth powers of thicknesses stand beside squares of moduli: within these bounds none overflows."""
+
+
+@dataclass(frozen=True)
+class Ply:
+    """A ply: its material, and positions of its thickness and of its angle in degrees.
+
+    `record` and `at` are the card and the field that named the material last.
+    """
+
+    mid: int
+    law: PlaneLaw
+    thickness: int
+    theta: int
+    record: CardEntry
+    at: str
+
+
+def read_plies(building: Building, record: CardEntry, pid: int, laws: PlaneLaws) -> list[Ply]:
+    """The plies from the bottom to the top; blank materials and thicknesses are those of the ply before.
+
+    Raises
+    ------
+    FemtuneError : ``deck.laminate`` and errors of fields and materials
+    """
+    plies: list[Ply] = []
+    for number, ply in _ply_records(record):
+        before = plies[-1] if plies else None
+        plies.append(_read(building, ply, pid, number, before, laws))
+    if not plies:
+        raise record.error("deck.laminate/read-plies", record_name=record.name)
+    return plies
+
+
+def _ply_records(record: CardEntry) -> Iterator[tuple[int, CardEntry]]:
+    """Number and fields of every ply that has any field filled; the fields' names end with the number."""
+    width, names = _FIELDS[record.name]
+    seen: set[int] = set()
+    for start in range(_FIRST, len(record.card.fields), width):
+        if all(record.card.blank(i) for i in range(start, start + len(names))):
+            continue
+        number = len(seen) + 1
+        if record.name == "PCOMPG":
+            number = record.card.integer(start)
+            if number in seen:
+                raise record.card.error("deck.laminate/ply-records", index=start, number=number)
+        seen.add(number)
+        yield number, CardEntry(record.card, tuple(f"{name}{number}" for name in names), start)
+
+
+def _read(building: Building, ply: CardEntry, pid: int, number: int, before: Ply | None, laws: PlaneLaws) -> Ply:
+    mid, thickness, theta, output = (f"{name}{number}" for name in ("MID", "T", "THETA", "SOUT"))
+    if ply.text(output) not in ("", "YES", "NO"):
+        raise ply.error("deck.field-value/read", at=output)
+    if before is None or not ply.blank(mid):
+        named, source, at = ply.integer(mid), ply, mid
+    else:
+        named, source, at = before.mid, before.record, before.at
+    law = laws.plane(named, source, at)
+    angle = building.value(ply, pid, theta)
+    return Ply(named, law, _thickness(building, ply, pid, thickness, before), angle, source, at)
+
+
+def _thickness(building: Building, ply: CardEntry, pid: int, name: str, before: Ply | None) -> int:
+    if ply.blank(name) and before is not None:
+        return before.thickness
+    thickness = ply.real(name)
+    if thickness <= 0.0:
+        raise ply.error("deck.laminate/thickness-sign", at=name)
+    if not _THINNEST < thickness < 1.0 / _THINNEST:
+        raise ply.error("deck.laminate/thickness-size", at=name)
+    return building.value(ply, pid, name)
+
 
 ENTRIES = ("11", "12", "13", "22", "23", "33")
 SHEAR = ("11", "12", "22")
@@ -49,7 +130,7 @@ class Laminates:
     laws: PlaneLaws
     _turned: dict[tuple[int, int], dict[str, int]] = field(default_factory=dict)
 
-    def section(self, record: Record, pid: int) -> LaminateSection:
+    def section(self, record: CardEntry, pid: int) -> LaminateSection:
         """The section of a PCOMP or PCOMPG.
 
         Raises
@@ -60,17 +141,15 @@ class Laminates:
         _check(record, option)
         plies = read_plies(self.building, record, pid, self.laws)
         if option == "SMCORE" and len(plies) < 2:
-            raise _refused(record, "LAM", "LAM = SMCORE needs plies of the faces and, as the last ply, the core",
-                           "give all plies, or leave LAM blank")  # fmt: skip
+            raise _refused(record, "LAM", "deck.laminate/section")
         stack = [*plies, *reversed(plies)] if option == "SYM" else plies
         self._tell_of_damping(record, plies)
         return _Sums(self, record, pid, stack, option).section()
 
-    def _tell_of_damping(self, record: Record, plies: Sequence[Ply]) -> None:
+    def _tell_of_damping(self, record: CardEntry, plies: Sequence[Ply]) -> None:
         values = self.building.values.values
         if record.blank("GE") and any(values[ply.law.loss] != 0.0 for ply in plies):
-            what = "the plies' materials have loss factors GE, but those of a laminate count on its own card alone"
-            self.building.notices.append(Notice("deck.ply-damping", what, record.where))
+            self.building.notices.append(Notice("deck.ply-damping", where=record.where))
 
     def turned(self, ply: Ply) -> dict[str, int]:
         """Entries of a ply in the laminate's axes: Q11 … Q33, Ex, Ey, H11, H12, H22."""
@@ -109,7 +188,7 @@ class _Sums:
     """The entries of one laminate, `plies` from the bottom to the top."""
 
     laminates: Laminates
-    record: Record
+    record: CardEntry
     pid: int
     plies: Sequence[Ply]
     option: str
@@ -231,15 +310,13 @@ class _Sums:
         return self._sum("offset", laws_of.middle_offset, [self._value("Z0")], [self._height])
 
 
-def _check(record: Record, option: str) -> None:
+def _check(record: CardEntry, option: str) -> None:
     if option not in _OPTIONS:
         known = ", ".join(name for name in _OPTIONS if name)
-        raise _refused(record, "LAM", f"LAM = {option} of a laminate is not modelled",
-                       f"leave LAM blank and give all plies; known are {known}")  # fmt: skip
+        raise _refused(record, "LAM", "deck.laminate/check", option=option, known=known)
     if option not in ("", "SYM") and not record.blank("Z0"):
-        raise _refused(record, "Z0", f"Z0 stands beside LAM = {option}, which has no coupling of membrane and bending",
-                       "leave Z0 blank; give an offset by ZOFFS of the elements")  # fmt: skip
+        raise _refused(record, "Z0", "deck.laminate/check-2", option=option)
 
 
-def _refused(record: Record, at: str, what: str, hint: str) -> FemtuneError:
-    return record.error("deck.laminate", what, at=at, hint=hint)
+def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneError:
+    return record.error(code, at=at, **facts)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from femtune.errors import FemtuneError, Where
-from femtune.files.nastran.reals import parse_integer
+from femtune.files.nastran.lines import parse_integer
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ def read_list(tokens: Sequence[str], where: Where) -> IntegerList:
     words = [token.strip().upper() for token in tokens if token.strip()]
     if words == ["ALL"]:
         return IntegerList(every=True)
-    return _Reading(words, where).read()
+    return _ListReading(words, where).read()
 
 
-class _Reading:
+class _ListReading:
     """One pass over the words of a list."""
 
     def __init__(self, words: list[str], where: Where) -> None:
@@ -91,7 +92,7 @@ class _Reading:
         last = self._number()
         step = self._number() if self._word("BY") else 1
         if last < first or step < 1:
-            raise self._error(f"'{first} THRU {last} BY {step}' does not ascend")
+            raise self._error("deck.list", first=first, last=last, step=step)
         return range(first, last + 1, step)
 
     def _exceptions(self, numbers: range) -> tuple[range, ...]:
@@ -110,7 +111,7 @@ class _Reading:
         word = self.words[self.at] if self.at < len(self.words) else "the end of the list"
         number = parse_integer(word)
         if number is None:
-            raise self._error(f"a number should stand here, not '{word}'")
+            raise self._error("deck.list/number", word=word)
         self.at += 1
         return number
 
@@ -119,7 +120,5 @@ class _Reading:
         self.at += found
         return found
 
-    def _error(self, what: str) -> FemtuneError:
-        values = {"list": " ".join(self.words)[:200]}
-        hint = "write numbers, 'first THRU last', 'BY step' and 'EXCEPT numbers'"
-        return FemtuneError("deck.list", what, where=self.where, values=values, hint=hint)
+    def _error(self, code: str, **facts: Any) -> FemtuneError:
+        return FemtuneError(code, where=self.where, values={"list": " ".join(self.words)[:200]}, **facts)

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from femtune.errors import FemtuneError, Notice, did_you_mean
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran.building import Building, Library
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.card import CardEntry
+from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.parameters.jet import Jet
 
 Roles = Mapping[str, int]
@@ -37,21 +38,20 @@ class Materials:
     """
 
     building: Building
-    records: Mapping[int, Record]
+    records: Mapping[int, CardEntry]
     _library: Library[Roles] = field(init=False)
 
     def __post_init__(self) -> None:
         self._library = Library(self._make)
 
-    def find(self, mid: int, user: Record, at: str = "MID") -> Record:
+    def find(self, mid: int, user: CardEntry, at: str = "MID") -> CardEntry:
         """The card of a material, asked for by field `at` of a card (error ``deck.unknown-material``)."""
         if mid not in self.records:
             known = did_you_mean(str(mid), [str(k) for k in list(self.records)[:20]])
-            raise user.error("deck.unknown-material", f"material {mid} does not exist", at=at,
-                             hint=known or "add a MAT1 card of that number")  # fmt: skip
+            raise user.error("deck.unknown-material", at=at, hint=known or "add a MAT1 card of that number", mid=mid)
         return self.records[mid]
 
-    def get(self, mid: int, user: Record) -> Roles:
+    def get(self, mid: int, user: CardEntry) -> Roles:
         """Roles of an isotropic material, asked for by a card.
 
         Raises
@@ -60,21 +60,20 @@ class Materials:
         """
         name = self.find(mid, user).name
         if name != "MAT1":
-            raise user.error("deck.material-type", f"material {mid} is a {name}; {user.name} needs a MAT1", at="MID",
-                             hint="refer to a MAT1 card")  # fmt: skip
+            raise user.error("deck.material-type", at="MID", mid=mid, name=name, user_name=user.name)
         found = self.isotropic(mid, user)
         return {role: found[role] for role in ("E", "G", "rho", "GE")}
 
-    def isotropic(self, mid: int, user: Record) -> Roles:
+    def isotropic(self, mid: int, user: CardEntry) -> Roles:
         """Roles of a MAT1 with "NU" (not there where E alone is given with G = 0)."""
         return self._library.get(mid, user)
 
-    def _make(self, mid: int, user: Record) -> Roles:
+    def _make(self, mid: int, user: CardEntry) -> Roles:
         record, b = self.records[mid], self.building
         _check(record)
         return {**self._elastic(record, mid), "rho": b.value(record, mid, "RHO"), "GE": b.value(record, mid, "GE")}
 
-    def _elastic(self, record: Record, mid: int) -> Roles:
+    def _elastic(self, record: CardEntry, mid: int) -> Roles:
         """E, G and ν; a third that is blank follows from the two that are given."""
         b = self.building
         blanks = [name for name in ("E", "G", "NU") if record.blank(name)]
@@ -97,7 +96,7 @@ def read_materials(building: Building) -> Materials:
     return Materials(building, records)
 
 
-def _is_negative(record: Record) -> bool:
+def _is_negative(record: CardEntry) -> bool:
     """True for a density below zero; one that is no number is told where the material is used."""
     try:
         return not record.blank("RHO") and record.real("RHO") < 0.0
@@ -105,22 +104,72 @@ def _is_negative(record: Record) -> bool:
         return False
 
 
-def _negative_density(record: Record) -> Notice:
+def _negative_density(record: CardEntry) -> Notice:
     density = record.real("RHO")
-    what = f"the density of {record.name} {record.integer('MID')} is negative ({density:g}): it takes mass away"
-    return Notice("deck.negative-density", what, record.where)
+    return Notice(
+        "deck.negative-density",
+        where=record.where,
+        record_name=record.name,
+        integer=record.integer("MID"),
+        density=density,
+    )
 
 
-def _check(record: Record) -> None:
+def _check(record: CardEntry) -> None:
     blanks = {name for name in ("E", "G", "NU") if record.blank(name)}
     if {"E", "G"} <= blanks or blanks == {"E", "NU"}:
-        raise record.error("deck.material", f"MAT1 leaves {' and '.join(sorted(blanks))} blank",
-                           hint="give E and NU, or E and G, or G and NU")  # fmt: skip
+        raise record.error("deck.material", blanks=" and ".join(sorted(blanks)))
     for name in {"E", "G"} - blanks:
         smallest_allowed = record.real(name) > 0.0 if name == "E" else record.real(name) >= 0.0
         if not smallest_allowed:
-            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
-                               hint="correct the modulus")  # fmt: skip
+            raise record.error("deck.material/check-2", at=name, name=name)
     if not record.blank("NU") and not -1.0 < record.real("NU") <= 0.5:
-        raise record.error("deck.material", "Poisson's ratio should lie between -1 and 0.5", at="NU",
-                           hint="correct NU")  # fmt: skip
+        raise record.error("deck.material/check", at="NU")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Property cards by number, and which of them an element may use.
+
+
+_NO_PROPERTIES = ("PARAM", "PAERO", "PLOAD", "PLOT", "POINT", "PRES", "PSET", "PVAL", "PANEL")
+
+
+@dataclass(frozen=True)
+class Properties:
+    """Property cards of one element's family, and the names of all other property cards by number."""
+
+    own: Mapping[int, CardEntry]
+    others: Mapping[int, str]
+
+    def find(self, pid: int, user: CardEntry) -> CardEntry:
+        """The property card of a number, asked for by an element.
+
+        Raises
+        ------
+        FemtuneError : ``deck.unknown-property``, ``deck.property-type``
+        """
+        if pid in self.own:
+            return self.own[pid]
+        *others, last = CATALOGUE[user.name].properties
+        expected = f"{', '.join(others)} or {last}" if others else last
+        if pid in self.others:
+            raise user.error(
+                "deck.property-type", pid=pid, others=self.others[pid], user_name=user.name, expected=expected
+            )
+        known = did_you_mean(str(pid), [str(k) for k in list(self.own)[:20]])
+        raise user.error("deck.unknown-property", hint=known or f"add a {expected} card of that number", pid=pid)
+
+
+def read_properties(building: Building, element: str) -> Properties:
+    """Property cards for one element card; a number given twice in the family is an error."""
+    family = CATALOGUE[element].properties
+    return Properties(building.by_number(building.records(*family), "property"), _names(building, family))
+
+
+def _names(building: Building, family: tuple[str, ...]) -> dict[int, str]:
+    """Names of the property cards of other families, read or not, by number."""
+    found = {}
+    for name, cards in building.deck.names.items():
+        if name.startswith("P") and name not in family and not name.startswith(_NO_PROPERTIES):
+            found.update({card.integer(0, 0): name for card in cards if card.is_integer(0)})
+    return found

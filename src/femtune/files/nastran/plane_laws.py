@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.materials import Materials, Roles, shear_modulus
-from femtune.files.nastran.record import Record
 from femtune.parameters.jet import Jet
 
 Entries = tuple[int, ...]
@@ -79,7 +79,7 @@ class PlaneLaws:
         self._plane = Library(self._make_plane)
         self._shear = Library(self._make_shear)
 
-    def plane(self, mid: int, user: Record, at: str) -> PlaneLaw:
+    def plane(self, mid: int, user: CardEntry, at: str) -> PlaneLaw:
         """Law of membrane or bending, asked for by field `at` of a card.
 
         Raises
@@ -89,7 +89,7 @@ class PlaneLaws:
         self._check_name(mid, user, at)
         return self._plane.get(mid, user)
 
-    def coupling(self, mid: int, user: Record, at: str) -> PlaneLaw:
+    def coupling(self, mid: int, user: CardEntry, at: str) -> PlaneLaw:
         """Law that couples membrane and bending; a MAT2 need not resist every strain for that."""
         self._check_name(mid, user, at)
         record = self.materials.records[mid]
@@ -98,19 +98,17 @@ class PlaneLaws:
         law = tuple(self.building.value(record, mid, name) for name in _PLANE_FIELDS)
         return PlaneLaw(law, self.building.value(record, mid, "RHO"), self.loss(mid), False)
 
-    def shear(self, mid: int, user: Record, at: str) -> Entries:
+    def shear(self, mid: int, user: CardEntry, at: str) -> Entries:
         """Positions of the transverse shear law 11 12 22, asked for by field `at` of a card."""
         self._check_name(mid, user, at)
         return self._shear.get(mid, user)
 
-    def _check_name(self, mid: int, user: Record, at: str) -> None:
+    def _check_name(self, mid: int, user: CardEntry, at: str) -> None:
         name = self.materials.find(mid, user, at).name
         if name not in _LAWS:
-            what = f"material {mid} is a {name}; shells need a MAT1, MAT2 or MAT8"
-            raise user.error("deck.material-type", what, at=at,
-                             hint="refer to a MAT1, MAT2 or MAT8 card")  # fmt: skip
+            raise user.error("deck.material-type/check-name", at=at, mid=mid, name=name)
 
-    def rigid(self, mid: int, user: Record, at: str) -> Entries:
+    def rigid(self, mid: int, user: CardEntry, at: str) -> Entries:
         """Transverse shear law 11 12 22 of a shell that bends by a material and is rigid in transverse shear."""
         law = self.plane(mid, user, at).law
         record = self.materials.find(mid, user, at)
@@ -121,29 +119,29 @@ class PlaneLaws:
         """Position of a material's loss factor."""
         return self.building.value(self.materials.records[mid], mid, "GE")
 
-    def stiffened(self, record: Record, mid: int, shear: int) -> int:
+    def stiffened(self, record: CardEntry, mid: int, shear: int) -> int:
         """Entry of a transverse shear modulus that is rigid, from the in-plane one."""
         return self.building.values.derive(FieldRef(record.name, mid, "rigid shear"), rigid_modulus, shear)
 
-    def none(self, record: Record, mid: int) -> int:
+    def none(self, record: CardEntry, mid: int) -> int:
         """The entry of a material's law that is zero."""
         return self.building.values.add(FieldRef(record.name, mid, "none"), 0.0)
 
-    def _make_plane(self, mid: int, user: Record) -> PlaneLaw:
+    def _make_plane(self, mid: int, user: CardEntry) -> PlaneLaw:
         record = self.materials.find(mid, user)
         law, isotropic = _LAWS[record.name](self, record, mid, user)
         return PlaneLaw(law, self.building.value(record, mid, "RHO"), self.loss(mid), isotropic)
 
-    def _make_shear(self, mid: int, user: Record) -> Entries:
+    def _make_shear(self, mid: int, user: CardEntry) -> Entries:
         record = self.materials.find(mid, user)
         return _SHEAR_LAWS[record.name](self, record, mid, user)
 
-    def derive(self, record: Record, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
+    def derive(self, record: CardEntry, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
         """An entry of a law that follows from fields of the material's card."""
         return self.building.values.derive(FieldRef(record.name, mid, name), rule, *sources)
 
 
-def _isotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+def _isotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Entries, bool]:
     at = _elastic(laws, record, mid, user)
     stiff = laws.derive(record, mid, "D11", isotropic_stiffness, at["E"], at["NU"])
     coupling = laws.derive(record, mid, "D12", isotropic_coupling, at["E"], at["NU"])
@@ -151,27 +149,25 @@ def _isotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple
     return (stiff, coupling, none, stiff, none, _in_plane_shear(laws, record, mid, at)), True
 
 
-def _in_plane_shear(laws: PlaneLaws, record: Record, mid: int, at: Roles) -> int:
+def _in_plane_shear(laws: PlaneLaws, record: CardEntry, mid: int, at: Roles) -> int:
     """D33 = E / 2(1 + ν): where a card gives G beside E and NU, it counts for transverse shear alone, as in Nastran."""
     if any(record.blank(name) for name in ("E", "G", "NU")):
         return at["G"]
     return laws.derive(record, mid, "D33", shear_modulus, at["E"], at["NU"])
 
 
-def _elastic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Roles:
+def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Roles:
     """Positions of E, G and NU of a MAT1 that makes a shell stiff."""
     at = laws.materials.isotropic(mid, user)
     values = laws.building.values.values
     if values[at["G"]] == 0.0:
-        raise record.error("deck.material", "a shell needs a material with a shear modulus", at="G",
-                           hint="give NU, or G")  # fmt: skip
+        raise record.error("deck.material/elastic", at="G")
     if not -1.0 < values[at["NU"]] < 1.0:
-        raise record.error("deck.material", f"E and G give a Poisson's ratio of {values[at['NU']]:g}", at="G",
-                           hint="correct E or G; a shell needs a ratio between -1 and 1")  # fmt: skip
+        raise record.error("deck.material/elastic-2", at="G", listed=values[at["NU"]])
     return at
 
 
-def _isotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+def _isotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Entries:
     shear = _elastic(laws, record, mid, user)["G"]
     return shear, laws.none(record, mid), shear
 
@@ -179,27 +175,26 @@ def _isotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) ->
 _PLANE_FIELDS = ("G11", "G12", "G13", "G22", "G23", "G33")
 
 
-def _anisotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+def _anisotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Entries, bool]:
     law = tuple(laws.building.value(record, mid, name) for name in _PLANE_FIELDS)
     _check_definite(laws, record, law, [[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     return law, False
 
 
-def _anisotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+def _anisotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Entries:
     law = tuple(laws.building.value(record, mid, name) for name in ("G11", "G12", "G22"))
     _check_definite(laws, record, law, [[0, 1], [1, 2]])
     return law
 
 
-def _check_definite(laws: PlaneLaws, record: Record, law: Entries, places: list[list[int]]) -> None:
+def _check_definite(laws: PlaneLaws, record: CardEntry, law: Entries, places: list[list[int]]) -> None:
     values = np.array([laws.building.values.values[i] for i in law])[np.array(places)]
     size = np.abs(values).max()
     if size == 0.0 or np.linalg.eigvalsh(values / size)[0] <= _DEFINITE:
-        raise record.error("deck.material", f"{record.name} does not resist every strain", at="G11",
-                           hint="correct the moduli: their matrix should be positive definite")  # fmt: skip
+        raise record.error("deck.material/check-definite", at="G11", record_name=record.name)
 
 
-def _orthotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tuple[Entries, bool]:
+def _orthotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Entries, bool]:
     _check_orthotropic(record)
     at = [laws.building.value(record, mid, name) for name in ("E1", "E2", "NU12")]
     shear = laws.building.value(record, mid, "G12")
@@ -210,25 +205,22 @@ def _orthotropic(laws: PlaneLaws, record: Record, mid: int, user: Record) -> tup
     return (stiff, coupling, none, across, none, shear), False
 
 
-def _check_orthotropic(record: Record) -> None:
+def _check_orthotropic(record: CardEntry) -> None:
     for name in ("E1", "E2", "G12"):
         if record.real(name, 0.0 if name == "G12" else ...) <= 0.0:
-            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
-                               hint="correct the modulus")  # fmt: skip
+            raise record.error("deck.material/check-2", at=name, name=name)
     if record.real("NU12") * record.real("NU12") * record.real("E2") >= record.real("E1"):
-        raise record.error("deck.material", "NU12 is too large for E1 and E2", at="NU12",
-                           hint="NU12 squared should be less than E1 / E2")  # fmt: skip
+        raise record.error("deck.material/check-orthotropic", at="NU12")
 
 
-def _orthotropic_shear(laws: PlaneLaws, record: Record, mid: int, user: Record) -> Entries:
+def _orthotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Entries:
     """G1Z and G2Z; where one is blank or 0 the shell is rigid in that direction."""
     _check_orthotropic(record)
     shear = laws.building.value(record, mid, "G12")
     both = []
     for name in ("G1Z", "G2Z"):
         if record.real(name, 0.0) < 0.0:
-            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
-                               hint="correct the modulus, or leave it blank: rigid")  # fmt: skip
+            raise record.error("deck.material/orthotropic-shear", at=name, name=name)
         rigid = record.real(name, 0.0) == 0.0
         both.append(laws.stiffened(record, mid, shear) if rigid else laws.building.value(record, mid, name))
     return both[0], laws.none(record, mid), both[1]

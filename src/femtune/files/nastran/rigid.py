@@ -2,21 +2,140 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.constraints import (
     ALL_COMPONENTS,
+    WeightedPoints,
+    average_rows,
     rigid_bar_rows,
+    rigid_body_rows,
     rigid_element_rows,
     rigid_plate_rows,
     rigid_rod_rows,
 )
 from femtune.fem.structure import ConstraintRows, join_constraints
 from femtune.files.nastran.building import Building, listed_numbers
+from femtune.files.nastran.card import Card, CardEntry
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.record import Record
-from femtune.files.nastran.rigid_lists import averaging_rows, body_rows
+from femtune.files.nastran.lists import read_list
+
+# ----------------------------------------------------------------------------------------------------
+# Rigid elements whose cards hold lists of any length: RBE1 and RBE3.
+
+
+_WORDS = ("UM", "ALPHA")
+Pairs = list[tuple[int, list[int]]]
+
+
+@dataclass
+class _Fields:
+    """The filled fields of a card one after the other, from a position; blank ones are passed over."""
+
+    card: Card
+    at: int
+
+    def next(self) -> int | None:
+        """Position of the next filled field, or None at the end."""
+        while self.at < len(self.card.fields) and self.card.blank(self.at):
+            self.at += 1
+        return self.at if self.at < len(self.card.fields) else None
+
+    def take(self) -> int:
+        """Position of the field that must stand next."""
+        at = self.next()
+        if at is None:
+            return self.at
+        self.at = at + 1
+        return at
+
+    def until_real(self) -> list[str]:
+        """Texts up to the next real number or word, which is left."""
+        texts = []
+        while (at := self.next()) is not None and not self.card.is_real(at) and self.card.text(at) not in _WORDS:
+            texts.append(self.card.text(self.take()))
+        return texts
+
+
+def body_rows(record: CardEntry, grids: Grids) -> ConstraintRows:
+    """RBE1: independent components GNi, CNi; dependent ones after UM."""
+    fields = _Fields(record.card, 1)
+    independent = _pairs(fields)
+    dependent = _after_words(fields).get("UM", [])
+    if not dependent:
+        raise record.error("deck.field-value/body-rows")
+    _check_points(record, grids, [n for n, _ in (*independent, *dependent)])
+    return rigid_body_rows(grids.table, independent, dependent, record.integer("EID"))
+
+
+def averaging_rows(record: CardEntry, grids: Grids) -> ConstraintRows:
+    """RBE3: groups WT, C, G; other dependent components after UM; ALPHA has no meaning without temperatures."""
+    fields = _Fields(record.card, 4)
+    groups = [_group(record, fields)]
+    while (at := fields.next()) is not None and record.card.text(at) not in _WORDS:
+        groups.append(_group(record, fields))
+    dependent = _after_words(fields).get("UM", [])
+    reference, components = record.integer("REFGRID"), _digits(record.card, 3)
+    _check_points(record, grids, [reference, *(n for g in groups for n in g.numbers), *(n for n, _ in dependent)])
+    return average_rows(grids.table, reference, components, groups, record.integer("EID"), dependent)
+
+
+def _group(record: CardEntry, fields: _Fields) -> WeightedPoints:
+    weight = record.card.real(fields.take())
+    components = _digits(record.card, fields.at)
+    fields.at += 1
+    at = fields.at
+    numbers = _list_numbers(record, fields.until_real())
+    if not numbers:
+        raise record.card.error("deck.field-value/group", index=at)
+    return WeightedPoints(weight, components, numbers)
+
+
+def _list_numbers(record: CardEntry, texts: list[str]) -> list[int]:
+    """A list with THRU written out; a number that is named twice stands there twice."""
+    named = Counter(read_list(texts, record.where).singles)
+    return listed_numbers(record, texts) + [n for n, times in named.items() if times > 1]
+
+
+def _after_words(fields: _Fields) -> dict[str, Pairs]:
+    """What stands after UM; the numbers after ALPHA are checked to be numbers."""
+    found: dict[str, Pairs] = {}
+    while (at := fields.next()) is not None:
+        word = fields.card.text(fields.take())
+        if word == "UM":
+            found.setdefault("UM", []).extend(_pairs(fields))
+        elif word == "ALPHA" or fields.card.is_real(at):
+            fields.card.real(fields.take() if word == "ALPHA" else at)
+        else:
+            raise fields.card.error("deck.field-value/after-words", index=at)
+    return found
+
+
+def _pairs(fields: _Fields) -> Pairs:
+    """Grid points, each with its components, up to a word or a real number."""
+    pairs: Pairs = []
+    card = fields.card
+    while (at := fields.next()) is not None and card.text(at) not in _WORDS and not card.is_real(at):
+        number = card.integer(fields.take())
+        pairs.append((number, _digits(card, fields.at)))
+        fields.at += 1
+    return pairs
+
+
+def _digits(card: Card, at: int) -> list[int]:
+    """Components of a grid point; they must be there (error ``deck.field-value``)."""
+    text = card.component(at)
+    if text in ("", "0"):
+        raise card.error("deck.field-value/digits", index=at)
+    return [int(c) for c in text]
+
+
+def _check_points(record: CardEntry, grids: Grids, numbers: list[int]) -> None:
+    for number in numbers:
+        grids.row(number, record)
 
 
 def read_rigid(building: Building, grids: Grids) -> ConstraintRows:
@@ -29,14 +148,14 @@ def read_rigid(building: Building, grids: Grids) -> ConstraintRows:
     return join_constraints(parts)
 
 
-def _placed(record: Record, grids: Grids) -> ConstraintRows:
+def _placed(record: CardEntry, grids: Grids) -> ConstraintRows:
     """Rows of an element; errors of the kernel get the card's place in the file."""
     try:
         return _READERS[record.name](record, grids)
     except FemtuneError as error:
         if error.where is None or error.where.file:
             raise
-        raise FemtuneError(error.code, error.what, where=record.where, values=error.values, hint=error.hint) from error
+        raise error.at(record.where) from error
 
 
 def _note_expansion(building: Building) -> None:
@@ -44,40 +163,37 @@ def _note_expansion(building: Building) -> None:
     found = [record for record in building.records(*_READERS) if _expands(record)]
     if found:
         count = f"{len(found)} rigid element{'s give' if len(found) > 1 else ' gives'}"
-        what = f"{count} a coefficient of thermal expansion; vibration knows no temperature, so it is not used"
-        building.notices.append(Notice("deck.rigid-expansion", what, found[0].where, "info"))
+        building.notices.append(Notice("deck.rigid-expansion", where=found[0].where, level="info", count=count))
 
 
-def _expands(record: Record) -> bool:
+def _expands(record: CardEntry) -> bool:
     if record.name == "RBE3":
         return "ALPHA" in map(str.upper, record.card.fields)
     return any(record.card.is_real(at) for at in range(len(record.card.fields)))
 
 
-def _spider(record: Record, grids: Grids) -> ConstraintRows:
+def _spider(record: CardEntry, grids: Grids) -> ConstraintRows:
     components = _numbers(record.component("CM"))
     if not components or components == [0]:
-        raise record.error("deck.field-value", "RBE2 names no components", at="CM",
-                           hint="write digits from 1 to 6, as in 123456")  # fmt: skip
+        raise record.error("deck.field-value/spider", at="CM")
     numbers = _dependents(record)
     for number in (record.integer("GN"), *numbers):
         grids.row(number, record)
     return rigid_element_rows(grids.table, record.integer("GN"), numbers, components, record.integer("EID"))
 
 
-def _dependents(record: Record) -> list[int]:
+def _dependents(record: CardEntry) -> list[int]:
     """Grid points GM1, GM2 …; a real number at the end is the thermal expansion coefficient."""
     fields = list(record.card.fields[3:])
     while fields and (not fields[-1].strip() or record.card.is_real(2 + len(fields))):
         fields.pop()
     numbers = listed_numbers(record, fields)
     if not numbers:
-        raise record.error("deck.field-value", "RBE2 has no dependent grid points",
-                           hint="list them after CM, or remove the card")  # fmt: skip
+        raise record.error("deck.field-value/dependents")
     return numbers
 
 
-def _bar(record: Record, grids: Grids) -> ConstraintRows:
+def _bar(record: CardEntry, grids: Grids) -> ConstraintRows:
     a, b = _points(record, grids, "GA", "GB")
     free = (_of(record, "CNA"), _of(record, "CNB"))
     if not any(free):
@@ -86,7 +202,7 @@ def _bar(record: Record, grids: Grids) -> ConstraintRows:
     return rigid_bar_rows(grids.table, (a, b), free, follow, record.integer("EID"))
 
 
-def _first_rules(record: Record, grids: Grids) -> ConstraintRows:
+def _first_rules(record: CardEntry, grids: Grids) -> ConstraintRows:
     """RBAR1 and RTRPLT1: end A moves the others, all their components where none are named."""
     names = {"GB": "CB"} if record.name == "RBAR1" else {"GB": "CMB", "GC": "CMC"}
     points = _points(record, grids, "GA", *names)
@@ -95,29 +211,28 @@ def _first_rules(record: Record, grids: Grids) -> ConstraintRows:
     return rigid_plate_rows(grids.table, points, free, dependent, record.integer("EID"), record.name)
 
 
-def _plate(record: Record, grids: Grids) -> ConstraintRows:
+def _plate(record: CardEntry, grids: Grids) -> ConstraintRows:
     points = _points(record, grids, "GA", "GB", "GC")
     free, follow = ([(n, _of(record, kind + end)) for n, end in zip(points, "ABC")] for kind in ("CN", "CM"))
     return rigid_plate_rows(grids.table, points, free, follow, record.integer("EID"), record.name)
 
 
-def _rod(record: Record, grids: Grids) -> ConstraintRows:
+def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
     a, b = _points(record, grids, "GA", "GB")
     chosen = [(end, c) for end, name in enumerate(("CMA", "CMB")) for c in _of(record, name)]
     if len(chosen) != 1 or chosen[0][1] > 3:
-        raise record.error("deck.field-value", "an RROD has one dependent translation, at one of its ends", at="CMA",
-                           hint="write 1, 2 or 3 into CMA or into CMB")  # fmt: skip
+        raise record.error("deck.field-value/rod", at="CMA")
     return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
 
 
-def _points(record: Record, grids: Grids, *names: str) -> list[int]:
+def _points(record: CardEntry, grids: Grids, *names: str) -> list[int]:
     numbers = [record.integer(name) for name in names]
     for number in numbers:
         grids.row(number, record)
     return numbers
 
 
-def _of(record: Record, name: str) -> list[int]:
+def _of(record: CardEntry, name: str) -> list[int]:
     return [c for c in _numbers(record.component(name)) if c]
 
 
@@ -125,7 +240,7 @@ def _numbers(digits: Iterable[str]) -> list[int]:
     return [int(d) for d in digits]
 
 
-_READERS: dict[str, Callable[[Record, Grids], ConstraintRows]] = {
+_READERS: dict[str, Callable[[CardEntry, Grids], ConstraintRows]] = {
     "RBE2": _spider,
     "RBAR": _bar,
     "RBAR1": _first_rules,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from femtune.fem.elements.shear_panel import SHEAR_PANEL
 from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import BatchRows, Building, Library
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials, Roles
-from femtune.files.nastran.properties import Properties, read_properties
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
 
 _CORNERS = ("G1", "G2", "G3", "G4")
 
@@ -16,31 +16,28 @@ def read_shear_panels(building: Building, grids: Grids, materials: Materials) ->
     """The batch of CSHEAR."""
     properties = read_properties(building, "CSHEAR")
     sections = Library(lambda pid, user: _section(building, properties.find(pid, user), pid, materials))
-    rows = BatchRows("shear-panel", "CSHEAR")
+    rows = BatchRows(SHEAR_PANEL.key, "CSHEAR")
     for record in building.records("CSHEAR"):
         with building.errors.catch():
             rows.add(record.integer("EID"), *_nodes(record, grids), _roles(record, properties, sections), {})
     return rows.batches()
 
 
-def _roles(record: Record, properties: Properties, sections: Library[Roles]) -> Roles:
+def _roles(record: CardEntry, properties: Properties, sections: Library[Roles]) -> Roles:
     pid = record.integer("PID", record.integer("EID"))
     properties.find(pid, record)
     return sections.get(pid, record)
 
 
-def _section(building: Building, record: Record, pid: int, materials: Materials) -> Roles:
+def _section(building: Building, record: CardEntry, pid: int, materials: Materials) -> Roles:
     material = materials.get(record.integer("MID"), record)
     if building.values.values[material["G"]] == 0.0:
-        raise record.error("deck.shell-section", "a shear panel needs a material with a shear modulus", at="MID",
-                           hint="give the MAT1 NU, or G")  # fmt: skip
+        raise record.error("deck.shell-section", at="MID")
     if record.real("T") <= 0.0:
-        raise record.error("deck.shell-section", "the thickness T of a shear panel should be positive", at="T",
-                           hint="correct the value")  # fmt: skip
+        raise record.error("deck.shell-section/section", at="T")
     for name in ("F1", "F2"):
         if record.real(name, 0.0) < 0.0:
-            raise record.error("deck.shell-section", f"the effectiveness {name} of a shear panel is negative", at=name,
-                               hint="leave it blank: the panel carries shear only")  # fmt: skip
+            raise record.error("deck.shell-section/section-2", at=name, name=name)
     own = {role: building.value(record, pid, name) for role, name in _VALUES.items()}
     return {**material, **own}
 
@@ -48,12 +45,11 @@ def _section(building: Building, record: Record, pid: int, materials: Materials)
 _VALUES = {"t": "T", "NSM": "NSM", "F1": "F1", "F2": "F2"}
 
 
-def _nodes(record: Record, grids: Grids) -> tuple[list[int], list[int]]:
+def _nodes(record: CardEntry, grids: Grids) -> tuple[list[int], list[int]]:
     """Rows of the corners in the node table, and their translations."""
     numbers = [record.integer(name) for name in _CORNERS]
     for i, number in enumerate(numbers):
         if number in numbers[:i]:
-            raise record.error("deck.shell-corners", f"two corners of the element are grid point {number}",
-                               at=_CORNERS[i], hint="correct the grid points: a panel has four")  # fmt: skip
+            raise record.error("deck.shell-corners", at=_CORNERS[i], number=number)
     rows = [grids.row(number, record) for number in numbers]
     return rows, [dof for row in rows for dof in grids.dofs(row)[:3]]

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from operator import mul
+from typing import Any
 
 import numpy as np
 
-from femtune.errors import FemtuneError
-from femtune.fem.values import FieldRef
+from femtune.errors import FemtuneError, Notice, Where
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.laminates import Laminates
+from femtune.files.nastran.materials import Properties
 from femtune.files.nastran.plane_laws import PlaneLaw, PlaneLaws
-from femtune.files.nastran.properties import Properties
-from femtune.files.nastran.record import Record
 from femtune.parameters.jet import Jet
 
 MEMBRANE = ("M11", "M12", "M13", "M22", "M23", "M33")
@@ -58,7 +61,7 @@ class ShellProperties:
         self._library = Library(self._make)
         self._laminates = Laminates(self.building, self.laws)
 
-    def get(self, pid: int, user: Record) -> ShellSection:
+    def get(self, pid: int, user: CardEntry) -> ShellSection:
         """Section of a property, asked for by an element.
 
         Raises
@@ -69,14 +72,14 @@ class ShellProperties:
         self.properties.find(pid, user)
         return self._library.get(pid, user)
 
-    def _make(self, pid: int, user: Record) -> ShellSection:
+    def _make(self, pid: int, user: CardEntry) -> ShellSection:
         record = self.properties.find(pid, user)
         if record.name != "PSHELL":
             made = self._laminates.section(record, pid)
             return ShellSection(pid, made.roles, made.facts, made.thickness, True, made.offset)
         return self._plain(record, pid)
 
-    def _plain(self, record: Record, pid: int) -> ShellSection:
+    def _plain(self, record: CardEntry, pid: int) -> ShellSection:
         _check(record)
         membrane, bending = (self._law(record, name) for name in ("MID1", "MID2"))
         first = membrane or bending
@@ -98,14 +101,14 @@ class ShellProperties:
         }
         return ShellSection(pid, roles, facts, self._thickness(record, pid))
 
-    def _law(self, record: Record, name: str) -> PlaneLaw | None:
+    def _law(self, record: CardEntry, name: str) -> PlaneLaw | None:
         mid = record.integer(name, 0)
         return self.laws.plane(mid, record, name) if mid else None
 
-    def _entries(self, names: tuple[str, ...], law: PlaneLaw | None, record: Record, pid: int) -> dict[str, int]:
+    def _entries(self, names: tuple[str, ...], law: PlaneLaw | None, record: CardEntry, pid: int) -> dict[str, int]:
         return dict(zip(names, law.law)) if law else dict.fromkeys(names, self._none(record, pid))
 
-    def _bent(self, record: Record, pid: int, bending: PlaneLaw | None) -> dict[str, int]:
+    def _bent(self, record: CardEntry, pid: int, bending: PlaneLaw | None) -> dict[str, int]:
         """What acts in bending only: inertia ratio, transverse shear and the loss factors."""
         names = ("RI", "TS", *SHEAR, "GEB", "GES")
         if bending is None:
@@ -120,7 +123,7 @@ class ShellProperties:
         shear = self.laws.shear(mid, record, "MID3")
         return dict(zip(names, (ratio, share, *shear, bending.loss, self.laws.loss(mid))))
 
-    def _coupled(self, record: Record, pid: int, laws: tuple[PlaneLaw | None, ...]) -> dict[str, int]:
+    def _coupled(self, record: CardEntry, pid: int, laws: tuple[PlaneLaw | None, ...]) -> dict[str, int]:
         """What couples membrane and bending; MID4 counts where z is negative."""
         names, mid = (*COUPLING, "GEC"), record.integer("MID4", 0)
         if not mid:
@@ -133,19 +136,18 @@ class ShellProperties:
         ]
         return dict(zip(names, (*turned, law.loss)))
 
-    def _check_definite(self, record: Record, laws: tuple[PlaneLaw | None, ...], inertia: int) -> None:
+    def _check_definite(self, record: CardEntry, laws: tuple[PlaneLaw | None, ...], inertia: int) -> None:
         """Membrane, bending and coupling of a shell of unit thickness resist every strain."""
         values = np.array(self.building.values.values)
         membrane, bending, coupling = (values[np.array(law.law)[_PLACES]] for law in laws if law)
         whole = np.block([[membrane, -coupling], [-coupling, bending * values[inertia] / 12.0]])
         if np.linalg.eigvalsh(whole / np.abs(whole).max())[0] < -_ROUNDING:
-            what = "membrane, bending and coupling (MID4) together have a strain whose energy is negative"
-            raise _refused(record, "MID4", what, "correct the moduli of MID4: they are too large for MID1 and MID2")
+            raise _refused(record, "MID4", "deck.shell-section/check-definite")
 
-    def _none(self, record: Record, pid: int) -> int:
+    def _none(self, record: CardEntry, pid: int) -> int:
         return self.building.values.add(FieldRef(record.name, pid, "none"), 0.0)
 
-    def _thickness(self, record: Record, pid: int) -> int | None:
+    def _thickness(self, record: CardEntry, pid: int) -> int | None:
         return None if record.blank("T") else self.building.value(record, pid, "T")
 
 
@@ -163,29 +165,161 @@ def negative(value: Jet) -> Jet:
 _SHEAR_SHARE = 0.833333
 
 
-def _check(record: Record) -> None:
+def _check(record: CardEntry) -> None:
     """Materials that are named in a way that is not modelled, and values that no plate has."""
     first, second, third, fourth = (record.integer(f"MID{i}", 0) for i in (1, 2, 3, 4))
     if second == -1:
-        raise _refused(record, "MID2", "plane strain (MID2 = -1) is not modelled", "give the shell a bending material")
+        raise _refused(record, "MID2", "deck.shell-section/check")
     if not first and not second:
-        raise _refused(record, "MID1", "PSHELL names no material: MID1 and MID2 are blank", "fill MID1, MID2 or both")
+        raise _refused(record, "MID1", "deck.shell-section/check-2")
     if third and not second:
-        raise _refused(record, "MID3", "PSHELL has a material of transverse shear (MID3) but none of bending (MID2)",
-                       "fill MID2, or leave MID3 blank")  # fmt: skip
+        raise _refused(record, "MID3", "deck.shell-section/check-3")
     if fourth and not (first and second):
-        raise _refused(record, "MID4", "PSHELL couples membrane and bending (MID4) but lacks one of them",
-                       "fill MID1 and MID2, or leave MID4 blank")  # fmt: skip
+        raise _refused(record, "MID4", "deck.shell-section/check-4")
     _check_values(record)
 
 
-def _check_values(record: Record) -> None:
+def _check_values(record: CardEntry) -> None:
     """The ratios count where their material is named."""
     counted = {"T": True, "RI": record.integer("MID2", 0) > 0, "TS": record.integer("MID3", 0) > 0}
     for name, words in (("T", "thickness T"), ("RI", "inertia ratio 12I/T**3"), ("TS", "shear ratio TS/T")):
         if counted[name] and not record.blank(name) and record.real(name) <= 0.0:
-            raise _refused(record, name, f"the {words} of a shell should be positive", "correct the value")
+            raise _refused(record, name, "deck.shell-section/check-values", words=words)
 
 
-def _refused(record: Record, at: str, what: str, hint: str) -> FemtuneError:
-    return record.error("deck.shell-section", what, at=at, hint=hint)
+def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneError:
+    return record.error(code, at=at, **facts)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Thickness of a shell element: its property's, or what stands at its corners, and the mean of it.
+
+
+_MOST_DIFFERENCE = 0.2
+
+
+@dataclass
+class Thicknesses:
+    """Positions of the thicknesses of one card's elements, and those whose corners differ much.
+
+    `made_even` is False where the elements have the thickness that varies, and not its mean.
+    """
+
+    building: Building
+    corners: tuple[str, ...]
+    made_even: bool = True
+    uneven: list[Where] = field(default_factory=list)
+
+    def get(self, record: CardEntry, eid: int, section: ShellSection) -> int:
+        """Position of an element's thickness.
+
+        Raises
+        ------
+        FemtuneError : ``deck.shell-section`` where there is none, ``deck.field-value`` for TFLAG
+        """
+        given, relative = self._given(record, section)
+        if not given:
+            return self._of_property(record, section)
+        # factors are of the property's thickness, and blank corners have it
+        own = [self._of_property(record, section)] if relative or len(given) < len(self.corners) else []
+        corners = {name: self.building.value(record, eid, name) for name in given}
+        rule = scaled_mean(len(self.corners)) if relative else corner_mean(len(self.corners))
+        values = self.building.values.values
+        self._check(record, {name: values[i] for name, i in corners.items()}, own, relative)
+        at = [*own, *corners.values()]
+        nominal = rule(*(values[i] for i in at))
+        return self.building.values.derive(FieldRef(record.name, eid, "T"), rule, *at, nominal=nominal)
+
+    def at_corners(self, record: CardEntry, eid: int, section: ShellSection) -> list[int] | None:
+        """Positions of the thickness at each corner, None where all of it is the property's; errors as of ``get``."""
+        given, relative = self._given(record, section)
+        if not given:
+            return None
+        return [self._corner(record, eid, section, name, name in given, relative) for name in self.corners]
+
+    def _corner(
+        self, record: CardEntry, eid: int, section: ShellSection, name: str, given: bool, relative: bool
+    ) -> int:  # fmt: skip
+        if not given:
+            return self._of_property(record, section)
+        value = self.building.value(record, eid, name)
+        if not relative:
+            return value
+        ref = FieldRef(record.name, eid, f"{name} thickness")
+        return self.building.values.derive(ref, mul, value, self._of_property(record, section))
+
+    def _given(self, record: CardEntry, section: ShellSection) -> tuple[list[str], bool]:
+        """Names of the fields that are filled, and whether they are factors."""
+        if len(record.card.fields) <= min(record.at("TFLAG"), record.at(self.corners[0])):
+            return [], False
+        given = [name for name in self.corners if not record.blank(name)]
+        if given and section.layered:
+            raise record.error("deck.shell-section/given", at=given[0], names=self._names)
+        return given, self._relative(record)
+
+    def _of_property(self, record: CardEntry, section: ShellSection) -> int:
+        if section.thickness is None:
+            raise record.error("deck.shell-section/of-property", section_number=section.number, names=self._names)
+        return section.thickness
+
+    @property
+    def _names(self) -> str:
+        return f"{self.corners[0]} to {self.corners[-1]}"
+
+    def _relative(self, record: CardEntry) -> bool:
+        """TFLAG: 0 or blank for thicknesses, 1 for factors of the property's."""
+        flag: int = record.integer("TFLAG", 0)
+        if flag not in (0, 1):
+            raise record.error("deck.field-value/relative", at="TFLAG", record_name=record.name)
+        return flag == 1
+
+    def _check(self, record: CardEntry, corners: dict[str, float], own: list[int], relative: bool) -> None:
+        worst = min(corners, key=corners.__getitem__)
+        if corners[worst] < 0.0 or max(corners.values()) == 0.0:
+            raise record.error("deck.shell-section/check-5", at=worst, names=self._names)
+        blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
+        every = [*corners.values(), *[blank] * (len(self.corners) - len(corners))]
+        if self.made_even and max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
+            self.uneven.append(record.where)
+
+    def notices(self, card: str) -> list[Notice]:
+        """What the user should know of elements that are not of one thickness."""
+        if not self.uneven:
+            return []
+        n = len(self.uneven)
+        return [
+            Notice(
+                "deck.uneven-thickness",
+                where=self.uneven[0],
+                n=n,
+                card=card,
+                words="s have" if n > 1 else " has",
+                names=self._names,
+            )
+        ]
+
+
+@cache
+def corner_mean(n: int) -> Callable[..., Any]:
+    """Mean over n corners of thicknesses; the first one given stands for those that are blank too."""
+
+    def mean(first: Any, *others: Any) -> Any:
+        total = first * float(n - len(others))
+        for one in others:
+            total = total + one
+        return total / float(n)
+
+    return mean
+
+
+@cache
+def scaled_mean(n: int) -> Callable[..., Any]:
+    """A thickness times the mean over n corners of factors, 1 where blank."""
+
+    def mean(thickness: Any, *factors: Any) -> Any:
+        total = factors[0] + float(n - len(factors))
+        for one in factors[1:]:
+            total = total + one
+        return thickness * total / float(n)
+
+    return mean

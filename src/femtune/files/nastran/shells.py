@@ -10,23 +10,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
+from femtune.fem.elements.shells.curved import SHELL_QUAD8, SHELL_TRI6
+from femtune.fem.elements.shells.flat import SHELL_QUAD, SHELL_TRI
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.coordinates import cross, length
 from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials
+from femtune.files.nastran.materials import Materials, read_properties
 from femtune.files.nastran.plane_laws import PlaneLaws
-from femtune.files.nastran.properties import read_properties
-from femtune.files.nastran.record import Record
-from femtune.files.nastran.shell_properties import COUPLING, ShellProperties, ShellSection
-from femtune.files.nastran.shell_thickness import Thicknesses
-
-Reals = NDArray[np.float64]
+from femtune.files.nastran.shell_properties import COUPLING, ShellProperties, ShellSection, Thicknesses
 
 
-class _Shape(NamedTuple):
+class _ShellShape(NamedTuple):
     """Corners of a card, all of its grid points, and the kind of its batch."""
 
     corners: int
@@ -40,10 +39,10 @@ class _Shape(NamedTuple):
 
 
 _SHAPES = {
-    "CQUAD4": _Shape(4, 4, "shell-quad"),
-    "CTRIA3": _Shape(3, 3, "shell-tri"),
-    "CQUAD8": _Shape(4, 8, "shell-quad8"),
-    "CTRIA6": _Shape(3, 6, "shell-tri6"),
+    "CQUAD4": _ShellShape(4, 4, SHELL_QUAD.key),
+    "CTRIA3": _ShellShape(3, 3, SHELL_TRI.key),
+    "CQUAD8": _ShellShape(4, 8, SHELL_QUAD8.key),
+    "CTRIA6": _ShellShape(3, 6, SHELL_TRI6.key),
 }
 _LACKING = -1
 _ALONG = 1e-6
@@ -59,7 +58,7 @@ def read_shells(building: Building, grids: Grids, materials: Materials) -> list[
 def _read(card: str, building: Building, grids: Grids, laws: PlaneLaws) -> list[ElementBatch]:
     if not building.deck.by_name(card):
         return []
-    reading = _Reading(building, grids, ShellProperties(building, read_properties(building, card), laws), card)
+    reading = _ShellReading(building, grids, ShellProperties(building, read_properties(building, card), laws), card)
     sizes = tuple({_SHAPES[card].corners, _SHAPES[card].nodes})
     read_elements(building, grids, card, sizes, reading.properties.get, reading.add_plain, reading.add)
     building.notices += reading.thicknesses.notices(card)
@@ -85,7 +84,7 @@ class _Row(NamedTuple):
 
 
 @dataclass
-class _Reading:
+class _ShellReading:
     """Elements of one card, row by row."""
 
     building: Building
@@ -95,7 +94,7 @@ class _Reading:
     rows: list[_Row] = field(default_factory=list)
     thicknesses: Thicknesses = field(init=False)
     none: int = field(init=False)
-    shape: _Shape = field(init=False)
+    shape: _ShellShape = field(init=False)
 
     def __post_init__(self) -> None:
         self.shape = _SHAPES[self.card]
@@ -114,7 +113,7 @@ class _Reading:
         self.rows.append(row)
         return True
 
-    def add(self, record: Record) -> None:
+    def add(self, record: CardEntry) -> None:
         """Any element."""
         eid = record.integer("EID")
         section = self.properties.get(record.integer("PID", eid), record)
@@ -126,7 +125,7 @@ class _Reading:
         corners = self.thicknesses.at_corners(record, eid, section) if self.shape.curved else None
         self.rows.append(_Row(eid, nodes, section, thickness, offset, lift, given, theta, direction, corners))
 
-    def _offsets(self, record: Record, eid: int, section: ShellSection) -> tuple[int, int]:
+    def _offsets(self, record: CardEntry, eid: int, section: ShellSection) -> tuple[int, int]:
         """Positions of the offsets of the mass (ZOFFS) and of the stiffness (with that of a laminate's middle)."""
         if record.blank("ZOFFS"):
             return self.none, self.none if section.offset is None else section.offset
@@ -173,31 +172,30 @@ def _section_columns(sections: tuple[ShellSection, ...]) -> tuple[dict[str, NDAr
     )
 
 
-def _nodes(record: Record, grids: Grids) -> list[int]:
+def _nodes(record: CardEntry, grids: Grids) -> list[int]:
     """Rows of the grid points in the node table, −1 for a mid-side one that is left out."""
     shape = _SHAPES[record.name]
     if record.name == "CQUAD4" and record.blank("G4"):
-        raise record.error("deck.shell-corners", "a CQUAD4 has four corners; G4 is blank", at="G4",
-                           hint="make the element a CTRIA3, or fill G4")  # fmt: skip
+        raise record.error("deck.shell-corners/nodes", at="G4")
     names = [f"G{i + 1}" for i in range(shape.nodes)]
     numbers = [record.integer(name, 0 if i >= shape.corners else ...) for i, name in enumerate(names)]
     for i, number in enumerate(numbers):
         if number and number in numbers[:i]:
-            what = "two corners of the element are" if i < shape.corners else "the element names twice"
-            raise record.error("deck.shell-corners", f"{what} grid point {number}",
-                               at=names[i], hint=_instead(numbers, shape))  # fmt: skip
+            raise record.error(_repeated(numbers, shape, i), at=names[i], grid=number)
     given = [number or i < shape.corners for i, number in enumerate(numbers)]
     return [grids.row(number, record) if own else _LACKING for number, own in zip(numbers, given)]
 
 
-def _instead(numbers: list[int], shape: _Shape) -> str:
-    """What a collapsed element should have been."""
+def _repeated(numbers: list[int], shape: _ShellShape, i: int) -> str:
+    """The message for a grid point that an element has twice; it says what a collapsed element should have been."""
+    if i >= shape.corners:
+        return "deck.shell-corners/repeated"
     if shape.corners == 4 and len(set(numbers[:4])) == 3:
-        return "make it a CTRIA6 of its grid points" if shape.curved else "make it a CTRIA3 of its three grid points"
-    return "correct the grid points, or remove the element"
+        return "deck.shell-corners/collapsed-curved" if shape.curved else "deck.shell-corners/collapsed"
+    return "deck.shell-corners/repeated-corner"
 
 
-def _material_axis(record: Record, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
+def _material_axis(record: CardEntry, grids: Grids, nodes: list[int]) -> tuple[float, Reals]:
     """Angle in rad from side G1-G2 to the material's x axis, or a basic vector that is projected to it."""
     if record.blank("THETA"):
         return 0.0, _NO_DIRECTION
@@ -207,6 +205,5 @@ def _material_axis(record: Record, grids: Grids, nodes: list[int]) -> tuple[floa
     axis = grids.systems.get(record.integer("THETA"), record).frame(corners.mean(axis=0))[:, 0]
     normal = cross(corners[2] - corners[0], corners[-1] - corners[1])
     if length(cross(normal, axis)) <= _ALONG * length(normal):
-        raise record.error("deck.orientation", "the x axis of the material's coordinate system is normal to the shell",
-                           at="THETA", hint="choose a system whose x axis lies in the shell, or an angle")  # fmt: skip
+        raise record.error("deck.orientation/material-axis", at="THETA")
     return 0.0, axis

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FieldRef
 from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.materials import Materials, Roles, shear_modulus
-from femtune.files.nastran.record import Record
 from femtune.parameters.jet import Jet
 
 LAW = tuple(f"C{i}{j}" for i in range(1, 7) for j in range(i, 7))
@@ -94,7 +94,7 @@ class SolidLaws:
     def __post_init__(self) -> None:
         self._library = Library(self._make)
 
-    def get(self, mid: int, user: Record) -> SolidLaw:
+    def get(self, mid: int, user: CardEntry) -> SolidLaw:
         """Law of a material, asked for by a PSOLID.
 
         Raises
@@ -103,11 +103,10 @@ class SolidLaws:
         """
         name = self.materials.find(mid, user).name
         if name not in _LAWS:
-            raise user.error("deck.material-type", f"material {mid} is a {name}; solids need a MAT1, MAT9 or MAT11",
-                             at="MID", hint="refer to a MAT1, MAT9 or MAT11 card")  # fmt: skip
+            raise user.error("deck.material-type/get", at="MID", mid=mid, name=name)
         return self._library.get(mid, user)
 
-    def _make(self, mid: int, user: Record) -> SolidLaw:
+    def _make(self, mid: int, user: CardEntry) -> SolidLaw:
         record = self.materials.find(mid, user)
         law, isotropic = _LAWS[record.name](self, record, mid, user)
         none = self.building.values.add(FieldRef(record.name, mid, "none"), 0.0)
@@ -116,16 +115,16 @@ class SolidLaws:
         also = {role: self.building.value(record, mid, name) for role, name in (("rho", "RHO"), ("GE", "GE"))}
         return SolidLaw({**roles, **also}, isotropic)
 
-    def derive(self, record: Record, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
+    def derive(self, record: CardEntry, mid: int, name: str, rule: Callable[..., Jet], *sources: int) -> int:
         """An entry of a law that follows from fields of the material's card."""
         return self.building.values.derive(FieldRef(record.name, mid, name), rule, *sources)
 
-    def filled(self, record: Record, mid: int, *names: str) -> dict[str, int]:
+    def filled(self, record: CardEntry, mid: int, *names: str) -> dict[str, int]:
         """Entries of the fields that are filled."""
         return {name: self.building.value(record, mid, name) for name in names if not record.blank(name)}
 
 
-def _isotropic(laws: SolidLaws, record: Record, mid: int, user: Record) -> tuple[Roles, bool]:
+def _isotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
     """λ + 2μ, λ and μ; where a card gives G beside E and NU, E and NU count, as in Nastran."""
     at = laws.materials.isotropic(mid, user)
     _check_isotropic(laws, record, at)
@@ -141,22 +140,18 @@ def _isotropic(laws: SolidLaws, record: Record, mid: int, user: Record) -> tuple
     }, True
 
 
-def _check_isotropic(laws: SolidLaws, record: Record, at: Roles) -> None:
+def _check_isotropic(laws: SolidLaws, record: CardEntry, at: Roles) -> None:
     values = laws.building.values.values
     if values[at["G"]] == 0.0:
-        raise record.error("deck.material", "a solid needs a material with a shear modulus", at="G",
-                           hint="give NU, or G")  # fmt: skip
+        raise record.error("deck.material/check-isotropic", at="G")
     ratio = values[at["NU"]]
     if ratio >= _LARGEST_RATIO:
-        raise record.error("deck.material", f"a solid cannot have a Poisson's ratio of {ratio:g}: no pressure would "
-                           "change its volume", at="NU",
-                           hint="take a ratio below .5: .4999 serves for rubber, and does not lock")  # fmt: skip
+        raise record.error("deck.material/check-isotropic-2", at="NU", ratio=ratio)
     if ratio <= -1.0:
-        raise record.error("deck.material", f"E and G give a Poisson's ratio of {ratio:g}", at="G",
-                           hint="correct E or G; a solid needs a ratio between -1 and .5")  # fmt: skip
+        raise record.error("deck.material/check-isotropic-3", at="G", ratio=ratio)
 
 
-def _anisotropic(laws: SolidLaws, record: Record, mid: int, user: Record) -> tuple[Roles, bool]:
+def _anisotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
     """Gij of MAT9 as they stand; blank ones are no values."""
     found = laws.filled(record, mid, *(f"G{name[1:]}" for name in LAW))
     return {f"C{name[1:]}": at for name, at in found.items()}, False
@@ -175,29 +170,27 @@ _RULES: dict[str, Callable[..., Jet]] = {
 _SHEARS = {"C44": "G12", "C55": "G23", "C66": "G13"}
 
 
-def _orthotropic(laws: SolidLaws, record: Record, mid: int, user: Record) -> tuple[Roles, bool]:
+def _orthotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
     """MAT11: three moduli, three ratios νij (contraction along j under tension along i) and three shear moduli."""
     for name in (*_MODULI, *_SHEARS.values()):
         if record.real(name) <= 0.0:
-            raise record.error("deck.material", f"{name} of a material should be positive", at=name,
-                               hint="correct the modulus")  # fmt: skip
+            raise record.error("deck.material/check-2", at=name, name=name)
     at = [laws.building.value(record, mid, name) for name in (*_MODULI, *_RATIOS)]
     _check_ratios(record)
     law = {name: laws.derive(record, mid, name, rule, *at) for name, rule in _RULES.items()}
     return {**law, **{name: laws.building.value(record, mid, of) for name, of in _SHEARS.items()}}, False
 
 
-def _check_ratios(record: Record) -> None:
+def _check_ratios(record: CardEntry) -> None:
     """The compliance of normal stresses must be positive definite: each pair of axes, and all three."""
     e1, e2, e3, nu12, nu13, nu23 = (record.real(name, 0.0) for name in (*_MODULI, *_RATIOS))
     a, b, c = nu12 * nu12 * e2 / e1, nu13 * nu13 * e3 / e1, nu23 * nu23 * e3 / e2
     whole = 1.0 - a - b - c - 2.0 * nu12 * nu23 * nu13 * e3 / e1
     if max(a, b, c) >= 1.0 or whole <= _DEFINITE:
-        raise record.error("deck.material", "the Poisson's ratios of MAT11 are too large for its moduli", at="NU12",
-                           hint="correct them: NUij squared should be less than Ei / Ej")  # fmt: skip
+        raise record.error("deck.material/check-ratios", at="NU12")
 
 
-def _check_definite(laws: SolidLaws, record: Record, roles: Roles) -> None:
+def _check_definite(laws: SolidLaws, record: CardEntry, roles: Roles) -> None:
     """Every strain costs energy, whatever the units of single entries: the law is scaled to ones on its diagonal."""
     law = np.zeros((6, 6))
     law[np.triu_indices(6)] = [laws.building.values.values[roles[name]] for name in LAW]
@@ -206,8 +199,7 @@ def _check_definite(laws: SolidLaws, record: Record, roles: Roles) -> None:
         scaled = law / np.sqrt(np.outer(diagonal, diagonal))
         if np.linalg.eigvalsh(scaled, UPLO="U")[0] > _DEFINITE:
             return
-    raise record.error("deck.material", f"{record.name} does not resist every strain", at=record.names[1],
-                       hint="correct the moduli: their 6 x 6 matrix should be positive definite")  # fmt: skip
+    raise record.error("deck.material/check-definite-2", at=record.names[1], record_name=record.name)
 
 
 _LAWS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}

@@ -9,21 +9,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Notice
+from femtune.arrays import Reals
+from femtune.errors import Notice
+from femtune.fem.elements.solids.hexa8 import HEXA8_KIND
+from femtune.fem.elements.solids.penta6 import PENTA6_KIND
+from femtune.fem.elements.solids.pyram5 import PYRAM5_KIND
+from femtune.fem.elements.solids.quadratic import HEXA20_KIND, PENTA15_KIND, PYRAM13_KIND, TETRA10_KIND
+from femtune.fem.elements.solids.tetra4 import TETRA4_KIND
+from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch
-from femtune.fem.values import FieldRef
 from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.element_columns import read_elements
 from femtune.files.nastran.grids import Grids
-from femtune.files.nastran.materials import Materials, Roles
-from femtune.files.nastran.properties import Properties, read_properties
-from femtune.files.nastran.record import Record
+from femtune.files.nastran.materials import Materials, Properties, Roles, read_properties
 from femtune.files.nastran.solid_laws import SolidLaws
 
-Reals = NDArray[np.float64]
 
-
-class _Shape(NamedTuple):
+class _SolidShape(NamedTuple):
     """Corners and most grid points of a card, and the kinds of its batches without and with mid-side points."""
 
     corners: int
@@ -33,10 +36,10 @@ class _Shape(NamedTuple):
 
 
 _SHAPES = {
-    "CHEXA": _Shape(8, 20, "hexa8", "hexa20"),
-    "CPENTA": _Shape(6, 15, "penta6", "penta15"),
-    "CTETRA": _Shape(4, 10, "tetra4", "tetra10"),
-    "CPYRAM": _Shape(5, 13, "pyram5", "pyram13"),
+    "CHEXA": _SolidShape(8, 20, HEXA8_KIND.key, HEXA20_KIND.key),
+    "CPENTA": _SolidShape(6, 15, PENTA6_KIND.key, PENTA15_KIND.key),
+    "CTETRA": _SolidShape(4, 10, TETRA4_KIND.key, TETRA10_KIND.key),
+    "CPYRAM": _SolidShape(5, 13, PYRAM5_KIND.key, PYRAM13_KIND.key),
 }
 _FIRST = 2
 _ELEMENT_AXES = -1
@@ -67,20 +70,18 @@ def read_solids(building: Building, grids: Grids, materials: Materials) -> list[
 
 
 def _section(
-    building: Building, properties: Properties, laws: SolidLaws, grids: Grids, pid: int, user: Record
+    building: Building, properties: Properties, laws: SolidLaws, grids: Grids, pid: int, user: CardEntry
 ) -> SolidSection:
     record = properties.find(pid, user)
     kind = record.text("FCTN", "SMECH")
     if kind != "SMECH":
-        raise record.error("deck.solid-section", f"solids of FCTN = {kind} are not read: structures are", at="FCTN",
-                           hint="leave FCTN blank, or take the fluid out of the deck")  # fmt: skip
+        raise record.error("deck.solid-section", at="FCTN", kind=kind)
     law = laws.get(record.integer("MID"), record)
     axes = record.integer("CORDM", 0)
     if axes > 0:
         grids.systems.get(axes, record)
     elif axes < _ELEMENT_AXES:
-        raise record.error("deck.solid-section", "CORDM is the number of a coordinate system, 0 or -1", at="CORDM",
-                           hint="0 or blank: the basic system; -1: the element's own axes")  # fmt: skip
+        raise record.error("deck.solid-section/section", at="CORDM")
     # no value of a PSOLID counts, but writing back has to know which one an element refers to
     own = building.values.add(FieldRef(record.name, pid, "none"), 0.0)
     return SolidSection(pid, {**law.roles, "section": own}, law.isotropic, axes)
@@ -92,7 +93,7 @@ def _read(
     shape = _SHAPES[card]
     plain, curved = _Rows(shape.plain, card), _Rows(shape.curved, card)
 
-    def section_of(pid: int, record: Record) -> SolidSection:
+    def section_of(pid: int, record: CardEntry) -> SolidSection:
         properties.find(pid, record)
         return sections.get(pid, record)
 
@@ -102,7 +103,7 @@ def _read(
         (curved if len(nodes) > shape.corners else plain).add(eid, nodes, section, _BASIC)
         return True
 
-    def add(record: Record) -> None:
+    def add(record: CardEntry) -> None:
         numbers = node_numbers(record)
         rows = curved if len(numbers) > shape.corners else plain
         section = section_of(record.integer("PID", record.integer("EID")), record)
@@ -113,7 +114,7 @@ def _read(
     return [*plain.batches(), *curved.batches()]
 
 
-def node_numbers(record: Record) -> list[int]:
+def node_numbers(record: CardEntry) -> list[int]:
     """Grid points of a solid: its corners, or all places of its mid-side points too, 0 where one is left out.
 
     Raises
@@ -125,38 +126,31 @@ def node_numbers(record: Record) -> list[int]:
     numbers = [record.integer(name, 0) for name in record.names[_FIRST : _FIRST + shape.most]]
     for i, number in enumerate(numbers):
         if number < 0 or (number == 0 and i < shape.corners):
-            what = "numbers of grid points are positive" if number else f"corner G{i + 1} of the element is missing"
-            raise _wrong(record, what, i, f"a {record.name} has {shape.corners} corners: fill their fields")
+            code = "deck.solid-nodes/negative" if number else "deck.solid-nodes/missing-corner"
+            raise record.error(code, at=f"G{i + 1}", corner=i + 1, card=record.name, corners=shape.corners)
     given = [number for number in numbers if number]
     if len(set(given)) < len(given):
         i = next(i for i, number in enumerate(numbers) if number and number in numbers[:i])
-        raise _wrong(record, f"grid point {numbers[i]} stands twice in the element", i, _other_shape(record, numbers))
+        other = _other_shape(record, numbers)
+        code = "deck.solid-nodes/collapsed" if other else "deck.solid-nodes/repeated"
+        raise record.error(code, at=f"G{i + 1}", grid=numbers[i], other=other)
     return numbers if len(given) > shape.corners else numbers[: shape.corners]
 
 
-def _check_length(record: Record, shape: _Shape) -> None:
+def _check_length(record: CardEntry, shape: _SolidShape) -> None:
     if len(record.card.fields) > _FIRST + shape.most:
         at = next(i for i in range(_FIRST + shape.most, len(record.card.fields)) if not record.card.blank(i))
-        raise record.card.error(
-            "deck.solid-nodes",
-            f"a {record.name} has {shape.most} grid points at the most",
-            index=at,
-            hint="take the fields behind them away, or correct the name of the card",
-        )
+        raise record.card.error("deck.solid-nodes", index=at, record_name=record.name, most=shape.most)
 
 
-def _wrong(record: Record, what: str, i: int, hint: str) -> FemtuneError:
-    return record.error("deck.solid-nodes", what, at=f"G{i + 1}", hint=hint)
-
-
-def _other_shape(record: Record, numbers: Sequence[int]) -> str:
-    """What a collapsed element should have been."""
+def _other_shape(record: CardEntry, numbers: Sequence[int]) -> str:
+    """The card that a collapsed element should be; "" where there is none."""
     corners = len(set(numbers[: _SHAPES[record.name].corners]))
     fits = [name for name, shape in _SHAPES.items() if shape.corners == corners and name != record.name]
-    return f"write a collapsed element as a {fits[0]}" if fits else "correct the grid points, or remove the element"
+    return fits[0] if fits else ""
 
 
-def _axes(record: Record, section: SolidSection, nodes: Sequence[int], grids: Grids) -> Reals:
+def _axes(record: CardEntry, section: SolidSection, nodes: Sequence[int], grids: Grids) -> Reals:
     """(3, 3) material axes, as columns in the basic frame, at the centre of an element."""
     if section.isotropic or section.axes == 0:
         return _BASIC
@@ -164,11 +158,7 @@ def _axes(record: Record, section: SolidSection, nodes: Sequence[int], grids: Gr
     if section.axes > 0:
         return grids.systems.get(section.axes, record).frame(corners.mean(axis=0))
     if record.name != "CHEXA":
-        raise record.error(
-            "deck.solid-section",
-            f"the element's own axes (CORDM = -1 of PSOLID {section.number}) are material axes of a CHEXA only",
-            hint=f"give the {record.name} a PSOLID whose CORDM names a coordinate system",
-        )
+        raise record.error("deck.solid-section/axes", section_number=section.number, record_name=record.name)
     return element_axes(corners)
 
 
@@ -236,20 +226,15 @@ def _unused_fields(properties: Properties) -> list[Notice]:
     asking = [r for r in properties.own.values() if any(not r.blank(name) for name in ("IN", "STRESS", "ISOP"))]
     if not asking:
         return []
-    what = (
-        f"IN, STRESS and ISOP of {_count(len(asking), 'PSOLID')} have no effect: solids have one formulation, which"
-        " does not lock"
-    )
-    return [Notice("deck.solid-integration", what, asking[0].where, level="info")]
+    return [Notice("deck.solid-integration", where=asking[0].where, level="info", count=_count(len(asking), "PSOLID"))]
 
 
 def _stiff_tetrahedra(batches: Sequence[ElementBatch], building: Building) -> list[Notice]:
-    found = next((batch for batch in batches if batch.kind == "tetra4"), None)
+    found = next((batch for batch in batches if batch.kind == TETRA4_KIND.key), None)
     if found is None:
         return []
     first = next(card for card in building.deck.by_name("CTETRA") if card.integer(0, 0) == found.ids[0])
-    what = f"{_count(len(found), 'CTETRA')} with 4 grid points: their constant strain makes a structure too stiff"
-    return [Notice("deck.stiff-tetrahedra", what, first.where())]
+    return [Notice("deck.stiff-tetrahedra", where=first.where(), count=_count(len(found), "CTETRA"))]
 
 
 def _count(number: int, name: str) -> str:

@@ -68,7 +68,7 @@ class IncludeStatement:
 
 
 @dataclass(frozen=True)
-class Source:
+class DeckSource:
     """A deck's files (the main file first) and its active lines in reading order, INCLUDEs expanded.
 
     `lines` ends with ENDDATA where there is one (`ended`); what follows stays in `files` only.
@@ -80,7 +80,7 @@ class Source:
     ended: bool
 
 
-def read_source(path: str | Path) -> Source:
+def read_source(path: str | Path) -> DeckSource:
     """Read a deck and all files that it includes.
 
     Raises
@@ -90,7 +90,9 @@ def read_source(path: str | Path) -> Source:
     """
     expansion = _Expansion()
     expansion.read(read_file(str(path)), ())
-    return Source(tuple(expansion.files.values()), tuple(expansion.includes), tuple(expansion.lines), expansion.ended)
+    return DeckSource(
+        tuple(expansion.files.values()), tuple(expansion.includes), tuple(expansion.lines), expansion.ended
+    )
 
 
 def read_file(file: str) -> SourceFile:
@@ -105,16 +107,9 @@ def _decoded(file: str) -> str:
     try:
         raw = Path(file).read_bytes()
     except FileNotFoundError as missing:
-        raise FemtuneError(
-            "deck.not-found", "there is no such deck", where=Where(file), hint="check the path"
-        ) from missing
+        raise FemtuneError("deck.not-found", where=Where(file)) from missing
     except OSError as broken:
-        raise FemtuneError(
-            "deck.unreadable",
-            f"the file cannot be read: {broken.strerror}",
-            where=Where(file),
-            hint="name a text file that you may read",
-        ) from broken
+        raise FemtuneError("deck.unreadable", where=Where(file), strerror=broken.strerror) from broken
     text = raw.decode(ENCODING)
     _check_text(file, text)
     return text
@@ -123,13 +118,7 @@ def _decoded(file: str) -> str:
 def _check_text(file: str, text: str) -> None:
     controls = text.count("\x00") or len(_CONTROL.findall(text))
     if "\x00" in text or controls > 0.01 * len(text):
-        raise FemtuneError(
-            "deck.not-text",
-            "this is not a text file",
-            where=Where(file),
-            values={"control characters": controls},
-            hint="name the bulk data deck (.bdf, .dat, .nas), saved as plain ASCII, Latin-1 or UTF-8 text",
-        )
+        raise FemtuneError("deck.not-text", where=Where(file), values={"control characters": controls})
 
 
 class _Expansion:
@@ -184,7 +173,7 @@ def _quoted(source: SourceFile, number: int, rest: str, quote: str) -> tuple[str
         pieces.append(piece.strip())
         if closed:
             return "".join(pieces), index + 1
-    raise _unfinished(source, number, "the INCLUDE has no closing quote")
+    raise _unfinished(source, number, "deck.truncated/quoted")
 
 
 def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
@@ -197,19 +186,14 @@ def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
         if not piece.endswith(","):
             break
     else:
-        raise _unfinished(source, number, "the INCLUDE ends with a comma and nothing follows")
+        raise _unfinished(source, number, "deck.truncated/unquoted")
     if not "".join(pieces):
-        raise _unfinished(source, number, "the INCLUDE names no file")
+        raise _unfinished(source, number, "deck.truncated/unquoted-2")
     return "".join(pieces), index + 1
 
 
-def _unfinished(source: SourceFile, number: int, what: str) -> FemtuneError:
-    return FemtuneError(
-        "deck.truncated",
-        what,
-        where=Where(source.file, number + 1, "INCLUDE"),
-        hint="write INCLUDE 'path' with both quotes; the file may have been cut here",
-    )
+def _unfinished(source: SourceFile, number: int, code: str) -> FemtuneError:
+    return FemtuneError(code, where=Where(source.file, number + 1, "INCLUDE"))
 
 
 def plain_path(written: str) -> str:
@@ -235,18 +219,17 @@ def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> Non
     if not os.path.isfile(target):  # False too for a name that no file can have
         raise FemtuneError(
             "deck.missing-include",
-            f"the included file '{statement.written}' is not there",
             where=where,
             values={"looked for": str(target.absolute())},
             hint=_missing_hint(target),
+            written=statement.written,
         )
     if target.resolve() in {Path(parent).resolve() for parent in parents}:
         raise FemtuneError(
             "deck.circular-include",
-            f"'{statement.written}' includes itself",
             where=where,
             values={"chain": " -> ".join([*parents, statement.target])},
-            hint="remove this INCLUDE",
+            written=statement.written,
         )
 
 

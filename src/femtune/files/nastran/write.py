@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from femtune.errors import FemtuneError, Where
+from femtune.fem.fields import FieldRef
+from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.card import CardEntry, records_of
+from femtune.files.nastran.catalogue import CATALOGUE, MATERIAL, PROPERTY
 from femtune.files.nastran.deck import Deck
-from femtune.files.nastran.edit import EditedDeck, new_text
+from femtune.files.nastran.edit import EditedDeck, NewCard, edit_fields, in_all_fields, new_text
+from femtune.files.nastran.lines import format_real, rounded
 from femtune.files.nastran.source import ENCODING, IncludeStatement, SourceLine, plain_path
 from femtune.files.whole_file import write_whole
 
@@ -89,12 +94,7 @@ def check_overwrites(deck: Deck, folder: Path, name: str) -> None:
     FemtuneError : ``write.overwrites-input``
     """
     if os.path.realpath(folder / name) in {os.path.realpath(file.file) for file in deck.files}:
-        raise FemtuneError(
-            "write.overwrites-input",
-            "the updated deck would overwrite a file of the deck that was read",
-            where=Where(str(folder / name)),
-            hint="choose another folder for the run",
-        )
+        raise FemtuneError("write.overwrites-input", where=Where(str(folder / name)))
 
 
 def _rewritten_includes(deck: Deck, names: Mapping[str, str], folder: Path) -> dict[IncludeStatement, str]:
@@ -162,9 +162,300 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
         for name, text in texts.items():
             write_whole(folder / name, text.encode(ENCODING))
     except OSError as broken:
+        raise FemtuneError("run.unwritable", where=Where(str(folder)), strerror=broken.strerror) from broken
+
+
+# ----------------------------------------------------------------------------------------------------
+# Updated values as changes of a deck: fields in place, or copies of cards for a part of their elements.
+
+
+Owner = tuple[str, int]
+_LARGEST_NUMBER = 99_999_999
+
+
+@dataclass(frozen=True)
+class Split:
+    """A card that was copied for some elements, which refer to the copy now.
+
+    `values` has what the copy holds of the updated values, `materials` the (old, new) numbers of materials that it
+    refers to anew.
+    """
+
+    source: str
+    copy: str
+    region: str
+    elements: tuple[int, ...]
+    values: Mapping[FieldRef, float] = field(default_factory=dict)
+    materials: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class WritePlan:
+    """An edited deck, for `write_deck`; the cards that were copied; the value that each field will hold.
+
+    `places` has the field of each place (card, index) that was changed.
+    """
+
+    edited: EditedDeck
+    splits: tuple[Split, ...]
+    values: Mapping[FieldRef, float]
+    places: Mapping[tuple[int, int], FieldRef]
+
+
+def plan_edits(
+    built: BuiltModel,
+    updates: Mapping[FieldRef, float],
+    regions: Mapping[str, Iterable[int]] | None = None,
+    wide: bool = False,
+) -> WritePlan:
+    """Changes of the deck that bring it to updated values.
+
+    Parameters
+    ----------
+    updates : new values; a reference with a region changes the field for the elements of that region only:
+        its card is copied under a free number (for a material the properties that refer to it too) and the
+        elements are made to refer to the copy
+    regions : element numbers by name of the region
+    wide : rewrite cards in large field where a value would be cut
+
+    Raises
+    ------
+    FemtuneError : ``write.no-field``, ``write.unknown-region`` and those of `edit_fields`
+    """
+    planning = _Planning(built, wide)
+    for ref, value in updates.items():
+        if not ref.region:
+            planning.change(ref, value)
+    names = sorted({ref.region for ref in updates if ref.region})
+    planning.split({name: _elements(built, name, regions or {}) for name in names}, updates)
+    return planning.result()
+
+
+def _elements(built: BuiltModel, region: str, regions: Mapping[str, Iterable[int]]) -> set[int]:
+    chosen = set(regions.get(region, ()))
+    unknown = sorted(chosen - set(built.element_cards))
+    if unknown or not chosen:
         raise FemtuneError(
-            "run.unwritable",
-            f"the run folder cannot be written: {broken.strerror}",
-            where=Where(str(folder)),
-            hint="choose a folder that you may write to, with space left on its disk",
-        ) from broken
+            "write.unknown-region",
+            region=region,
+            value=f"element {unknown[0]}, which does not exist" if unknown else "no elements",
+        )
+    return chosen
+
+
+@dataclass
+class _Planning:
+    """Edits and new cards as they are gathered."""
+
+    built: BuiltModel
+    wide: bool
+    edits: dict[tuple[int, int], float | int | str] = field(default_factory=dict)
+    new_cards: list[NewCard] = field(default_factory=list)
+    splits: list[Split] = field(default_factory=list)
+    at: dict[FieldRef, tuple[int, int]] = field(default_factory=dict)
+    places: dict[tuple[int, int], FieldRef] = field(default_factory=dict)
+    values: dict[FieldRef, float] = field(default_factory=dict)
+    taken: dict[str, set[int]] = field(default_factory=dict)
+
+    def change(self, ref: FieldRef, value: float) -> None:
+        """A field in place, on all stations where it is repeated."""
+        plain = replace(ref, region="")
+        if plain not in self.built.fields:
+            raise _no_field(ref)
+        place = self.built.fields[plain]
+        if place.flag is not None:
+            place = place.beside({index: text for (card, index), text in self.edits.items() if card == place.card})
+        if place.flag is not None:
+            self.edits[place.card, place.flag[0]] = place.flag[1]
+        # a value that stands in several fields stays one value
+        card = self.built.deck.cards[place.card]
+        held = float(value) if self.wide else in_all_fields(card, place.fields, float(value))
+        self.edits.update({(place.card, index): held for index in place.fields})
+        self.places.update({(place.card, index): ref for index in place.fields})
+        self.at[ref] = (place.card, place.fields[0])
+
+    def split(self, regions: Mapping[str, set[int]], updates: Mapping[FieldRef, float]) -> None:
+        """Copies of cards for the elements of regions; an element may lie in several of them."""
+        changed: dict[Owner, dict[FieldRef, float]] = {}
+        for ref, value in updates.items():
+            if not ref.region:
+                continue
+            if ref.card not in CATALOGUE or CATALOGUE[ref.card].role not in (PROPERTY, MATERIAL):
+                self.change(ref, value)
+            else:
+                changed.setdefault((ref.card, ref.id), {})[ref] = value
+        copying = _Copying(self, regions, changed)
+        for number, owners in sorted(_owners(self.built, set().union(*regions.values())).items()):
+            copying.repoint(number, *owners)
+        copying.finish()
+
+    def free_number(self, prefix: str) -> int:
+        """A number that no property (P) or material (M) card of the deck has."""
+        taken = self.taken.setdefault(prefix, _numbers(self.built, prefix))
+        highest = max(taken, default=0) + 1
+        number = highest if highest <= _LARGEST_NUMBER else next(n for n in range(1, highest) if n not in taken)
+        taken.add(number)
+        return number
+
+    def result(self) -> WritePlan:
+        """The edited deck."""
+        edited = edit_fields(self.built.deck, self.edits, new_cards=self.new_cards, wide=self.wide)
+        values = {**self.values, **{ref: edited.values[at] for ref, at in self.at.items()}}
+        return WritePlan(edited, tuple(self.splits), values, self.places)
+
+
+@dataclass(frozen=True)
+class _Copy:
+    """A card to be copied: what changes in it, and the materials that it refers to anew, as (old, new) numbers."""
+
+    owner: Owner
+    changes: frozenset[FieldRef]
+    materials: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass
+class _Copying:
+    """Copies for regions; elements that change in the same way share a copy."""
+
+    planning: _Planning
+    regions: Mapping[str, set[int]]
+    changed: Mapping[Owner, Mapping[FieldRef, float]]
+    new: dict[_Copy, int] = field(default_factory=dict)
+    users: dict[_Copy, list[int]] = field(default_factory=dict)
+
+    def repoint(self, number: int, own: Owner | None, materials: Iterable[Owner]) -> None:
+        """Make an element, of one property and its materials, refer to copies of what changes."""
+        built = self.planning.built
+        card = built.element_cards[number]
+        names = CATALOGUE[built.deck.cards[card].name].fields
+        copies = {m[1]: self._copy(_Copy(m, self._changes(m, number)), number) for m in materials}
+        new = tuple((old, copy) for old, copy in sorted(copies.items()) if copy)
+        if new and own is None:
+            self.planning.edits[card, names.index("MID")] = new[0][1]
+        new_own = self._copy(_Copy(own, self._changes(own, number), new), number) if own else 0
+        if new_own:
+            self.planning.edits[card, names.index("PID")] = new_own
+
+    def _changes(self, owner: Owner, element: int) -> frozenset[FieldRef]:
+        return frozenset(ref for ref in self.changed.get(owner, {}) if element in self.regions[ref.region])
+
+    def _copy(self, copy: _Copy, element: int) -> int:
+        """Number of a copy; 0 where there is nothing to change."""
+        if not copy.changes and not copy.materials:
+            return 0
+        if copy not in self.new:
+            self.new[copy] = self.planning.free_number(copy.owner[0][0])
+        self.users.setdefault(copy, []).append(element)
+        return self.new[copy]
+
+    def finish(self) -> None:
+        """The new cards; what no element of its region uses is an error."""
+        used = {ref for copy in self.new for ref in copy.changes}
+        unused = [ref for refs in self.changed.values() for ref in refs if ref not in used]
+        if unused:
+            raise FemtuneError(
+                "write.unknown-region/finish", region=unused[0].region, replace=replace(unused[0], region="")
+            )
+        for copy in self.new:
+            self._write(copy)
+
+    def _write(self, copy: _Copy) -> None:
+        record, number = _record(self.planning.built, copy.owner), self.new[copy]
+        fields: list[float | int | str | None] = list(_own_fields(record))
+        fields[0] = number
+        for at in _material_fields(record):
+            fields[at] = dict(copy.materials).get(record.card.integer(record.start + at), fields[at])
+        held = {ref: self._put(fields, record, ref, value) for ref, value in self._held(copy, record).items()}
+        self.planning.new_cards.append(NewCard(record.card.position, record.name, tuple(fields)))
+        regions = ", ".join(sorted({ref.region for ref in copy.changes} or self._regions_of(copy)))
+        source, made = f"{copy.owner[0]} {copy.owner[1]}", f"{copy.owner[0]} {number}"
+        self.planning.splits.append(Split(source, made, regions, tuple(self.users[copy]), held, copy.materials))
+
+    def _held(self, copy: _Copy, record: CardEntry) -> dict[FieldRef, float]:
+        """New values of a copy: those of its regions, and what else changes on the card itself."""
+        own = {ref: self.changed[copy.owner][ref] for ref in sorted(copy.changes)}
+        of_regions = {replace(ref, region="") for ref in own}
+        return {ref: v for ref, v in self._in_place(record).items() if ref not in of_regions} | own
+
+    def _in_place(self, record: CardEntry) -> dict[FieldRef, float]:
+        """What changes on the card itself, and so in its copies."""
+        planning = self.planning
+        owner = (record.name, record.card.integer(record.start))
+        own = {ref: at for ref, at in planning.at.items() if not ref.region and (ref.card, ref.id) == owner}
+        return {ref: float(planning.edits[at]) for ref, at in own.items()}
+
+    def _regions_of(self, copy: _Copy) -> set[str]:
+        """Regions of the materials that a property is copied for."""
+        made = {new for _, new in copy.materials}
+        return {ref.region for c, n in self.new.items() if n in made and _is_material(c) for ref in c.changes}
+
+    def _put(self, fields: list[float | int | str | None], record: CardEntry, ref: FieldRef, value: float) -> float:
+        """Write a value into the fields of a copy; returns what they hold of it."""
+        place = self.planning.built.fields.get(replace(ref, region=""))
+        if place is None:
+            raise _no_field(ref)
+        width = 16 if self.planning.wide else 8
+        place = place.beside({record.start + i: text for i, text in enumerate(fields)})
+        texts: dict[int, str] = {index: format_real(value, width) for index in place.fields}
+        texts.update([place.flag] if place.flag else [])
+        for index, text in texts.items():
+            at = index - record.start
+            fields += [""] * (at + 1 - len(fields))
+            fields[at] = text
+        held = rounded(value, width)
+        if ref.region:
+            self.planning.values[ref] = held
+        return held
+
+
+def _is_material(copy: _Copy) -> bool:
+    return CATALOGUE[copy.owner[0]].role == MATERIAL
+
+
+def _material_fields(record: CardEntry) -> list[int]:
+    """Positions of the fields that hold the number of a material: MID, or MID1 to MID4 of a shell."""
+    named = (i for i, name in enumerate(record.names) if name.startswith("MID") and i > 0)
+    return [i for i in named if record.card.is_integer(record.start + i)]
+
+
+def _owners(built: BuiltModel, elements: set[int]) -> dict[int, tuple[Owner | None, tuple[Owner, ...]]]:
+    """For each element the property card and the material cards that its values stand on."""
+    refs = built.structure.values.refs
+    found: dict[int, tuple[Owner | None, tuple[Owner, ...]]] = {}
+    for batch in built.structure.batches:
+        for i, number in enumerate(batch.ids.tolist()):
+            if number in elements:
+                at = {refs[positions[i]] for positions in batch.roles.values()}
+                by_role = {role: _of_role(at, role) for role in (PROPERTY, MATERIAL)}
+                found[number] = next(iter(by_role[PROPERTY]), None), by_role[MATERIAL]
+    return found
+
+
+def _of_role(refs: Iterable[FieldRef], role: str) -> tuple[Owner, ...]:
+    known = (r for r in refs if r.card in CATALOGUE)
+    return tuple(sorted({(r.card, r.id) for r in known if CATALOGUE[r.card].role == role}))
+
+
+def _record(built: BuiltModel, owner: Owner) -> CardEntry:
+    records = (r for card in built.deck.by_name(owner[0]) for r in records_of(card))
+    return next(r for r in records if r.card.integer(r.start) == owner[1])
+
+
+def _own_fields(record: CardEntry) -> tuple[str, ...]:
+    """Fields of a card, or of the one entry where a card holds several."""
+    many = len(CATALOGUE[record.name].starts) > 1
+    return record.card.fields[record.start : record.start + len(record.names)] if many else record.card.fields
+
+
+def _numbers(built: BuiltModel, prefix: str) -> set[int]:
+    """Numbers of the property or material cards of a deck, read or not."""
+    cards = (c for name, cs in built.deck.names.items() if name[0] == prefix and name != "PARAM" for c in cs)
+    return {c.integer(at) for c in cards for at in range(len(c.fields)) if at in _starts(c.name) and c.is_integer(at)}
+
+
+def _starts(card: str) -> tuple[int, ...]:
+    return CATALOGUE[card].starts if card in CATALOGUE else (0,)
+
+
+def _no_field(ref: FieldRef) -> FemtuneError:
+    return FemtuneError("write.no-field", ref=ref)

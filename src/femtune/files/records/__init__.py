@@ -1,5 +1,12 @@
 """Time records in: text, UFF, NumPy, MATLAB, HDF5, WAV."""
 
-from femtune.files.records.read import FORMATS, Column, read_record
+from typing import TYPE_CHECKING
 
-__all__ = ["FORMATS", "Column", "read_record"]
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.files.records.read import FORMATS, ChannelColumn, read_record
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = ["FORMATS", "ChannelColumn", "read_record"]

@@ -26,8 +26,7 @@ def read_npy(path: Path, variable: str | None = None) -> RecordTable:
             loaded: Any = np.load(stream, allow_pickle=False)
             arrays = {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"": loaded}
     except (ValueError, EOFError, OSError, KeyError, BadZipFile, zlib.error) as bad:
-        hint = "a record cut short, or an array of Python objects: save plain numbers again"
-        raise problem(path, "record.file", f"this is no readable NumPy file: {_first_line(bad)}", hint) from bad
+        raise problem(path, "record.file", first_line=_first_line(bad)) from bad
     return _table(path, arrays, variable)
 
 
@@ -49,8 +48,7 @@ def read_mat(path: Path, variable: str | None = None) -> RecordTable:
         zlib.error,
         matlab.MatReadError,
     ) as bad:
-        hint = "it may be cut short: save it again"
-        raise problem(path, "record.file", f"this is no readable MATLAB file: {_first_line(bad)}", hint) from bad
+        raise problem(path, "record.file/read-mat", first_line=_first_line(bad)) from bad
     return _table(path, {k: v for k, v in arrays.items() if not k.startswith("__")}, variable)
 
 
@@ -68,8 +66,7 @@ def read_hdf5(path: Path, variable: str | None = None) -> RecordTable:
             file.visititems(keep)
             return _table(path, arrays, variable)
     except OSError as bad:
-        hint = "it may be cut short: save it again"
-        raise problem(path, "record.file", f"this is no readable HDF5 file: {_first_line(bad)}", hint) from bad
+        raise problem(path, "record.file/read-hdf5", first_line=_first_line(bad)) from bad
 
 
 def _first_line(bad: BaseException) -> str:
@@ -87,13 +84,12 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
             return variable
         shown = ", ".join(sorted(arrays)) or "none"
         hint = did_you_mean(variable, arrays)
-        raise problem(path, "record.variable", f"the file has no variable '{variable}'", hint, variables=shown)
+        raise problem(path, "record.variable", values={"variables": shown}, hint=hint, variable=variable)
     tables = [name for name, a in arrays.items() if getattr(a, "ndim", 0) == 2 and a.size > 1 and a.dtype.kind in "iuf"]
     found = [name for name in tables if min(arrays[name].shape) > 0] or list(arrays)
     if len(found) != 1:
         shown = ", ".join(f"{name} {getattr(arrays[name], 'shape', '')}" for name in sorted(found)) or "none"
-        what = f"the file has {len(found)} arrays that may be the record"
-        raise problem(path, "record.variable", what, 'name one: variable = "…"', variables=shown)
+        raise problem(path, "record.variable/wanted", values={"variables": shown}, n_found=len(found))
     return found[0]
 
 

@@ -13,8 +13,7 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.records.arrays import read_hdf5, read_mat, read_npy
 from femtune.files.records.table import RecordTable, problem
 from femtune.files.records.text import read_text
-from femtune.files.records.uff_time import UffChannel, read_uff_time
-from femtune.files.records.wav import read_wav
+from femtune.files.records.waves import UffChannel, read_uff_time, read_wav
 from femtune.modal import Channel, TimeSeries
 
 _ARRAYS: Mapping[str, Callable[[Path, str | None], RecordTable]] = {
@@ -32,7 +31,7 @@ _SAME_RATE = 1e-3
 
 
 @dataclass(frozen=True)
-class Column:
+class ChannelColumn:
     """What the user says of one column.
 
     Parameters
@@ -53,7 +52,7 @@ class Column:
 
 def read_record(
     path: Path | str,
-    columns: Sequence[Column] = (),
+    columns: Sequence[ChannelColumn] = (),
     sampling_hz: float | None = None,
     variable: str | None = None,
     format: str | None = None,
@@ -84,7 +83,7 @@ def read_record(
 
 def _read(path: Path, format: str, variable: str | None) -> tuple[RecordTable, tuple[UffChannel, ...]]:
     if not path.is_file():
-        raise problem(path, "record.missing", "there is no such file", "check the name; it is relative to the study")
+        raise problem(path, "record.missing")
     if format in _ARRAYS:
         return _ARRAYS[format](path, variable), ()
     if format == "uff":
@@ -96,30 +95,27 @@ def _format(path: Path) -> str:
     found = _BY_EXTENSION.get(path.suffix.lower())
     if found is None:
         known = ", ".join(_BY_EXTENSION)
-        raise problem(
-            path, "record.format", f"the extension '{path.suffix}' is not known", "name the format", known=known
-        )
+        raise problem(path, "record.format", values={"known": known}, suffix=path.suffix)
     return found
 
 
-def _chosen(table: RecordTable, wanted: Column) -> int:
+def _chosen(table: RecordTable, wanted: ChannelColumn) -> int:
     if isinstance(wanted.column, int):
         if 1 <= wanted.column <= len(table.values):
             return wanted.column - 1
-        what = f"there is no column {wanted.column}"
-        hint = "columns are counted from 1, the column of times not counted"
-        raise problem(table.source, "record.column", what, hint, columns=len(table.values))
+        values: dict[str, object] = {"columns": len(table.values)}
+        raise problem(table.source, "record.column", values=values, column=wanted.column)
     if table.names.count(wanted.column) != 1:
         times = table.names.count(wanted.column)
-        what = (
-            f"no column is called '{wanted.column}'" if not times else f"{times} columns are called '{wanted.column}'"
-        )
-        hint = did_you_mean(wanted.column, (n for n in table.names if n)) or "name the column by its number from 1"
-        raise problem(table.source, "record.column", what, hint, names=", ".join(n for n in table.names if n)[:300])
+        code = "record.column/ambiguous-name" if times else "record.column/unknown-name"
+        names = [n for n in table.names if n]
+        hint = did_you_mean(wanted.column, names) or None
+        values = {"names": ", ".join(names)[:300]}
+        raise problem(table.source, code, values=values, hint=hint, column=wanted.column, times=times)
     return table.names.index(wanted.column)
 
 
-def _channel(column: Column, name: str) -> Channel:
+def _channel(column: ChannelColumn, name: str) -> Channel:
     return Channel(column.dof, column.quantity, column.unit, column.role, name)
 
 
@@ -137,11 +133,8 @@ def _rate(table: RecordTable, said: float | None) -> float | None:
     if said is not None and table.sampling_hz is not None and abs(said / table.sampling_hz - 1.0) > _SAME_RATE:
         raise FemtuneError(
             "record.rate",
-            "the sampling rate that was stated and that of the file contradict each other",
             values={"stated": f"{said:g} Hz", "file": f"{table.sampling_hz:g} Hz", "source": table.source},
-            hint="leave sampling_hz out, or correct it: every frequency would be off by their ratio",
         )
     if said is None and table.sampling_hz is None and table.times_s is None:
-        hint = "say it: sampling_hz = 200.0"
-        raise problem(table.source, "record.no-rate", "the file says neither a sampling rate nor times", hint)
+        raise problem(table.source, "record.no-rate")
     return said if table.sampling_hz is None else table.sampling_hz

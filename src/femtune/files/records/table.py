@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
-
-Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +33,17 @@ class RecordTable:
     source: str = ""
 
 
-def problem(path: object, code: str, what: str, hint: str, line: int | None = None, **values: object) -> FemtuneError:
+def problem(
+    path: object,
+    code: str,
+    line: int | None = None,
+    *,
+    values: Mapping[str, object] | None = None,
+    hint: str | None = None,
+    **facts: Any,
+) -> FemtuneError:
     """An error in a record file."""
-    return FemtuneError(code, what, where=Where(str(path), line), values=dict(values), hint=hint)
+    return FemtuneError(code, where=Where(str(path), line), values=values, hint=hint, **facts)
 
 
 def as_columns(array: NDArray, path: object) -> Reals:
@@ -46,8 +55,7 @@ def as_columns(array: NDArray, path: object) -> Reals:
     """
     if array.dtype.kind not in "iufb" or array.ndim not in (1, 2) or not array.size:
         found = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
-        hint = "store real numbers, one row a sample and one column a channel"
-        raise problem(path, "record.file", "this array is no time record", hint, found=found)
+        raise problem(path, "record.file/as-columns", values={"found": found})
     columns = np.atleast_2d(array.astype(float))
     return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
 

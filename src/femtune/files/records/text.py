@@ -39,8 +39,7 @@ def _lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = path.read_text(encoding="latin-1")
     if "\x00" in text:
-        hint = "name its format, or export it as text"
-        raise problem(path, "record.file", "this is no text file: it holds zero bytes", hint)
+        raise problem(path, "record.file/lines")
     return text.splitlines()
 
 
@@ -80,8 +79,7 @@ def _first_row(lines: list[str], path: Path) -> int:
         fields = _fields(line, separator)
         if _numbers(fields, separator != ",") and any(f.strip() for f in fields):
             return i
-    hint = "one line a sample, columns separated by commas, semicolons, tabs or blanks"
-    raise problem(path, "record.file", "no line of this file is a row of numbers", hint)
+    raise problem(path, "record.file/first-row")
 
 
 def _quick(rows: list[str], separator: str | None, comma: bool) -> np.ndarray | None:
@@ -101,16 +99,17 @@ def _strict(lines: list[str], first: int, separator: str | None, comma: bool, wi
         fields = _fields(line, separator)
         if len(fields) != width:
             last = not any(later.strip() for later in lines[number:])
-            what = (
-                "the last line is cut short" if last and len(fields) < width else "a line has another number of columns"
-            )
-            hint = "cut it off, or export the record again" if last else "export the record again"
-            raise problem(path, "record.file", what, hint, number, wanted=width, found=len(fields))
+            code = "record.file/columns-of-line"
+            if last:
+                code = "record.file/cut-line" if len(fields) < width else "record.file/columns-of-last-line"
+            raise problem(path, code, number, values={"wanted": width, "found": len(fields)})
         row = [_number(f, comma) for f in fields]
         if None in row:
             bad = fields[row.index(None)].strip()[:30]
             hint = "leave a missing sample empty, or write nan"
-            raise problem(path, "record.file", f"'{bad}' is not a number", hint, number, column=row.index(None) + 1)
+            raise problem(
+                path, "record.file/strict", number, values={"column": row.index(None) + 1}, hint=hint, bad=bad
+            )
         out.append(row)
     return np.array(out, dtype=float)
 

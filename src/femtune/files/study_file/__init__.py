@@ -1,50 +1,56 @@
 """The study file: a TOML text that describes a whole study, read strictly."""
 
-from femtune.files.study_file.configuration import (
-    ConfigurationEntry,
-    LeaveOutEntry,
-    MassEntry,
-    PairEntry,
-    SingleTest,
-    TestKeys,
-    overlay,
-    supports,
-    switched_off,
-)
-from femtune.files.study_file.derived import DerivedEntry
-from femtune.files.study_file.generic import GenericEntry
-from femtune.files.study_file.kinds import element_list
-from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
-from femtune.files.study_file.options import with_modes, with_response
-from femtune.files.study_file.parameter import ParameterEntry
-from femtune.files.study_file.quantify import QuantifyTable, SelectTable
-from femtune.files.study_file.reading import read_study_file, study_from_text
-from femtune.files.study_file.region import NearTable, RegionTable
-from femtune.files.study_file.response import LoadEntry, ResponseTable
-from femtune.files.study_file.stage import StageEntry
-from femtune.files.study_file.steps import (
-    CorrelateTable,
-    ModesTable,
-    OutputTable,
-    ReductionTable,
-    ResidualsTable,
-    RigidFloorEntry,
-    SensorEntry,
-    SensorsTable,
-    SensorTerm,
-    StudyTable,
-    UpdateTable,
-    WriteTable,
-)
-from femtune.files.study_file.study import StudyFile
-from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.files.study_file.configuration import (
+        ConfigurationEntry,
+        LeaveOutEntry,
+        MassEntry,
+        PairEntry,
+        SingleTest,
+        TestKeys,
+        supports,
+        switched_off,
+    )
+    from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.kinds import element_list
+    from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
+    from femtune.files.study_file.options import with_modes, with_response
+    from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
+    from femtune.files.study_file.quantify import QuantifyTable, SelectTable
+    from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
+    from femtune.files.study_file.residual import Comparison, ResidualsTable
+    from femtune.files.study_file.response import LoadEntry, ResponseTable
+    from femtune.files.study_file.stage import StageEntry
+    from femtune.files.study_file.step_tables import (
+        CorrelateTable,
+        ModesTable,
+        OutputTable,
+        ReductionTable,
+        RigidFloorEntry,
+        SensorEntry,
+        SensorsTable,
+        SensorTerm,
+        StudyTable,
+        UpdateTable,
+        WriteTable,
+    )
+    from femtune.files.study_file.study import Given, StudyFile
+    from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "ChecksTable",
+    "Comparison",
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
     "GenericEntry",
+    "Given",
     "HoldOutEntry",
     "LeaveOutEntry",
     "LoadEntry",
@@ -76,8 +82,10 @@ __all__ = [
     "VariableEntry",
     "WriteTable",
     "element_list",
-    "overlay",
+    "frozen",
+    "is_deck",
     "read_study_file",
+    "study_from_data",
     "study_from_text",
     "supports",
     "switched_off",

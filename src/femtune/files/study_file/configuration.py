@@ -15,18 +15,17 @@ from femtune.files.study_file.kinds import (
     Rotation,
     Support,
     Text,
+    TomlTable,
     Units,
     Vector,
     off_list,
     support,
 )
-from femtune.files.study_file.table import Table
-from femtune.model.configuration import AddedMass, Configuration
 
 UNCHANGED: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-class MassEntry(Table):
+class MassEntry(TomlTable):
     """A mass that the state adds to a grid point."""
 
     node: Number
@@ -44,7 +43,7 @@ class MassEntry(Table):
         return tuple((row[0], row[1], row[2]) for row in matrix)
 
 
-class LeaveOutEntry(Table):
+class LeaveOutEntry(TomlTable):
     """A test mode that is left out, named by its label or by its frequency, and why."""
 
     mode: Text | None = None
@@ -52,14 +51,14 @@ class LeaveOutEntry(Table):
     reason: Text
 
 
-class PairEntry(Table):
+class PairEntry(TomlTable):
     """A pair fixed by hand: label of the test mode, number of the model mode from 1."""
 
     test: Text
     model: Annotated[int, Field(ge=1)]
 
 
-class TestKeys(Table):
+class TestKeys(TomlTable):
     """How a test is read and compared."""
 
     __test__ = False
@@ -103,20 +102,6 @@ def switched_off(entry: ConfigurationEntry) -> frozenset[int]:
 def supports(texts: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
     """(node, components) pairs of a list of supports."""
     return tuple(pair for text in texts for pair in support(text))
-
-
-def overlay(entry: ConfigurationEntry) -> Configuration:
-    """The state as the model takes it."""
-    return Configuration(
-        name=entry.name,
-        elements_off=switched_off(entry),
-        support_set=entry.spc,
-        multipoint_set=entry.mpc,
-        supports_added=supports(entry.supports_added),
-        supports_removed=supports(entry.supports_removed),
-        masses=tuple(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses),
-        weighed_mass=entry.weighed_mass,
-    )
 
 
 def only_configuration(test: SingleTest | None, name: str) -> ConfigurationEntry:

@@ -7,16 +7,14 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.kinds import Expression, Text
-from femtune.files.study_file.plain import named_twice, tables
-from femtune.files.study_file.source import Source
-from femtune.files.study_file.table import Table
+from femtune.files.study_file.kinds import Expression, Text, TomlTable
+from femtune.files.study_file.source import StudyLines, named_twice, tables
 from femtune.parameters import parse_expression
 
 Data = dict[str, Any]
 
 
-class DerivedEntry(Table):
+class DerivedEntry(TomlTable):
     """A quantity: the thickness of a slab of its stiffness, the rotation of a joint of its springs."""
 
     name: Text
@@ -24,26 +22,26 @@ class DerivedEntry(Table):
     unit: str = ""
 
 
-def derived_rules(data: Data, source: Source) -> Iterator[FemtuneError]:
+def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     """Names of their own, and expressions of parameters that exist."""
     entries = list(tables(data, "derived"))
-    yield from named_twice(entries, "parameter.duplicate", source)
+    yield from named_twice(entries, "parameter.duplicate/earlier", source)
     parameters = [p["name"] for _, p in tables(data, "parameter") if isinstance(p.get("name"), str)]
     for place, entry in entries:
         name = entry.get("name")
         if isinstance(name, str) and name and (not name.isidentifier() or keyword.iskeyword(name)):
-            what = f"'{name}' is not a name that an expression could use"
-            hint = "letters, digits and _, no digit first, and no word of Python such as 'if'"
-            yield source.error((*place, "name"), "parameter.name", what, {}, hint)
+            yield source.error((*place, "name"), "parameter.name/derived-rules", {}, name=name)
         if name in parameters:
-            what = f"'{name}' is the name of a parameter already"
-            yield source.error((*place, "name"), "parameter.duplicate", what, {}, "give the quantity another name")
+            yield source.error((*place, "name"), "parameter.duplicate/derived-rules", {}, name=name)
         for used in _names_in(entry.get("expression")):
             if used not in parameters:
-                what = f"the expression names '{used}', which is no parameter"
                 hint = did_you_mean(used, parameters)
                 yield source.error(
-                    (*place, "expression"), "tie.unknown", what, {"expression": entry["expression"]}, hint
+                    (*place, "expression"),
+                    "tie.unknown/derived-rules",
+                    {"expression": entry["expression"]},
+                    hint=hint,
+                    used=used,
                 )
 
 

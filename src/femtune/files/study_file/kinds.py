@@ -6,20 +6,15 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, TypeVar
 
-import numpy as np
-from pydantic import AfterValidator, Field, PlainValidator, StringConstraints
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, StringConstraints
 from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Where
-from femtune.fem.factors import FACTORS, factor_ref
-from femtune.fem.generic import generic_ref
-from femtune.fem.values import FieldRef
+from femtune.fem.fields import FACTORS, FieldRef, factor_ref, generic_ref
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.parameters import parse_expression
-from femtune.testdata.convert import place
-from femtune.testdata.modal_test import ModalTest
 from femtune.units import SI, unit_system
 
 T = TypeVar("T")
@@ -73,17 +68,16 @@ def element_list(value: str | tuple[int, ...]) -> IntegerList:
     if isinstance(value, tuple | list) and all(is_integer(n) for n in value):
         return _positive(IntegerList(tuple(value)), value)
     if not isinstance(value, str):
-        hint = 'write text such as "201 THRU 208, 301", or a list of whole numbers'
-        raise FemtuneError("study.type", "element numbers are wanted here", hint=hint)
+        raise FemtuneError("study.type/element-list")
     try:
         return _positive(read_list(re.split(r"[,\s]+", value), Where()), value)
     except FemtuneError as error:
-        raise FemtuneError("study.list", error.what, hint=error.hint) from error
+        raise FemtuneError("study.list/elements", reason=error.what, hint=error.hint) from error
 
 
 def _positive(numbers: IntegerList, value: object) -> IntegerList:
     if not value or min((*numbers.singles, *(s.numbers.start for s in numbers.spans)), default=1) < 1:
-        raise FemtuneError("study.list", "the list is empty or holds numbers below 1", hint="element numbers are 1 up")
+        raise FemtuneError("study.list")
     return numbers
 
 
@@ -94,7 +88,7 @@ def off_list(value: str | tuple[int, ...]) -> frozenset[int]:
     try:
         return frozenset(element_list(value).expand())
     except ValueError as error:
-        raise FemtuneError("study.list", str(error), hint="name the elements that are switched off") from error
+        raise FemtuneError("study.list/off", reason=error) from error
 
 
 def support(text: str) -> tuple[tuple[int, str], ...]:
@@ -115,8 +109,7 @@ def support(text: str) -> tuple[tuple[int, str], ...]:
 
 
 def _bad_support(text: str) -> FemtuneError:
-    hint = 'write nodes, a colon and components (1 to 6, each once): "12:123" or "13 THRU 15:3"'
-    return FemtuneError("study.support", "this is not a support", hint=hint)
+    return FemtuneError("study.support")
 
 
 def field_reference(text: str) -> FieldRef:
@@ -135,7 +128,7 @@ def field_reference(text: str) -> FieldRef:
         return generic_ref(generic[1], generic[2])
     match = _FIELD.fullmatch(text.strip())
     if match is None or (match[2] is not None and int(match[2]) == 0):
-        raise FemtuneError("study.field", "this does not name the field of a card", hint=_form_of_field(text))
+        raise FemtuneError("study.field", hint=_form_of_field(text))
     return FieldRef(match[1], int(match[2] or 0), match[3])
 
 
@@ -156,41 +149,38 @@ def _frequency_sd(value: object) -> None:
         return None
     if is_number(value) and 0 <= value < float("inf"):  # type: ignore[operator]
         return _spread(value)  # type: ignore[arg-type]
-    hint = 'write a relative standard deviation such as 0.01 (0: frequencies are not used), or "test"'
-    raise FemtuneError("study.type", "a number, or the word test, is wanted here", hint=hint)
+    raise FemtuneError("study.type/frequency-sd")
 
 
 def _weight(value: object) -> None:
     if value in ("l-curve", "gcv"):
         return
     if not is_number(value):
-        hint = 'write a number, "l-curve" or "gcv"'
-        raise FemtuneError("study.type", 'a number, or one of the words "l-curve" and "gcv", is wanted here', hint=hint)
+        raise FemtuneError("study.type/weight")
     if not 0 <= value <= _LARGEST_WEIGHT:  # type: ignore[operator]
-        what = f"a weight is a number between 0 and {_LARGEST_WEIGHT:g}"
-        raise FemtuneError("study.value", what, hint='weight = "l-curve" finds one')
+        raise FemtuneError("study.value/weight", largest_weight=_LARGEST_WEIGHT)
 
 
 def _group_name(text: str) -> None:
     if not re.fullmatch(_GROUP, text):
-        hint = 'capitals and digits, a capital first, 16 at most: "JOINT"'
-        raise FemtuneError("study.value", "this name cannot stand in the name of a field", hint=hint)
+        raise FemtuneError("study.value/group-name")
 
 
 def _components(text: str) -> None:
     if not re.fullmatch("[1-6]{1,6}", text):
-        hint = 'write digits of 1 to 6: "126" for X, Y and the rotation about Z'
-        raise FemtuneError("study.value", "these are not components of a grid point", hint=hint)
+        raise FemtuneError("study.value/components")
 
 
 def _spread(value: float) -> None:
     """Squares of its reciprocal stay finite; no measurement is as good or as bad."""
     if value != 0 and not _LEAST_SPREAD <= value <= 1.0 / _LEAST_SPREAD:
-        what = f"a standard deviation is zero, or between {_LEAST_SPREAD:g} and {1.0 / _LEAST_SPREAD:g}"
-        raise FemtuneError("study.value", what, hint="give the scatter of the test, for example 0.01")
+        raise FemtuneError("study.value/spread", least_spread=_LEAST_SPREAD, least_spread_2=1.0 / _LEAST_SPREAD)
 
 
 def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
+    # numpy is imported for a study with a rotation only: what is wrong with the others is told without it
+    from femtune.testdata import ModalTest, place  # noqa: PLC0415
+
     place(ModalTest("", SI), value, (0.0, 0.0, 0.0))
 
 
@@ -200,13 +190,15 @@ def _inertia(value: object) -> None:
     shape = [len(row) if isinstance(row, tuple) else 0 for row in rows]
     if shape not in ([0, 0, 0], [3, 3, 3]) or not all(is_number(x) and abs(x) < float("inf") for x in flat):
         hint = "write [Ixx, Iyy, Izz], or the symmetric matrix as three rows of three numbers"
-        raise FemtuneError("study.type", "moments of inertia are wanted here", hint=hint)
+        raise FemtuneError("study.type/inertia", hint=hint)
     if shape[0] == 3 and any(rows[i][j] != rows[j][i] for i in range(3) for j in range(i)):
-        raise FemtuneError("study.value", "the inertia is not symmetric", hint="make it so: Ixy = Iyx and so on")
+        raise FemtuneError("study.value/inertia")
+    import numpy as np  # noqa: PLC0415  as in `_rotation`
+
     moments = np.linalg.eigvalsh(np.array(rows, float) if shape[0] else np.diag(rows))
     if moments[0] < -1e-9 * np.abs(moments).max():
         hint = "moments of inertia are zero or more; products Ixy are not larger than the moments allow"
-        raise FemtuneError("study.value", "the inertia has a negative principal moment", hint=hint)
+        raise FemtuneError("study.value/inertia-2", hint=hint)
 
 
 def _covariance(value: object) -> None:
@@ -215,8 +207,7 @@ def _covariance(value: object) -> None:
     if square and all(is_number(x) and abs(x) < float("inf") for row in rows for x in row):
         return
     if value != "test":
-        hint = 'write as many rows as there are values, each of as many numbers: [[4.0, 1.0], [1.0, 9.0]], or "test"'
-        raise FemtuneError("study.type", "a square matrix of numbers, or the word test, is wanted here", hint=hint)
+        raise FemtuneError("study.type/covariance")
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]
@@ -239,3 +230,13 @@ FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
 Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
 Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
+
+
+# ----------------------------------------------------------------------------------------------------
+# What all tables of a study file have in common.
+
+
+class TomlTable(BaseModel):
+    """Frozen; unknown keys, values of another type, NaN and infinity are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)

@@ -7,18 +7,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, StringConstraints
 
-from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Text
-from femtune.files.study_file.lines import Place
-from femtune.files.study_file.plain import named_twice, table, tables
-from femtune.files.study_file.source import Source
-from femtune.files.study_file.table import Table
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
+from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
 Format = Literal["op4", "op2", "dmig", "abaqus", "calculix", "matrix-market", "ansys"]
 
 
-class ModelTable(Table):
+class ModelTable(TomlTable):
     """[model]: grid points and rows of the matrices, and the modes that their solver listed."""
 
     grid: Text | None = None
@@ -30,7 +27,7 @@ class ModelTable(Table):
     polynomial_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-4
 
 
-class MatrixEntry(Table):
+class MatrixEntry(TomlTable):
     """[[matrix]]: one matrix; several of one name are sets of it at values of the variables."""
 
     name: Name
@@ -42,7 +39,7 @@ class MatrixEntry(Table):
     at: dict[str, float] = Field(default_factory=dict)
 
 
-class VariableEntry(Table):
+class VariableEntry(TomlTable):
     """[[variable]]: what the sets of matrices depend on."""
 
     name: Name
@@ -55,46 +52,40 @@ Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
 
-def matrix_rules(data: Data, source: Source) -> Problems:
+def matrix_rules(data: Data, source: StudyLines) -> Problems:
     """A deck or matrices; variables that exist; sets of one kind."""
     entries = list(tables(data, "matrix"))
     yield from _deck_or_matrices(data, source, bool(entries))
-    yield from named_twice(list(tables(data, "variable")), "study.duplicate-name", source)
+    yield from named_twice(list(tables(data, "variable")), "study.duplicate-name/earlier", source)
     names = [entry.get("name") for _, entry in tables(data, "variable")]
     for place, entry in entries:
         yield from _known_variables(place, entry, names, source)
     yield from _sets(entries, source)
     model = table(data, "model")
     if "listed_hz" in model and "listing" in model:
-        what = "[model] has both listed_hz and listing"
-        yield source.error(("model", "listing"), "study.matrices", what, {}, "keep one of them")
+        yield source.error(("model", "listing"), "study.matrices/matrix-rules", {})
 
 
-def _deck_or_matrices(data: Data, source: Source, matrices: bool) -> Problems:
+def _deck_or_matrices(data: Data, source: StudyLines, matrices: bool) -> Problems:
     deck = "deck" in table(data, "study")
     if deck and matrices:
         hint = "remove deck; the grid points of a deck are named by grid in [model]"
-        yield source.error(("study", "deck"), "study.matrices", "the study has both a deck and [[matrix]]", {}, hint)
+        yield source.error(("study", "deck"), "study.matrices/deck-or-matrices", {}, hint=hint)
     if not deck and not matrices and "study" in data:
-        hint = 'add the line  deck = "…"  (or [[matrix]] entries with the matrices of another solver)'
-        what = "[study] lacks the key 'deck'"
-        yield source.error(("study", "deck"), "study.missing-key", what, {}, hint)
+        yield source.error(("study", "deck"), "study.missing-key/deck-or-matrices", {})
     for name in ("model", "variable"):
         if name in data and not matrices:
-            what = f"[{name}] belongs to matrices, and the study has no [[matrix]]"
-            yield source.error((name,), "study.matrices", what, {}, f"add [[matrix]] entries, or remove [{name}]")
+            yield source.error((name,), "study.matrices/deck-or-matrices-2", {}, name=name)
 
 
-def _known_variables(place: Place, entry: Data, names: list[Any], source: Source) -> Problems:
+def _known_variables(place: Place, entry: Data, names: list[Any], source: StudyLines) -> Problems:
     at = entry.get("at")
     for name in at if isinstance(at, dict) else ():
         if name not in names:
-            what = f"at names '{name}', which is no [[variable]]"
-            hint = f'add [[variable]] name = "{name}" with its nominal value'
-            yield source.error((*place, "at"), "study.matrices", what, {}, hint)
+            yield source.error((*place, "at"), "study.matrices/known-variables", {}, name=name)
 
 
-def _sets(entries: list[tuple[Place, Data]], source: Source) -> Problems:
+def _sets(entries: list[tuple[Place, Data]], source: StudyLines) -> Problems:
     """Entries of one name are sets of one matrix: of one kind, each at a point."""
     first: dict[str, tuple[Place, Data]] = {}
     for place, entry in entries:
@@ -105,9 +96,47 @@ def _sets(entries: list[tuple[Place, Data]], source: Source) -> Problems:
         if before is entry:
             continue
         if before.get("kind") != entry.get("kind"):
-            what = f"'{name}' is the name of a {before.get('kind')} and of a {entry.get('kind')} matrix"
-            yield source.error((*place, "name"), "study.duplicate-name", what, {}, "give each matrix a name of its own")
+            yield source.error(
+                (*place, "name"),
+                "study.duplicate-name/sets",
+                {},
+                name=name,
+                get=before.get("kind"),
+                get_2=entry.get("kind"),
+            )
         elif not before.get("at") or not entry.get("at"):
-            what = f"'{name}' is the name of two matrices"
-            hint = "rename one; or, where both are sets of one matrix, say at which values: at = { T = 2.0 }"
-            yield source.error((*place, "name"), "study.duplicate-name", what, {}, hint)
+            yield source.error((*place, "name"), "study.duplicate-name/sets-2", {}, name=name)
+
+
+# ----------------------------------------------------------------------------------------------------
+# [[generic]]: groups of elements whose stiffness is parameterised by its own eigenvalues and shapes.
+
+
+class GenericEntry(TomlTable):
+    """A group of elements; its fields are ``GENERIC NAME K1`` … and ``GENERIC NAME S1-2``."""
+
+    name: GroupName
+    elements: Elements
+    nodes: tuple[Number, ...] = ()
+    components: Components = "123456"
+
+
+def generic_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
+    """Names once; each group named by a parameter, and each name that of a group."""
+    entries = list(tables(data, "generic"))
+    yield from named_twice(entries, "study.duplicate-name/earlier", source)
+    groups = [entry["name"] for _, entry in entries if isinstance(entry.get("name"), str)]
+    used = set()
+    for place, parameter in tables(data, "parameter"):
+        for text in texts(parameter.get("fields")):
+            words = text.split()
+            if len(words) < 2 or words[0] != "GENERIC":
+                continue
+            used.add(words[1])
+            if words[1] not in groups:
+                hint = did_you_mean(words[1], groups) or f'add [[generic]] name = "{words[1]}" with its elements'
+                yield source.error((*place, "fields"), "generic.unknown", {}, hint=hint, words=words[1])
+    for place, entry in entries:
+        name = entry.get("name")
+        if isinstance(name, str) and name not in used:
+            yield source.error((*place, "name"), "generic.unused", {}, name=name)

@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
-from femtune.files.study_file.lines import Place
+from femtune.files.study_file.objects import plain
 from femtune.files.study_file.problems import problems
-from femtune.files.study_file.response_rules import response_rules
-from femtune.files.study_file.source import Source
+from femtune.files.study_file.response import response_rules
+from femtune.files.study_file.source import Place, StudyLines
 from femtune.files.study_file.study import StudyFile
 
 _COMMAND_LINE = "command line"
@@ -26,7 +26,7 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     ------
     FemtuneError : as for a file, with the place "command line"
     """
-    given = {key: value for key, value in options.items() if value is not None}
+    given = {key: plain(value) for key, value in options.items() if value is not None}
     if not given:
         return file
     known = {} if file.response is None else file.response.model_dump(exclude_unset=True)
@@ -37,7 +37,7 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     copy = file.model_copy(update={"response": _checked(file, {**known, **given})})
     # messages about what the command line says must not point to the line that it replaces
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given)}
-    copy._source = Source(file._source.file, lines)
+    copy._source = StudyLines(file._source.file, lines)
     return copy
 
 
@@ -48,19 +48,16 @@ def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> Stud
     ------
     FemtuneError : ``study.*`` as for a file, with the place "command line"; ``study.modes-both``
     """
-    given = {key: value for key, value in (("count", count), ("max_hz", max_hz)) if value is not None}
+    given = {key: plain(value) for key, value in (("count", count), ("max_hz", max_hz)) if value is not None}
     if not given:
         return file
     if len(given) > 1:
-        raise FemtuneError(
-            "study.modes-both", "count and max_hz are both given, and one of them limits the modes",
-            where=Where(_COMMAND_LINE), values=given, hint="leave one of them out",
-        )  # fmt: skip
+        raise FemtuneError("study.modes-both", where=Where(_COMMAND_LINE), values=given)  # fmt: skip
     study = file.study.model_dump(exclude_unset=True)
     try:
         modes = StudyFile.model_validate({"study": study, "modes": given}).modes
     except ValidationError as findings:
-        errors = problems(findings, Source(_COMMAND_LINE))
+        errors = problems(findings, StudyLines(_COMMAND_LINE))
         ErrorCollector(list(errors)).raise_if_any()
         raise
     return file.model_copy(update={"modes": modes})
@@ -71,7 +68,7 @@ def _replaced(place: Place, given: Mapping[str, Any]) -> bool:
 
 
 def _checked(file: StudyFile, response: dict[str, Any]) -> Any:
-    source = Source(_COMMAND_LINE)
+    source = StudyLines(_COMMAND_LINE)
     errors: list[FemtuneError] = list(response_rules({"response": response}, source))
     study = file.study.model_dump(exclude_unset=True)
     try:

@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
-from femtune.fem.values import FieldRef
+import keyword
+from collections.abc import Iterator
+from typing import Any
+
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.fem.fields import FieldRef
 from femtune.files.study_file.kinds import (
     Elements,
     Expression,
     FieldText,
+    Number,
     Positive,
     Text,
+    TomlTable,
+    Vector,
     field_reference,
 )
-from femtune.files.study_file.region import RegionTable
-from femtune.files.study_file.table import Table
+from femtune.files.study_file.source import Place, StudyLines, named_twice, number, tables
+from femtune.parameters import parse_expression
+
+# ----------------------------------------------------------------------------------------------------
+# `region` of a parameter: which elements it moves, by what they are made of and where they lie.
 
 
-class ParameterEntry(Table):
+class NearTable(TomlTable):
+    """A ball about a point, a grid point, or the middle of an element (a joint)."""
+
+    distance: Positive
+    point: Vector | None = None
+    node: Number | None = None
+    element: Number | None = None
+
+
+class RegionTable(TomlTable):
+    """Conditions that hold together; an element lies where its centre lies."""
+
+    elements: Elements | None = None
+    properties: Elements | None = None
+    materials: Elements | None = None
+    set: Number | None = None
+    box: tuple[Vector, Vector] | None = None
+    near: NearTable | None = None
+
+
+class ParameterEntry(TomlTable):
     """A free parameter (bounds) or a tied one (an expression of others)."""
 
     name: Text
@@ -42,3 +73,107 @@ class ParameterEntry(Table):
     def targets(self) -> tuple[FieldRef, ...]:
         """The fields that it moves; number 0 stands for all cards of the name."""
         return tuple(field_reference(text) for text in self.fields)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between the keys of the parameters of a study.
+
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+_LEAST_PRIOR = 1e-9
+"""Prior standard deviation over the width of the bounds, at least; its square stays clear of rounding."""
+_OF_FREE_ONES = ("lower", "upper", "nominal", "sd", "mean", "prior")
+
+
+def parameter_rules(data: Data, source: StudyLines) -> Problems:
+    """Names, bounds and ties."""
+    entries = list(tables(data, "parameter"))
+    yield from named_twice(entries, "parameter.duplicate/earlier", source)
+    names = [entry["name"] for _, entry in entries if isinstance(entry.get("name"), str)]
+    for place, entry in entries:
+        yield from _name(place, entry, source)
+        if "tie" in entry:
+            yield from _tied(place, entry, names, source)
+        else:
+            yield from _bounds(place, entry, source)
+            yield from _prior_sd(place, entry, source)
+            yield from _catalogue(place, entry, source)
+
+
+def _name(place: Place, entry: Data, source: StudyLines) -> Problems:
+    name = entry.get("name")
+    if isinstance(name, str) and name and (not name.isidentifier() or keyword.iskeyword(name)):
+        yield source.error((*place, "name"), "parameter.name/name", {}, name=name)
+
+
+def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Problems:
+    for key in _OF_FREE_ONES:
+        if key in entry:
+            yield source.error((*place, key), "parameter.tied", {key: entry[key]}, key=key)
+    for name in _names_in(entry["tie"]):
+        if name not in names:
+            hint = did_you_mean(name, (n for n in names if n != entry.get("name")))
+            yield source.error((*place, "tie"), "tie.unknown/tied", {"tie": entry["tie"]}, hint=hint, name=name)
+
+
+def _names_in(tie: object) -> tuple[str, ...]:
+    """Names in a tie that can be read; the models say what is wrong with the others."""
+    try:
+        return parse_expression(tie).names if isinstance(tie, str) else ()
+    except FemtuneError:
+        return ()
+
+
+def _catalogue(place: Place, entry: Data, source: StudyLines) -> Problems:
+    """A prior from a catalogue stands alone, and is of the field itself."""
+    if "prior_name" in entry and "prior" not in entry:
+        yield source.error((*place, "prior_name"), "parameter.prior/catalogue", {})
+    if "prior" not in entry:
+        return
+    for key in ("mean", "sd"):
+        if key in entry:
+            yield source.error((*place, key), "parameter.prior/catalogue-3", {key: entry[key]}, key=key)
+    if entry.get("absolute") is not True:
+        yield source.error((*place, "prior"), "parameter.prior/catalogue-2", {})
+
+
+def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
+    for key in ("lower", "upper"):
+        if key not in entry:
+            yield source.error((*place, key), "study.missing-key/bounds", {}, get=entry.get("name", ""), key=key)
+    lower, upper = number(entry, "lower"), number(entry, "upper")
+    if lower is None or upper is None:
+        return
+    if lower >= upper:
+        yield _bad_bounds(place, entry, source)
+    elif (start := _start(entry)) is not None and not lower <= start <= upper:
+        shown = {"nominal": start, "lower": lower, "upper": upper}
+        key = "nominal" if "nominal" in entry else "lower"
+        yield source.error((*place, key), "parameter.bounds/bounds", shown, get=entry.get("name", ""))
+
+
+def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
+    """A prior that is narrower or wider than numbers beside the bounds can tell is none."""
+    lower, upper, sd = (number(entry, key) for key in ("lower", "upper", "sd"))
+    if lower is None or upper is None or sd is None or not lower < upper or sd <= 0.0:
+        return
+    if not _LEAST_PRIOR <= sd / (upper - lower) <= 1.0 / _LEAST_PRIOR:
+        shown = {"sd": sd, "lower": lower, "upper": upper}
+        yield source.error((*place, "sd"), "study.value/prior-sd", shown, get=entry.get("name", ""))
+
+
+def _start(entry: Data) -> float | None:
+    """The nominal value as far as the study tells: that of an absolute parameter may be the deck's."""
+    if "nominal" in entry:
+        return number(entry, "nominal")
+    return None if entry.get("absolute") else 1.0
+
+
+def _bad_bounds(place: Place, entry: Data, source: StudyLines) -> FemtuneError:
+    shown = {"lower": entry["lower"], "upper": entry["upper"]}
+    code = (
+        "parameter.bounds/equal-in-study" if entry["lower"] == entry["upper"] else "parameter.bounds/crossed-in-study"
+    )
+    return source.error((*place, "lower"), code, shown, parameter=entry.get("name", ""))

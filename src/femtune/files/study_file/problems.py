@@ -9,9 +9,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from femtune.errors import FemtuneError, did_you_mean
-from femtune.files.study_file.lines import Place
-from femtune.files.study_file.residual import ResidualEntry
-from femtune.files.study_file.source import Source
+from femtune.files.study_file.residual import TABLES
+from femtune.files.study_file.source import Place, StudyLines, spelled
 from femtune.files.study_file.study import StudyFile
 
 _WANTED = {
@@ -27,7 +26,7 @@ _WANTED = {
 }
 
 
-def problems(findings: ValidationError, source: Source, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
+def problems(findings: ValidationError, source: StudyLines, model: type[BaseModel] = StudyFile) -> list[FemtuneError]:
     """One error for each finding, in the order of the file; `model` is what the file was checked against."""
     found = findings.errors(include_url=False)
     return [_error(finding, source, model) for finding in found if not _follows(finding, found)]
@@ -40,7 +39,7 @@ def _follows(finding: ErrorDetails, found: Sequence[ErrorDetails]) -> bool:
     return finding["type"] == "too_short" and inside
 
 
-def _error(finding: ErrorDetails, source: Source, model: type[BaseModel]) -> FemtuneError:
+def _error(finding: ErrorDetails, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
     place = _place(finding)
     if finding["type"].startswith("union_tag"):
         return _kind(finding, place, source)
@@ -50,30 +49,24 @@ def _error(finding: ErrorDetails, source: Source, model: type[BaseModel]) -> Fem
         return _missing_key(place, source)
     if finding["type"] == "femtune":
         return _own(finding["ctx"]["error"], place, finding["input"], source)
-    code, what, hint = _judgement(finding, source.page)
-    return source.error(place, code, f"{_name(place)} {what}", {_key(place): finding["input"]}, hint)
+    code, facts = _judgement(finding, source.page)
+    return source.error(place, code, {_key(place): finding["input"]}, key=_name(place), **facts)
 
 
 def _place(finding: ErrorDetails) -> Place:
     """Where it is, without the marks of keys and the tag of a table whose kind is chosen by a key."""
     place: Place = tuple(part for part in finding["loc"] if part != "[key]")
-    tagged = len(place) > 2 and place[0] == "residual" and isinstance(place[1], int) and place[2] in _kinds()
+    tagged = len(place) > 2 and place[0] == "residual" and isinstance(place[1], int) and place[2] in TABLES
     return place[:2] + place[3:] if tagged else place
 
 
-def _kinds() -> dict[str, type[BaseModel]]:
-    """Tables of [[residual]] by their kind."""
-    models = get_args(get_args(ResidualEntry)[0])
-    return {get_args(m.model_fields["kind"].annotation)[0]: m for m in models}
-
-
-def _kind(finding: ErrorDetails, place: Place, source: Source) -> FemtuneError:
+def _kind(finding: ErrorDetails, place: Place, source: StudyLines) -> FemtuneError:
     """A table whose kind is missing or unknown."""
     if finding["type"] == "union_tag_not_found":
         return _missing_key((*place, "kind"), source)
     given = str(finding["ctx"].get("tag"))
-    hint = did_you_mean(given, _kinds())
-    return source.error((*place, "kind"), "study.value", f"'{given}' is no kind of residual", {}, hint)
+    hint = did_you_mean(given, TABLES)
+    return source.error((*place, "kind"), "study.value/kind", {}, hint=hint, given=given)
 
 
 def _name(place: Place) -> str:
@@ -82,48 +75,54 @@ def _name(place: Place) -> str:
     return f"entry {last + 1} of {_name(place[:-1])}" if isinstance(last, int) and len(place) > 1 else f"'{last}'"
 
 
-def _unknown_key(finding: ErrorDetails, place: Place, source: Source, model: type[BaseModel]) -> FemtuneError:
+def _unknown_key(finding: ErrorDetails, place: Place, source: StudyLines, model: type[BaseModel]) -> FemtuneError:
     known = _keys(place[:-1], finding, model)
-    what = f"'{place[-1]}' is not a key of {_table(place[:-1])}"
-    return source.error(place, "study.unknown-key", what, {}, did_you_mean(str(place[-1]), known))
+    return source.error(
+        place,
+        "study.unknown-key",
+        {},
+        hint=did_you_mean(str(place[-1]), known),
+        place_text=place[-1],
+        table=_table(place[:-1], source),
+    )
 
 
-def _missing_key(place: Place, source: Source) -> FemtuneError:
+def _missing_key(place: Place, source: StudyLines) -> FemtuneError:
     if isinstance(place[-1], int):
         hint = f"{source.page} has an example"
-        return source.error(place, "study.value", f"{_name(place[:-1])} has too few entries", {}, hint)
-    key, table = str(place[-1]), _table(place[:-1])
-    top = len(place) == 1
-    hint = f"add the table [{key}]" if top else f"add the line  {key} = …  ({source.page} has an example)"
-    return source.error(place, "study.missing-key", f"{table} lacks '{key}'", {}, hint)
+        return source.error(place, "study.value/missing-key", {}, hint=hint, name=_name(place[:-1]))
+    key, table = str(place[-1]), _table(place[:-1], source)
+    table_lacks = len(place) == 1 and source.whole == StudyLines.whole
+    hint = f"add the table [{key}]" if table_lacks else f"add the line  {key} = …  ({source.page} has an example)"
+    return source.error(place, "study.missing-key", {}, hint=hint, table=table, key=key)
 
 
-def _table(place: Place) -> str:
+def _table(place: Place, source: StudyLines) -> str:
     names = [part for part in place if isinstance(part, str)]
     if not names:
-        return "the study file"
+        return source.whole
     return f"[[{names[0]}]]" if len(place) == 2 and isinstance(place[1], int) else f"[{'.'.join(names)}]"
 
 
-def _own(error: FemtuneError, place: Place, value: object, source: Source) -> FemtuneError:
+def _own(error: FemtuneError, place: Place, value: object, source: StudyLines) -> FemtuneError:
     """An error of our own checks, with its place and the value at fault."""
-    shown = source.error(place, error.code, f"{_name(place)}: {error.what}", {str(_key(place)): value}, error.hint)
-    shown.values.update({k: v for k, v in error.values.items() if k != "rotation"})
-    return shown
+    values = {str(_key(place)): spelled(value), **{k: v for k, v in error.values.items() if k != "rotation"}}
+    what = f"{_name(place)}: {error.what}"
+    return FemtuneError(error.code, what, where=source.where(place), values=values, hint=error.hint)
 
 
 def _key(place: Place) -> str:
     return next((part for part in reversed(place) if isinstance(part, str)), "")
 
 
-def _judgement(finding: ErrorDetails, page: str) -> tuple[str, str, str]:
-    """Code, what is wrong and the fix, by the type of the finding."""
+def _judgement(finding: ErrorDetails, page: str) -> tuple[str, dict[str, Any]]:
+    """Code and facts, by the type of the finding."""
     kind, context = finding["type"], finding.get("ctx", {})
     if kind in _WANTED:
         wanted, fix = _WANTED[kind]
-        return "study.type", f"should be {wanted}", fix
+        return "study.type", {"wanted": wanted, "hint": fix}
     if kind == "finite_number":
-        return "study.number", "is not a finite number", "give a number; leave the key out where none is known"
+        return "study.number", {}
     if kind == "literal_error":
         return _not_among(finding)
     if kind in ("too_short", "string_too_short"):
@@ -131,30 +130,29 @@ def _judgement(finding: ErrorDetails, page: str) -> tuple[str, str, str]:
     return _out_of_range(finding, context, page)
 
 
-def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, str, str]:
+def _too_short(finding: ErrorDetails, context: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     if finding["input"]:
-        return "study.value", "has too few entries", f"give it {context['min_length']} at least"
-    return "study.value", "is empty", "fill it; a key that is not required may be left out"
+        return "study.value/too-short", {"least": context["min_length"]}
+    return "study.value/empty", {}
 
 
-def _not_among(finding: ErrorDetails) -> tuple[str, str, str]:
+def _not_among(finding: ErrorDetails) -> tuple[str, dict[str, Any]]:
     expected = finding["ctx"]["expected"]
     words = [word.strip("' ") for word in expected.replace(" or ", ", ").split(", ")]
     close = did_you_mean(finding["input"], words) if isinstance(finding["input"], str) else ""
-    hint = close if close.startswith("did") else f"write one of {expected}"
-    return "study.value", f"should be one of {expected}", hint
+    return "study.value/choice", {"choices": expected, "hint": close if close.startswith("did") else None}
 
 
-def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any], page: str) -> tuple[str, str, str]:
+def _out_of_range(finding: ErrorDetails, context: Mapping[str, Any], page: str) -> tuple[str, dict[str, Any]]:
     message = finding["msg"].removeprefix("Input ")
-    return "study.value", message[:1].lower() + message[1:], f"give a value in the range of {page}"
+    return "study.value/range", {"rule": message[:1].lower() + message[1:], "page": page}
 
 
 def _keys(place: Place, finding: ErrorDetails, top: type[BaseModel]) -> tuple[str, ...]:
     """Keys of the table at `place`, from the models themselves."""
     tag = finding["loc"][2] if len(finding["loc"]) > 2 else None
     if place[:1] == ("residual",) and len(place) == 2:
-        return tuple(_kinds()[str(tag)].model_fields)
+        return tuple(TABLES[str(tag)].model_fields)
     model: type[BaseModel] | None = top
     for part in place:
         if model is not None and isinstance(part, str):

@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from femtune.files.study_file.kinds import Text
-from femtune.files.study_file.table import Table
+from femtune.files.study_file.kinds import Text, TomlTable
 
 
-class SelectTable(Table):
+class SelectTable(TomlTable):
     """[select]: which measures are added to those that need no choice."""
 
     energies: Literal["none", "parameters", "properties", "elements"] = "none"
@@ -23,7 +22,7 @@ def _listed(value: object) -> object:
     return (value,) if isinstance(value, str) else value
 
 
-class QuantifyTable(Table):
+class QuantifyTable(TomlTable):
     """[quantify]: repeated tests of one configuration, and how mean and covariance follow from them."""
 
     repeats: Annotated[tuple[Text, ...], BeforeValidator(_listed), Field(min_length=1)]

@@ -12,15 +12,19 @@ from typing import Any
 from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
-from femtune.files.study_file.lines import Place, line_numbers
-from femtune.files.study_file.plain import table, tables
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.rules import rules
-from femtune.files.study_file.source import Source
-from femtune.files.study_file.study import StudyFile
+from femtune.files.study_file.source import Place, StudyLines, line_numbers, table, tables
+from femtune.files.study_file.study import Given, StudyFile
 
 _LARGEST = 10_000_000
+_DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")
 _PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+
+
+def is_deck(path: str | Path) -> bool:
+    """True for a path that names a deck rather than a study."""
+    return Path(path).suffix.lower() in _DECK_SUFFIXES
 
 
 def read_study_file(path: str | Path) -> StudyFile:
@@ -39,15 +43,19 @@ def read_study_file(path: str | Path) -> StudyFile:
 def study_from_text(text: str, path: str | Path) -> StudyFile:
     """As `read_study_file`, from the text of a file at `path` that need not exist."""
     file = Path(path)
-    data = toml_data(text, file)
-    source = Source(str(file), line_numbers(text))
-    errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent)]
+    return study_from_data(toml_data(text, file), file, StudyLines(str(file), line_numbers(text)))
+
+
+def study_from_data(data: dict[str, Any], file: Path, source: StudyLines, given: Given | None = None) -> StudyFile:
+    """As `read_study_file`, from the data of a file; what is `given` as objects need not exist as files."""
+    given = given or Given()
+    errors: list[FemtuneError] = [*rules(data, source), *_missing_files(data, source, file.parent, given)]
     try:
         study = StudyFile.model_validate(data)
     except ValidationError as findings:
         errors = [*problems(findings, source), *errors]
     _raise_in_order(errors)
-    study._path, study._source = file, source
+    study._path, study._source, study._given = file, source, given
     return study
 
 
@@ -55,27 +63,24 @@ def toml_text(file: Path) -> str:
     """The text of a TOML file (errors ``study.missing-file``, ``study.syntax``)."""
     where = Where(str(file))
     if not file.is_file():
-        raise FemtuneError("study.missing-file", "there is no study file here", where=where, hint="check the path")
+        raise FemtuneError("study.missing-file/toml-text", where=where)
     try:
         content = file.read_bytes()
     except OSError as error:
-        what = f"the study file cannot be read: {error.strerror}"
-        raise FemtuneError("study.missing-file", what, where=where, hint="check its permissions") from error
+        raise FemtuneError("study.missing-file/toml-text-2", where=where, strerror=error.strerror) from error
     if len(content) > _LARGEST:
-        what = f"a file of {len(content) // 1_000_000} MB is no study"
-        raise FemtuneError("study.syntax", what, where=where, hint="a study has some thirty lines of TOML text")
+        raise FemtuneError("study.syntax/toml-text-2", where=where, n_content=len(content) // 1000000)
     try:
         return content.decode("utf-8").removeprefix("\ufeff").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         where = Where(str(file), line)
-        hint = "save the file as UTF-8"
-        raise FemtuneError("study.syntax", "this line is not UTF-8 text", where=where, hint=hint) from error
+        raise FemtuneError("study.syntax/toml-text", where=where) from error
 
 
 def toml_data(text: str, file: Path) -> dict[str, Any]:
     """What a TOML text holds, lists as tuples (error ``study.syntax``)."""
-    return {key: _frozen(value) for key, value in _parsed(text, file).items()}
+    return {key: frozen(value) for key, value in _parsed(text, file).items()}
 
 
 def _parsed(text: str, file: Path) -> dict[str, Any]:
@@ -85,16 +90,14 @@ def _parsed(text: str, file: Path) -> dict[str, Any]:
         message = "brackets are nested too deeply" if isinstance(error, RecursionError) else str(error)
         match = _PLACE.search(message)
         line = int(match[1]) if match and match[1] else text.count("\n") + 1 if match else None
-        what = f"this is not TOML: {_PLACE.sub('', message)}"
-        hint = 'TOML has lines such as  name = "text",  count = 8,  values = [1, 2]  under headings such as [modes]'
-        raise FemtuneError("study.syntax", what, where=Where(str(file), line), hint=hint) from error
+        raise FemtuneError("study.syntax/parsed", where=Where(str(file), line), sub=_PLACE.sub("", message)) from error
 
 
-def _frozen(value: Any) -> Any:
+def frozen(value: Any) -> Any:
     """Lists become tuples: a study is frozen."""
     if isinstance(value, dict):
-        return {key: _frozen(entry) for key, entry in value.items()}
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+        return {key: frozen(entry) for key, entry in value.items()}
+    return tuple(map(frozen, value)) if isinstance(value, list | tuple) else value
 
 
 def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
@@ -113,13 +116,16 @@ def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
         yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
 
 
-def _missing_files(data: dict[str, Any], source: Source, folder: Path) -> Iterator[FemtuneError]:
+def _missing_files(data: dict[str, Any], source: StudyLines, folder: Path, given: Given) -> Iterator[FemtuneError]:
     for place, name, what in _named_files(data):
+        of_model = given.model is not None and place[0] in ("study", "matrix")
+        if of_model or (isinstance(name, str) and name in given.tests):
+            continue
         if isinstance(name, str) and name and not _is_file(folder / name):
             values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
-            hint = "paths are relative to the study file; check name and place"
-            state = "is a folder or device, not a file" if os.path.exists(folder / name) else "does not exist"
-            yield source.error(place, "study.missing-file", f"the {what} {state}", values, hint)
+            there = os.path.exists(folder / name)
+            code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
+            yield source.error(place, code, values, file_of=what)
 
 
 def _is_file(path: Path) -> bool:

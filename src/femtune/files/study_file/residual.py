@@ -1,43 +1,172 @@
 """[[residual]]: one comparison in one configuration; the key `kind` says which, docs/study-file.md the other keys.
 
-A further kind is a table here, its name in `ResidualEntry`, and a builder in `femtune.study.residual_builders`.
+A further kind is a table here with its name in `ResidualEntry`, and the class of that key in `femtune.residuals`. The
+tables stand apart from the classes so that a study is checked without the numerical packages.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field
 
-from femtune.files.study_file.kinds import Covariance, DofLabel, FrequencySd, NotNegative, Positive, Text, Vector
-from femtune.files.study_file.residual_frf import AntiresonanceResidualEntry, FrfResidualEntry
-from femtune.files.study_file.table import Table
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.kinds import (
+    Covariance,
+    DofLabel,
+    FrequencySd,
+    NotNegative,
+    Positive,
+    Spread,
+    Text,
+    TomlTable,
+    Vector,
+)
+from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, MethodWord, Ratio
+from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 
-Labels = Annotated[tuple[Text, ...], Field(min_length=1)]
-Sensors = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
 Scale = Literal["unit-norm", "largest-entry", "scale-factor", "mass"]
-Displacements = Annotated[dict[DofLabel, float], Field(min_length=1)]
 
 
-class ResidualTable(Table):
-    """What all kinds have: the configuration, which a study of several must name."""
+@dataclass(frozen=True)
+class Breach:
+    """A rule between the keys of a table that is broken: at which key ("" for the table), and what to do."""
+
+    key: str
+    code: str
+    values: Data = field(default_factory=dict)
+    facts: Data = field(default_factory=dict)
+
+
+class ResidualTable(TomlTable):
+    """What all kinds have: the configuration, which a study of several must name.
+
+    `covariance_of_test` is True for kinds whose covariance a test may give.
+    """
+
+    covariance_of_test: ClassVar[bool] = False
 
     configuration: Text | None = None
+
+    @classmethod
+    def breaches(cls, given: Data) -> Iterator[Breach]:
+        """Rules between the keys of a table, of plain data: what has a wrong type is left to the model."""
+        both = [key for key in ("sd", "covariance") if key in given]
+        if "covariance" in cls.model_fields and len(both) != 1:
+            code = "residual.weights/both" if both else "residual.weights/neither"
+            yield Breach("".join(both[-1:]), code)
+        if given.get("covariance") == "test" and not cls.covariance_of_test:
+            yield Breach("covariance", "residual.weights/not-of-test")
+        if number(given, "sd") == 0:
+            yield Breach("sd", "residual.zero-variance/table", {"sd": given["sd"]})
+
+
+# ----------------------------------------------------------------------------------------------------
+# [[residual]] of measured FRFs: the functions themselves, and their antiresonances.
+
+
+class MeasuredFunctionsTable(ResidualTable):
+    """Some of the test's functions in a band, and the modes that the model's are made of."""
+
+    outputs: Labels | None = None
+    inputs: Labels | None = None
+    from_hz: Hertz = 0.0
+    to_hz: HertzAboveZero | None = None
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    max_hz: HertzAboveZero | None = None
+
+    @classmethod
+    def breaches(cls, given: Data) -> Iterator[Breach]:
+        """The band rises, and of keys that exclude each other one is given."""
+        yield from super().breaches(given)
+        low, high = number(given, "from_hz") or 0.0, number(given, "to_hz")
+        if high is not None and low >= high:
+            yield Breach("to_hz", "study.response-lines/band", {"from_hz": low, "to_hz": high})
+        if "count" in given and "max_hz" in given:
+            yield Breach("max_hz", "study.modes/residual")
+        if "ratio" in given and "ratios" in given:
+            yield Breach("ratios", "study.response-ratios/residual")
+
+
+_AROUND_RESONANCES = ("modes", "bandwidths", "lines", "aligned", "region_ratio")
+
+
+class FrfResidualEntry(MeasuredFunctionsTable):
+    """FRFs, line by line."""
+
+    kind: Literal["frf"]
+    modes: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    form: Literal["linear", "log-magnitude", "log-complex"] = "log-complex"
+    around: Literal["band", "resonances"] = "band"
+    most: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    bandwidths: Positive = 2.0
+    lines: Annotated[int, Field(ge=1, le=1000)] = 3
+    aligned: bool = False
+    region_ratio: Annotated[float, Field(gt=0, lt=1)] | None = None
+    sd: NotNegative | None = None
+    floor: NotNegative = 0.0
+    averages: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    method: MethodWord = "real modes"
+    residual_vectors: bool = True
+    ratio: Ratio | None = None
+    ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = None
+
+    @classmethod
+    def breaches(cls, given: Data) -> Iterator[Breach]:
+        """Keys of a band and keys of resonances exclude each other."""
+        yield from super().breaches(given)
+        around = given.get("around", "band")
+        resonances = around == "resonances"
+        for key in ("from_hz", "to_hz", "most") if resonances else _AROUND_RESONANCES:
+            if key in given:
+                code = "study.residual-lines" if resonances else "study.residual-lines/band"
+                yield Breach(key, code, {"around": around}, {"key": key})
+
+
+class AntiresonanceResidualEntry(MeasuredFunctionsTable):
+    """Antiresonances; "test" takes the scatter with which each is found."""
+
+    kind: Literal["antiresonance"]
+    sd: FrequencySd = 0.01
+    frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
+    mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
+    depth: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    half_width: Annotated[int, Field(ge=2, le=1000)] = 4
+    most_damping: Annotated[float, Field(gt=0, lt=1)] = 0.05
+
+
+ModeLabels = Annotated[tuple[Text, ...], Field(min_length=1)]
+Sensors = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
+Displacements = Annotated[dict[DofLabel, float], Field(min_length=1)]
 
 
 class OfModesTable(ResidualTable):
     """Of modes: all of the test that are not left out, or those of some labels."""
 
-    modes: Labels | None = None
+    modes: ModeLabels | None = None
 
 
 class FrequencyResidualEntry(OfModesTable):
     """Frequencies, relative, or eigenvalues; `covariance` is in Hz², of all modes of the test."""
 
+    covariance_of_test = True
+
     kind: Literal["frequency"]
     form: Literal["frequency", "eigenvalue"] = "frequency"
     sd: FrequencySd | None = None
     covariance: Covariance | None = None
+
+    @property
+    def sd_of_frequency(self) -> float | None:
+        """Relative standard deviation of a frequency; None where the table does not state one number."""
+        if isinstance(self.sd, str) or self.sd is None:
+            return None
+        # a relative error of λ = ω² is twice that of the frequency
+        return self.sd / (2.0 if self.form == "eigenvalue" else 1.0)
 
 
 class ShapeResidualEntry(OfModesTable):
@@ -156,3 +285,96 @@ ResidualEntry = Annotated[
     Field(discriminator="kind"),
 ]
 """Any kind of residual."""
+
+TABLES: Mapping[str, type[ResidualTable]] = {
+    get_args(table.model_fields["kind"].annotation)[0]: table for table in get_args(get_args(ResidualEntry)[0])
+}
+"""The table of each kind."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# [residuals]: frequencies and shapes in all configurations with modes, in short.
+
+
+class ResidualsTable(TomlTable):
+    """[residuals]: what the update compares in all configurations with modes, and how their scatter is known."""
+
+    frequency_sd: FrequencySd = 0.01
+    shape_sd: Spread = 0.0
+    shape_form: Literal["difference", "mac"] = "difference"
+    frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
+    shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
+    scatter: Literal["stated", "estimated"] = "stated"
+
+    @property
+    def _shape_kind(self) -> str:
+        return "mac" if self.shape_form == "mac" else "shape"
+
+    def comparisons(self, alone: bool) -> Iterator[Comparison]:
+        """The same as [[residual]] tables; beside others (not `alone`) frequencies only where a key says how well."""
+        place = ("residuals",)
+        if self.frequency_sd and (alone or "frequency_sd" in self.model_fields_set):
+            of_frequency = FrequencyResidualEntry(kind="frequency", form=self.frequency_form, sd=self.frequency_sd)
+            yield Comparison(of_frequency, place, short=True)
+        if self.shape_sd and self._shape_kind == "mac":
+            yield Comparison(MacResidualEntry(kind="mac", sd=self.shape_sd), place, short=True)
+        elif self.shape_sd:
+            of_shape = ShapeResidualEntry(kind="shape", scaling=self.shape_scaling, sd=self.shape_sd)
+            yield Comparison(of_shape, place, short=True)
+
+    def kinds_of_stage(self, named: tuple[str, ...]) -> frozenset[str]:
+        """Kinds that a stage names: "shape" is what shape_form says."""
+        return frozenset(named) | ({self._shape_kind} if "shape" in named else frozenset())
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One comparison of a study: its table, and where that stands; `short` for what [residuals] says."""
+
+    entry: ResidualEntry
+    place: Place
+    short: bool = False
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between [residuals], [[residual]] and the configurations.
+
+
+def residual_rules(data: Data, source: StudyLines) -> Problems:
+    """All breaches."""
+    yield from _modes(data, source)
+    for place, entry in tables(data, "residual"):
+        yield from _configuration(data, place, entry, source)
+        model = TABLES.get(str(entry.get("kind")))
+        for b in model.breaches(entry) if model is not None else ():
+            yield source.error((*place, *([b.key] if b.key else [])), b.code, b.values, **b.facts)
+
+
+def _modes(data: Data, source: StudyLines) -> Problems:
+    residuals = table(data, "residuals")
+    silent = number(residuals, "frequency_sd") == 0 and not residuals.get("shape_sd")
+    if silent and not data.get("residual"):
+        yield source.error(("residuals", "frequency_sd"), "study.nothing-compared", residuals)
+
+
+def _configuration(data: Data, place: Place, entry: Data, source: StudyLines) -> Problems:
+    known = {str(c.get("name")): c for _, c in tables(data, "configuration")}
+    name = entry.get("configuration")
+    if name is None:
+        if len(known) > 1:
+            yield source.error(
+                place,
+                "study.residual-configuration/configuration-2",
+                {"configurations": list(known)},
+                iter=next(iter(known)),
+            )
+        return
+    where = (*place, "configuration")
+    if known and isinstance(name, str) and name not in known:
+        yield source.error(
+            where, "study.residual-configuration/configuration", {}, hint=did_you_mean(name, known), name=name
+        )
+    elif not known:
+        yield source.error(where, "study.residual-configuration/none", {})
+    elif known.get(str(name), {}).get("use") == "validation":
+        yield source.error(where, "study.residual-configuration/configuration-3", {}, name=name)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from femtune.files.study_file.kinds import DofLabel, Positive, Text
-from femtune.files.study_file.table import Table
+from femtune.errors import FemtuneError
+from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
+from femtune.files.study_file.source import StudyLines, named_twice, number, table, tables
 
 Labels = Annotated[tuple[DofLabel, ...], Field(min_length=1)]
 Ratio = Annotated[float, Field(ge=0, lt=1)]
@@ -18,7 +20,7 @@ MethodWord = Literal["real modes", "complex modes", "direct"]
 MOST_LINES = 1_000_000
 
 
-class ResponseTable(Table):
+class ResponseTable(TomlTable):
     """[response]: which FRFs, on which lines, by which way, with which damping."""
 
     kind: Literal["receptance", "mobility", "accelerance"] = "accelerance"
@@ -37,9 +39,62 @@ class ResponseTable(Table):
     ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = None
 
 
-class LoadEntry(Table):
+class LoadEntry(TomlTable):
     """[[load]]: forces whose static displacements are wanted."""
 
     name: Text
     forces: Annotated[dict[DofLabel, float], Field(min_length=1)]
     outputs: Labels | None = None
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between the keys of [response] and [[load]].
+
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+_LINES = ("from_hz", "to_hz", "step_hz", "lines")
+
+
+def response_rules(data: Data, source: StudyLines) -> Problems:
+    """All breaches."""
+    response = table(data, "response")
+    yield from _frequencies(response, source)
+    yield from _alternatives(response, source)
+    yield from named_twice(list(tables(data, "load")), "study.duplicate-name/earlier", source)
+
+
+def _frequencies(response: Data, source: StudyLines) -> Problems:
+    problem = _problem(response)
+    if problem:
+        key, code, facts = problem
+        shown = {k: response[k] for k in _LINES if k in response}
+        yield source.error(("response", key), code, shown, **facts)
+
+
+def _problem(response: Data) -> tuple[str, str, dict[str, Any]] | None:
+    """Key, code and facts of what is wrong."""
+    low, high, step = (number(response, key) for key in _LINES[:3])
+    if "step_hz" in response and "lines" in response:
+        return "lines", "study.response-lines/step-and-number", {}
+    for key in ("step_hz", "lines"):
+        missing = [k for k in ("from_hz", "to_hz") if k not in response]
+        if key in response and missing:
+            return key, "study.response-lines/no-band", {"key": key, "missing": " and ".join(missing)}
+    if low is None or high is None:
+        return None
+    if low > high or (low == high and response.get("lines") != 1):
+        return "to_hz", "study.response-lines", {}
+    if step is not None and step > 0.0 and (high - low) / step > MOST_LINES:
+        return "step_hz", "study.response-lines/too-many", {"most": MOST_LINES}
+    return None
+
+
+def _alternatives(response: Data, source: StudyLines) -> Problems:
+    if "modes" in response and "max_hz" in response:
+        shown = {key: response[key] for key in ("modes", "max_hz")}
+        yield source.error(("response", "max_hz"), "study.modes/alternatives", shown)
+    if "ratio" in response and "ratios" in response:
+        shown = {key: response[key] for key in ("ratio", "ratios")}
+        yield source.error(("response", "ratios"), "study.response-ratios", shown)

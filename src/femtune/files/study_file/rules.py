@@ -11,17 +11,14 @@ from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.derived import derived_rules
-from femtune.files.study_file.generic import generic_rules
-from femtune.files.study_file.lines import Place
-from femtune.files.study_file.matrices import matrix_rules
-from femtune.files.study_file.parameter_rules import parameter_rules
-from femtune.files.study_file.plain import named_twice, table, tables, texts
-from femtune.files.study_file.residual_rules import residual_rules
-from femtune.files.study_file.response_rules import response_rules
-from femtune.files.study_file.source import Source
-from femtune.files.study_file.stage_rules import stage_rules
+from femtune.files.study_file.matrices import generic_rules, matrix_rules
+from femtune.files.study_file.parameter import parameter_rules
+from femtune.files.study_file.residual import residual_rules
+from femtune.files.study_file.response import response_rules
+from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
+from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
-from femtune.files.study_file.validation_rules import validation_rules
+from femtune.files.study_file.validation import validation_rules
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -29,7 +26,7 @@ Problems = Iterator[FemtuneError]
 _ABOUT_THE_TEST = ("records", "test_units", "mode_labels", "rotation", "origin", "leave_out", "pairs")
 
 
-def rules(data: Data, source: Source) -> Problems:
+def rules(data: Data, source: StudyLines) -> Problems:
     """All breaches of rules between keys."""
     yield from matrix_rules(data, source)
     yield from _modes(data, source)
@@ -45,53 +42,45 @@ def rules(data: Data, source: Source) -> Problems:
     yield from validation_rules(data, source)
 
 
-def _modes(data: Data, source: Source) -> Problems:
+def _modes(data: Data, source: StudyLines) -> Problems:
     modes = table(data, "modes")
     if "count" in modes and "max_hz" in modes:
-        hint = "keep count (that many modes) or max_hz (all modes up to it)"
-        yield source.error(("modes", "max_hz"), "study.modes", "[modes] has both count and max_hz", modes, hint)
+        yield source.error(("modes", "max_hz"), "study.modes", modes)
 
 
-def _configurations(data: Data, source: Source) -> Problems:
+def _configurations(data: Data, source: StudyLines) -> Problems:
     entries = list(tables(data, "configuration"))
-    yield from named_twice(entries, "study.duplicate-name", source)
+    yield from named_twice(entries, "study.duplicate-name/earlier", source)
     if entries and "test" in data:
-        hint = "write test = … into each [[configuration]], and remove [test]"
-        what = "[test] is for studies without [[configuration]]"
-        yield source.error(("test",), "study.test-unused", what, {}, hint)
+        yield source.error(("test",), "study.test-unused", {})
     for place, entry in entries:
         yield from _without_test(place, entry, source)
         yield from _test_modes(place, entry, source)
     yield from _test_modes(("test",), table(data, "test"), source)
 
 
-def _without_test(place: Place, entry: Data, source: Source) -> Problems:
+def _without_test(place: Place, entry: Data, source: StudyLines) -> Problems:
     for key in _ABOUT_THE_TEST:
         if key in entry and "test" not in entry:
-            what = f"'{key}' speaks of a test, but this configuration has none"
-            yield source.error((*place, key), "study.no-test", what, {}, 'add test = "…", or remove the key')
+            yield source.error((*place, key), "study.no-test/without-test", {}, key=key)
 
 
-def _test_modes(place: Place, entry: Data, source: Source) -> Problems:
+def _test_modes(place: Place, entry: Data, source: StudyLines) -> Problems:
     labels = texts(entry.get("mode_labels"))
     for label in sorted({label for label in labels if labels.count(label) > 1}):
-        yield source.error(
-            (*place, "mode_labels"), "study.duplicate-name", f"two modes are called '{label}'", {}, "rename one"
-        )
+        yield source.error((*place, "mode_labels"), "study.duplicate-name", {}, label=label)
     for at, left in tables(entry, "leave_out"):
         if ("mode" in left) == ("hz" in left):
-            what = "a mode is left out by its label (mode) or by its frequency (hz), one of the two"
-            yield source.error((*place, *at), "study.leave-out", what, {"leave_out": left}, 'write mode = "…"')
+            yield source.error((*place, *at), "study.leave-out", {"leave_out": left})
         yield from _known_label((*place, *at, "mode"), left.get("mode"), labels, source)
     for at, pair in tables(entry, "pairs"):
         yield from _known_label((*place, *at, "test"), pair.get("test"), labels, source)
 
 
-def _known_label(place: Place, label: object, labels: list[str], source: Source) -> Problems:
+def _known_label(place: Place, label: object, labels: list[str], source: StudyLines) -> Problems:
     if labels and isinstance(label, str) and label not in labels:
-        what = f"'{label}' is not in mode_labels"
-        yield source.error(place, "study.unknown-mode", what, {}, did_you_mean(label, labels))
+        yield source.error(place, "study.unknown-mode/known-label", {}, hint=did_you_mean(label, labels), label=label)
 
 
-def _sensors(data: Data, source: Source) -> Problems:
-    yield from named_twice(list(tables(data, "sensor")), "study.duplicate-name", source)
+def _sensors(data: Data, source: StudyLines) -> Problems:
+    yield from named_twice(list(tables(data, "sensor")), "study.duplicate-name/earlier", source)

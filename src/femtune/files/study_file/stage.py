@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from femtune.files.study_file.kinds import NotNegative, Positive, Text
-from femtune.files.study_file.table import Table
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable, is_number
+from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
 
 
-class StageEntry(Table):
+class StageEntry(TomlTable):
     """What moves, what it is compared with, and from where else it starts."""
 
     name: Text
@@ -25,3 +27,89 @@ class StageEntry(Table):
     prior: bool = True
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between [[stage]] and the tables that it names.
+
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+RESONANCES = "resonances"
+"""What a stage may compare besides the kinds of residual: measured FRFs about the resonances of paired modes."""
+BY_THEMSELVES = ("frequency", "shape", RESONANCES)
+"""What needs no [[residual]]: the first two are compared as [residuals] says."""
+
+_OF_ONE_UPDATE = ("starts", "seed", "hops", "first")
+
+
+def stage_rules(data: Data, source: StudyLines) -> Problems:
+    """All breaches."""
+    entries = list(tables(data, "stage"))
+    yield from named_twice(entries, "study.duplicate-name/earlier", source)
+    if entries:
+        yield from _update(data, source)
+    for place, entry in entries:
+        yield from _names((*place, "configurations"), entry, _configurations(data), "configuration", source)
+        yield from _names((*place, "parameters"), entry, _parameters(data), "free parameter", source)
+        yield from _names((*place, "residuals"), entry, _kinds(data), "kind of residual of this study", source)
+        yield from _doubled((*place, "parameters"), entry, source)
+        yield from _seeds(place, entry, data, source)
+
+
+def _update(data: Data, source: StudyLines) -> Problems:
+    update = table(data, "update")
+    if update.get("regularisation", "none") != "none":
+        yield source.error(("update", "regularisation"), "study.stage/update", {})
+    for key in _OF_ONE_UPDATE:
+        if key in update:
+            yield source.error(("update", key), "study.stage/update-3", {}, key=key)
+    if "reduction" in data:
+        yield source.error(("reduction",), "study.stage/update-2", {})
+
+
+def _configurations(data: Data) -> list[str]:
+    found = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
+    return [str(entry.get("name")) for entry in found]
+
+
+def _parameters(data: Data) -> list[str]:
+    return [str(entry.get("name")) for _, entry in tables(data, "parameter") if "tie" not in entry]
+
+
+def _kinds(data: Data) -> list[str]:
+    return [*BY_THEMSELVES, *dict.fromkeys(str(entry.get("kind")) for _, entry in tables(data, "residual"))]
+
+
+def _names(place: Place, entry: Data, known: list[str], what: str, source: StudyLines) -> Problems:
+    for i, name in enumerate(texts(entry.get(str(place[-1])))):
+        if name not in known:
+            yield source.error(
+                (*place, i), "study.stage/names", {}, hint=did_you_mean(name, known), name=name, subject=what
+            )
+
+
+def _doubled(place: Place, entry: Data, source: StudyLines) -> Problems:
+    names = texts(entry.get("parameters"))
+    for name in dict.fromkeys(n for n in names if names.count(n) > 1):
+        yield source.error(place, "study.stage/doubled", {}, name=name)
+
+
+def _seeds(place: Place, entry: Data, data: Data, source: StudyLines) -> Problems:
+    bounds = {str(p.get("name")): (p.get("lower"), p.get("upper")) for _, p in tables(data, "parameter")}
+    seeds = entry.get("seeds", ())
+    for i, seed in enumerate(seeds if isinstance(seeds, tuple) else ()):
+        for name, value in seed.items() if isinstance(seed, dict) else ():
+            where = (*place, "seeds", i)
+            if name not in texts(entry.get("parameters")):
+                yield source.error(where, "study.stage/seed-parameter", {}, name=name)
+            elif not _inside(value, bounds.get(name, (None, None))):
+                yield source.error(where, "study.stage/seeds", {name: value}, name=name)
+
+
+def _inside(value: object, bounds: tuple[object, object]) -> bool:
+    """True also where a type is wrong, which the models judge."""
+    if not all(map(is_number, (value, *bounds))):
+        return True
+    return bounds[0] <= value <= bounds[1]  # type: ignore[operator]

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
-from femtune.files.study_file.generic import GenericEntry
-from femtune.files.study_file.matrices import MatrixEntry, ModelTable, VariableEntry
+from femtune.files.study_file.kinds import TomlTable
+from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
-from femtune.files.study_file.residual import ResidualEntry
+from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
-from femtune.files.study_file.source import Source
+from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
-from femtune.files.study_file.steps import (
+from femtune.files.study_file.step_tables import (
     CorrelateTable,
     ModesTable,
     OutputTable,
     ReductionTable,
-    ResidualsTable,
     RigidFloorEntry,
     SensorEntry,
     SensorsTable,
@@ -30,11 +32,34 @@ from femtune.files.study_file.steps import (
     UpdateTable,
     WriteTable,
 )
-from femtune.files.study_file.table import Table
 from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
 
+if TYPE_CHECKING:
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.testdata import ModalTest
 
-class StudyFile(Table):
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a study was given as objects, in place of files.
+
+    Parameters
+    ----------
+    model : the deck or the matrices, read
+    tests : by the name under which the study has them as files
+    residuals : further comparisons, of classes that the study file has no word for
+    text : what stands for the study file; None where there is one
+    units_known : False for a deck alone, which tells none
+    """
+
+    model: BuiltModel | None = None
+    tests: Mapping[str, ModalTest] = field(default_factory=dict)
+    residuals: tuple[Any, ...] = ()
+    text: str | None = None
+    units_known: bool = True
+
+
+class StudyFile(TomlTable):
     """A study: attributes are the tables of the file, in its words.
 
     Files named inside are relative to the study file; `path_of` says where they are.
@@ -70,12 +95,18 @@ class StudyFile(Table):
     output: OutputTable = Field(default_factory=OutputTable)
 
     _path: Path = PrivateAttr(default=Path("study.toml"))
-    _source: Source = PrivateAttr(default=Source("study.toml"))
+    _source: StudyLines = PrivateAttr(default=StudyLines("study.toml"))
+    _given: Given = PrivateAttr(default_factory=Given)
 
     @property
     def path(self) -> Path:
         """The study file itself."""
         return self._path
+
+    @property
+    def given(self) -> Given:
+        """What it was given as objects."""
+        return self._given
 
     @property
     def configurations(self) -> tuple[ConfigurationEntry, ...]:
@@ -84,6 +115,12 @@ class StudyFile(Table):
         That is called "as the deck", or "as imported" where the model is made of matrices.
         """
         return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
+
+    @property
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """All that is compared: what [residuals] says, and every [[residual]]."""
+        tables = (Comparison(entry, ("residual", i)) for i, entry in enumerate(self.residual))
+        return (*self.residuals.comparisons(alone=not self.residual), *tables)
 
     @property
     def deck_path(self) -> Path:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from femtune.files.study_file.kinds import DofLabel, Positive, Text
-from femtune.files.study_file.table import Table
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
+from femtune.files.study_file.source import Place, StudyLines, table, tables
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
-class HoldOutEntry(Table):
+class HoldOutEntry(TomlTable):
     """[[hold_out]]: modes and sensors of a configuration's test that the update does not see."""
 
     configuration: Text | None = None
@@ -22,7 +24,7 @@ class HoldOutEntry(Table):
     sensors: tuple[DofLabel, ...] = ()
 
 
-class ValidateTable(Table):
+class ValidateTable(TomlTable):
     """[validate]: criteria of a standard or own ones, and the scatter of the tests that they judge."""
 
     profile: Literal["all", "NASA", "MIL", "ECSS", "own"] = "all"
@@ -41,7 +43,7 @@ class ValidateTable(Table):
         return {name: value for name, value in found.items() if value is not None}
 
 
-class ChecksTable(Table):
+class ChecksTable(TomlTable):
     """[checks]: what is asked of the model before it is updated."""
 
     refinement: bool = False
@@ -51,3 +53,38 @@ class ChecksTable(Table):
 
 OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error")
 """Keys of [validate] that are limits of criteria."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between the keys of [validate] and [[hold_out]].
+
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+_WHAT = ("modes", "above_hz", "below_hz", "sensors")
+
+
+def validation_rules(data: Data, source: StudyLines) -> Problems:
+    """Own criteria have numbers; what is held out exists and belongs to the update."""
+    validate = table(data, "validate")
+    if validate.get("profile") == "own" and not any(key in validate for key in OWN_LIMITS):
+        yield source.error(("validate", "profile"), "study.no-criteria", {})
+    configurations = {e["name"]: e for _, e in tables(data, "configuration") if isinstance(e.get("name"), str)}
+    for place, entry in tables(data, "hold_out"):
+        if not any(entry.get(key) for key in _WHAT):
+            yield source.error(place, "study.hold-out/validation-rules", {})
+        yield from _configuration(place, entry, configurations, source)
+
+
+def _configuration(place: Place, entry: Data, known: dict[str, Data], source: StudyLines) -> Problems:
+    name = entry.get("configuration")
+    if not isinstance(name, str):
+        return
+    if name not in known:
+        hint = did_you_mean(name, known) or "remove the key: the study has one configuration only"
+        yield source.error((*place, "configuration"), "study.hold-out/configuration", {}, hint=hint, name=name)
+    elif "test" not in known[name]:
+        yield source.error((*place, "configuration"), "study.hold-out/configuration-2", {}, name=name)
+    elif known[name].get("use") == "validation":
+        yield source.error((*place, "configuration"), "study.hold-out/configuration-3", {}, name=name)

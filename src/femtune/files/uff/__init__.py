@@ -1,11 +1,17 @@
 """Universal File Format: tests in and out."""
 
-from femtune.files.uff.function_records import FunctionHeader, MeasuredFunction
-from femtune.files.uff.mode_records import ModeRecord
-from femtune.files.uff.read import UffContent, read_uff
-from femtune.files.uff.scan import DataSet, scan_uff
-from femtune.files.uff.write import write_uff_modes
-from femtune.files.uff.write_frfs import force_unit, write_uff_frfs
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.files.uff.measured_functions import FunctionHeader, MeasuredFunction
+    from femtune.files.uff.mode_records import ModeRecord
+    from femtune.files.uff.read import UffContent, UffFile, read_uff
+    from femtune.files.uff.scan import DataSet, scan_uff
+    from femtune.files.uff.write import force_unit, write_uff_frfs, write_uff_modes
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "DataSet",
@@ -13,6 +19,7 @@ __all__ = [
     "MeasuredFunction",
     "ModeRecord",
     "UffContent",
+    "UffFile",
     "force_unit",
     "read_uff",
     "scan_uff",

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+import tempfile
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
 
+from femtune._optional import require
 from femtune.files.uff.scan import DataSet
 
 _SHORT_EXPONENT = re.compile(r"(\d\.?)([+-]\d{3})$")
@@ -32,8 +36,7 @@ def as_float(text: str, data_set: DataSet, i: int) -> float:
     plain = _SHORT_EXPONENT.sub(r"\1E\2", with_e_exponents(text.strip()))
     value = float(plain) if _FLOAT.fullmatch(plain) else math.nan
     if not math.isfinite(value):
-        what = f"'{text.strip()[:30]}' is not a finite number"
-        raise data_set.error("uff.value", what, i, hint="a measured value must be a number; export it again")
+        raise data_set.error("uff.value", i, text=text.strip()[:30])
     return value
 
 
@@ -43,15 +46,14 @@ def as_int(text: str, data_set: DataSet, i: int, *, blank: int | None = None) ->
     if not stripped and blank is not None:
         return blank
     if not re.fullmatch(r"[+-]?\d{1,10}", stripped, re.ASCII) or abs(int(stripped)) >= 2**31:
-        what = f"'{stripped[:30]}' is not an integer"
-        raise data_set.error("uff.value", what, i, hint="the columns of this record may be shifted")
+        raise data_set.error("uff.value/as-int", i, stripped=stripped[:30])
     return int(stripped)
 
 
 def node_number(value: float, data_set: DataSet) -> int:
     """A node or system number that pyuff gives as a float (error ``uff.value``)."""
     if not (math.isfinite(value) and value == int(value) and 0 <= value < 2**31):
-        raise data_set.error("uff.value", f"{value} is not a node or system number")
+        raise data_set.error("uff.value/node-number", value=value)
     return int(value)
 
 
@@ -59,11 +61,10 @@ def line_at(data_set: DataSet, i: int) -> str:
     """Text line `i`, which must be there (error ``uff.truncated``)."""
     if i >= len(data_set.lines):
         raise data_set.error(
-            "uff.truncated",
-            f"data set {data_set.number} ends too early",
+            "uff.truncated/line-at",
             max(len(data_set.lines) - 1, 0),
             values={"lines expected": f"at least {i + 1}", "lines found": len(data_set.lines)},
-            hint="the data set was cut: export or copy the file again",
+            data_set_number=data_set.number,
         )
     return data_set.lines[i]
 
@@ -71,11 +72,53 @@ def line_at(data_set: DataSet, i: int) -> str:
 def check_count(data_set: DataSet, what: str, expected: int, found: int, i: int | None = None) -> None:
     """Too few is ``uff.truncated``, too many ``uff.count``."""
     if expected != found:
-        code = "uff.truncated" if found < expected else "uff.count"
-        raise data_set.error(
-            code,
-            f"data set {data_set.number} does not hold the {what} that it declares",
-            i,
-            values={"expected": expected, "found": found},
-            hint="the file was cut or edited: export or copy it again",
-        )
+        code = "uff.truncated/count" if found < expected else "uff.count"
+        values = {"expected": expected, "found": found}
+        raise data_set.error(code, i, values=values, data_set=data_set.number, counted=what)
+
+
+# ----------------------------------------------------------------------------------------------------
+# One data set at a time through pyuff, whose errors become ours.
+#
+# pyuff is used for 15, 18, 58, 58b, 82, 164, 2411 and 2420, where its values are right once the frame of the data set
+# is known to be whole. It is given a clean copy (line ends, trailing blanks, D exponents), and what comes back is
+# counted by the callers. It is not used for 55 (it cannot hold complex rotations, shifts where a record takes two
+# lines, and refuses D exponents), for 2412 (elements of more than eight nodes go wrong), nor for 151.
+
+
+_VERBATIM = {18: lambda i: i % 4 == 1, 58: lambda i: i < 11 and i != 6, 82: lambda i: i == 1}
+"""Lines that hold names, not numbers, by data set."""
+
+
+def through_pyuff(data_set: DataSet) -> dict[str, Any]:
+    """What pyuff reads from one data set.
+
+    Raises
+    ------
+    FemtuneError : ``uff.unreadable`` when pyuff fails, sees another data set, or leaves keys out
+    """
+    pyuff = require("pyuff")
+    with tempfile.TemporaryDirectory(prefix="femtune-uff-") as folder:
+        path = Path(folder) / "one.uff"
+        path.write_bytes(_clean_copy(data_set))
+        try:
+            file = pyuff.UFF(str(path))
+            types = [int(number) for number in file.get_set_types()]
+            values = file.read_sets(0) if types == [data_set.number] else None
+        # pyuff raises bare Exception for whatever it stumbles on.
+        except Exception as problem:
+            raise _unreadable(data_set, str(problem)) from problem
+    if not isinstance(values, dict):
+        raise _unreadable(data_set, f"it sees the data sets {types} in it")
+    return values
+
+
+def _clean_copy(data_set: DataSet) -> bytes:
+    verbatim = _VERBATIM.get(data_set.number, lambda i: False)
+    lines = [text if verbatim(i) else with_e_exponents(text) for i, text in enumerate(data_set.lines)]
+    text = "\n".join(["    -1", data_set.head, *lines, ""])
+    return text.encode() + data_set.payload + b"    -1\n"
+
+
+def _unreadable(data_set: DataSet, reason: str) -> Any:
+    return data_set.error("uff.unreadable", data_set_number=data_set.number, reason=reason)

@@ -9,11 +9,143 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import Notice
-from femtune.files.uff.fields import as_float, as_int, check_count, fixed, line_at, node_number
+from femtune.files.uff.fields import as_float, as_int, check_count, fixed, line_at, node_number, through_pyuff
 from femtune.files.uff.scan import DataSet
-from femtune.files.uff.systems import GLOBAL, SPHERICAL, CoordinateSystem, read_systems
-from femtune.files.uff.through_pyuff import through_pyuff
 from femtune.testdata import NO_GEOMETRY, WireFrame
+
+# ----------------------------------------------------------------------------------------------------
+# Data sets 18 and 2420: the coordinate systems that nodes refer to.
+
+
+CARTESIAN, CYLINDRICAL, SPHERICAL = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class UffCoordinateSystem:
+    """`rows` (3, 3): row k is axis k in global components; `origin` (3,); `kind` as in the format."""
+
+    number: int
+    kind: int
+    rows: NDArray[np.float64]
+    origin: NDArray[np.float64]
+
+    def to_global(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(3,) global coordinates of a point given in this system; angles in degrees."""
+        if self.kind == CARTESIAN:
+            return self.origin + point @ self.rows
+        radius, angle, height = point
+        turn = np.radians(angle)
+        return self.origin + np.array([radius * np.cos(turn), radius * np.sin(turn), height]) @ self.rows
+
+    def axes_at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(3, 3) directions at a global position, one a row: radial, tangential, axial where cylindrical."""
+        if self.kind == CARTESIAN:
+            return self.rows
+        x, y, _ = self.rows @ (position - self.origin)
+        turn = np.arctan2(y, x)
+        local = [[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
+        return np.array(local) @ self.rows
+
+
+GLOBAL = UffCoordinateSystem(0, CARTESIAN, np.eye(3), np.zeros(3))
+
+
+def read_systems(sets: Iterable[DataSet]) -> dict[int, tuple[UffCoordinateSystem, DataSet]]:
+    """The coordinate systems of a file by number, with the data set that each comes from.
+
+    Raises
+    ------
+    FemtuneError : ``uff.truncated``, ``uff.value``, ``uff.unreadable``, ``uff.coordinate-system`` (no axes,
+        unknown reference, unknown kind, or defined twice in different ways)
+    """
+    systems: dict[int, tuple[UffCoordinateSystem, DataSet]] = {}
+    for data_set in sets:
+        if data_set.number not in (18, 2420):
+            continue
+        found = _from_18(data_set, systems) if data_set.number == 18 else _from_2420(data_set)
+        for one in found:
+            _refuse_other(systems.get(one.number), one, data_set)
+            systems[one.number] = (one, data_set)
+    return systems
+
+
+def _refuse_other(
+    known: tuple[UffCoordinateSystem, DataSet] | None, new: UffCoordinateSystem, data_set: DataSet
+) -> None:
+    if known is None:
+        return
+    old = known[0]
+    same = old.kind == new.kind and np.allclose(old.rows, new.rows) and np.allclose(old.origin, new.origin)
+    if not same:
+        raise data_set.error("uff.coordinate-system", new_number=new.number)
+
+
+def _from_2420(data_set: DataSet) -> list[UffCoordinateSystem]:
+    records = max(len(data_set.lines) - 2, 0)
+    check_count(data_set, "six lines a coordinate system", 6 * -(-records // 6), records)
+    values = through_pyuff(data_set)
+    matrices = values["CS_matrices"]
+    for name in ("CS_sys_labels", "CS_types"):
+        check_count(data_set, "matrices of its systems", records // 6, len(values[name]))
+    check_count(data_set, "matrices of its systems", records // 6, len(matrices))
+    labels = [node_number(number, data_set) for number in values["CS_sys_labels"]]
+    return [
+        _read_system(data_set, label, kind, np.asarray(matrix[:3]), np.asarray(matrix[3]))
+        for label, kind, matrix in zip(labels, values["CS_types"], matrices)
+    ]
+
+
+def _from_18(data_set: DataSet, known: Mapping[int, tuple[UffCoordinateSystem, DataSet]]) -> list[UffCoordinateSystem]:
+    count = len(data_set.lines) // 4
+    check_count(data_set, "four lines a coordinate system", 4 * -(-len(data_set.lines) // 4), len(data_set.lines))
+    for i in range(0, len(data_set.lines), 4):
+        for text in fixed(data_set.lines[i], [10] * 5):
+            as_int(text, data_set, i)
+    values = through_pyuff(data_set)
+    for name in ("cs_num", "cs_type", "ref_cs_num", "method", "ref_o", "x_point", "xz_point"):
+        check_count(data_set, "parameters of its systems", count, len(values[name]))
+    found: dict[int, UffCoordinateSystem] = {number: one for number, (one, _) in known.items()}
+    made = []
+    for k in range(count):
+        made.append(_by_points(data_set, values, k, found))
+        found[made[-1].number] = made[-1]
+    return made
+
+
+def _by_points(
+    data_set: DataSet, values: Mapping[str, NDArray], k: int, found: Mapping[int, UffCoordinateSystem]
+) -> UffCoordinateSystem:
+    number = node_number(values["cs_num"][k], data_set)
+    reference = node_number(values["ref_cs_num"][k], data_set)
+    base = found.get(reference, GLOBAL if reference == 0 else None)
+    if base is None or values["method"][k] != 1 or base.kind != CARTESIAN:
+        how = f"(reference {reference}, method {values['method'][k]:g})"
+        raise data_set.error("uff.coordinate-system/by-points", number=number, how=how)
+    origin, on_x, on_xz = (base.to_global(values[name][k]) for name in ("ref_o", "x_point", "xz_point"))
+    x = _unit(on_x - origin)
+    y = _unit(np.cross(on_xz - origin, x))
+    rows = np.array([x, y, np.cross(x, y)])
+    return _read_system(data_set, number, node_number(values["cs_type"][k], data_set), rows, origin)
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vector)
+    return vector / length if 0 < length < np.inf else np.full(3, np.nan)
+
+
+def _read_system(
+    data_set: DataSet, number: int, kind: int, rows: NDArray[np.float64], origin: NDArray[np.float64]
+) -> UffCoordinateSystem:
+    if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
+        raise data_set.error("uff.coordinate-system/read-system", number=number, kind=kind)
+    # Single-precision exporters leave 1e-6; a left-handed or skew triad would spoil every shape silently.
+    if not (np.abs(rows @ rows.T - np.eye(3)).max() < 1e-4 and np.linalg.det(rows) > 0):
+        raise data_set.error("uff.coordinate-system/read-system-2", number=number)
+    if not np.isfinite(origin).all():
+        raise data_set.error("uff.coordinate-system/read-system-3", number=number)
+    left, _, right = np.linalg.svd(rows)
+    return UffCoordinateSystem(number, kind, left @ right, origin)
+
 
 Paths = tuple[tuple[int, ...], ...]
 _BEAMS = (11, 21, 22, 23, 24)
@@ -111,24 +243,22 @@ def _refuse_duplicates(nodes: Iterable[_Node]) -> None:
             same = first.point == node.point and first.data_set is not node.data_set
             raise node.data_set.error(
                 "uff.duplicate-node",
-                f"node {node.number} is defined twice",
                 values={"first": first.data_set.where(), "same coordinates": same},
-                hint="the file holds two geometries: export one, or renumber the nodes",
+                node_number=node.number,
             )
 
 
 def _default_system(
-    nodes: Iterable[_Node], systems: Mapping[int, tuple[CoordinateSystem, DataSet]]
+    nodes: Iterable[_Node], systems: Mapping[int, tuple[UffCoordinateSystem, DataSet]]
 ) -> tuple[Notice, ...]:
     """System 1 is the global Cartesian one by default in the programs that the format comes from."""
     if 1 in systems or not any(1 in (node.definition, node.displacement) for node in nodes):
         return ()
-    what = "nodes refer to coordinate system 1, which the file does not define: taken as the global one"
-    return (Notice("uff.global-system", what, level="info"),)
+    return (Notice("uff.global-system", level="info"),)
 
 
 def _placed(
-    node: _Node, systems: Mapping[int, tuple[CoordinateSystem, DataSet]]
+    node: _Node, systems: Mapping[int, tuple[UffCoordinateSystem, DataSet]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Coordinates are in the definition system in data set 15, in part coordinates in 2411 (where the first system
     only says in which one they were exported)."""
@@ -137,20 +267,17 @@ def _placed(
     return position, _system(node, node.displacement, systems).axes_at(position)
 
 
-def _system(node: _Node, number: int, systems: Mapping[int, tuple[CoordinateSystem, DataSet]]) -> CoordinateSystem:
+def _system(
+    node: _Node, number: int, systems: Mapping[int, tuple[UffCoordinateSystem, DataSet]]
+) -> UffCoordinateSystem:
     if number in systems:
         found = systems[number][0]
         if found.kind == SPHERICAL:
-            raise _unusable(node, f"node {node.number} refers to system {number}, which is spherical")
+            raise node.data_set.error("uff.coordinate-system/system-2", node_number=node.number, number=number)
         return found
     if number not in (0, 1):
-        raise _unusable(node, f"node {node.number} refers to coordinate system {number}, which is not defined")
+        raise node.data_set.error("uff.coordinate-system/system", node_number=node.number, number=number)
     return GLOBAL
-
-
-def _unusable(node: _Node, what: str) -> Exception:
-    hint = "export the nodes in global coordinates, or the file with its coordinate systems"
-    return node.data_set.error("uff.coordinate-system", what, hint=hint)
 
 
 def _paths(sets: Iterable[DataSet], number: int, read: object, known: set[int]) -> tuple[Paths, tuple[Notice, ...]]:
@@ -161,8 +288,7 @@ def _paths(sets: Iterable[DataSet], number: int, read: object, known: set[int]) 
         whole = [path for path in found if known.issuperset(path)]
         kept += whole
         if len(whole) < len(found):
-            what = f"{len(found) - len(whole)} lines or elements use nodes that are not defined: left out"
-            notices.append(Notice("uff.unknown-node", what, data_set.where()))
+            notices.append(Notice("uff.unknown-node", where=data_set.where(), n_found=len(found) - len(whole)))
     return tuple(kept), tuple(notices)
 
 

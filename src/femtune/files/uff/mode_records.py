@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +56,8 @@ def read_mode_records(
     chosen = [one for one in all_of_them if records is None or _has_word(one, records)]
     if records is not None and not chosen:
         raise _no_record(all_of_them, records)
-    notices = [Notice("uff.not-a-mode", why, one.where()) for one in chosen if (why := _why_no_mode(one))]
-    return tuple(_record(one) for one in chosen if not _why_no_mode(one)), tuple(notices)
+    notices = {i: notice for i, one in enumerate(chosen) if (notice := _no_mode(one)) is not None}
+    return tuple(_record(one) for i, one in enumerate(chosen) if i not in notices), tuple(notices.values())
 
 
 def _id_lines(data_set: DataSet) -> tuple[str, ...]:
@@ -71,10 +72,9 @@ def _no_record(sets: Sequence[DataSet], word: str) -> FemtuneError:
     seen = sorted({" | ".join(line for line in _id_lines(one) if line not in ("", "NONE")) for one in sets})
     return FemtuneError(
         "uff.no-record",
-        f"no mode of the file has the word '{word}' in its ID lines",
         where=sets[0].where() if sets else None,
         values={"ID lines of the file": "; ".join(seen[:6]) or "there is no data set 55"},
-        hint="choose a word of these lines, or leave records out to read all modes",
+        word=word,
     )
 
 
@@ -82,24 +82,25 @@ def _parameters(data_set: DataSet) -> list[int]:
     return [as_int(text, data_set, 5) for text in fixed(line_at(data_set, 5), [10] * 6)]
 
 
-def _why_no_mode(data_set: DataSet) -> str:
+def _no_mode(data_set: DataSet) -> Notice | None:
+    """What is said of a data set 55 that is not a mode."""
     _, analysis, characteristic, specific, data_type, per_node = _parameters(data_set)
     if analysis not in (_NORMAL, *_COMPLEX):
-        return f"its analysis type {analysis} is not a mode (2, 3 or 7): not read"
+        return Notice("uff.not-a-mode/analysis", where=data_set.where(), analysis=analysis)
     if characteristic not in _VALUES_OF or specific not in _MOTION:
-        return f"its values are no motion (characteristic {characteristic}, type {specific}): not read"
+        facts: dict[str, Any] = {"characteristic": characteristic, "data_type": specific}
+        return Notice("uff.not-a-mode/values", where=data_set.where(), **facts)
     if data_type not in (2, 5):
-        raise data_set.error("uff.value", f"data type {data_type} is neither real (2) nor complex (5)", 5)
+        raise data_set.error("uff.value/why-no-mode", 5, data_type=data_type)
     check_count(data_set, "values a node of its characteristic", _VALUES_OF[characteristic], per_node, 5)
-    return ""
+    return None
 
 
 def _record(data_set: DataSet) -> ModeRecord:
     _, analysis, _, specific, data_type, per_node = _parameters(data_set)
     n_integers, n_reals = (as_int(text, data_set, 6) for text in fixed(line_at(data_set, 6), [10, 10]))
     if not (2 <= n_integers <= 6 and 1 <= n_reals <= 12):
-        what = f"record 7 declares {n_integers} integers and {n_reals} reals"
-        raise data_set.error("uff.value", what, 6, hint="a mode has 2 integers and 4 or 6 reals")
+        raise data_set.error("uff.value/record", 6, n_integers=n_integers, n_reals=n_reals)
     mode_number = as_int(line_at(data_set, 6)[30:40], data_set, 6)
     reals, i = _floats(data_set, 7, n_reals)
     freq_hz, damping, mass = _normal(data_set, reals) if analysis == _NORMAL else _pole(data_set, reals)
@@ -127,7 +128,7 @@ def _normal(data_set: DataSet, reals: Sequence[float]) -> tuple[float, float, fl
     """Frequency, damping ratio (viscous, or half the hysteretic loss factor), modal mass."""
     freq_hz, mass, viscous, hysteretic = (*reals, 0.0, 0.0, 0.0)[:4]
     if freq_hz < 0 or mass < 0:
-        raise data_set.error("uff.value", "frequency and modal mass cannot be negative", 7)
+        raise data_set.error("uff.value/normal", 7)
     damping = viscous if viscous else hysteretic / 2
     return freq_hz, damping if damping else math.nan, mass
 
@@ -136,13 +137,7 @@ def _pole(data_set: DataSet, reals: Sequence[float]) -> tuple[float, float, floa
     real, imaginary = (*reals, 0.0)[:2]
     size = math.hypot(real, imaginary)
     if imaginary <= 0 or not math.isfinite(size):
-        raise data_set.error(
-            "uff.pole",
-            "the pole of a complex mode must have a positive imaginary part",
-            7,
-            values={"pole": f"{real:g}{imaginary:+g}i"},
-            hint="export one mode of each conjugate pair, that of the positive frequency",
-        )
+        raise data_set.error("uff.pole", 7, values={"pole": f"{real:g}{imaginary:+g}i"})
     return size / (2 * math.pi), -real / size, 0.0
 
 
@@ -154,8 +149,7 @@ def _values(data_set: DataSet, i: int, per_node: int, is_complex: bool) -> tuple
         rows.append(row)
     repeated = {node for node in nodes if node <= 0 or nodes.count(node) > 1} if _has_repeats(nodes) else set()
     if repeated:
-        what = f"nodes {sorted(repeated)[:5]} stand twice in one mode, or are not positive"
-        raise data_set.error("uff.duplicate-node", what, hint="a mode has one record a node: export it again")
+        raise data_set.error("uff.duplicate-node/values", repeated=sorted(repeated)[:5])
     table = np.array(rows, dtype=float).reshape(len(nodes), -1)
     return tuple(nodes), table[:, 0::2] + 1j * table[:, 1::2] if is_complex else table
 
@@ -181,7 +175,7 @@ def mode_set(records: Sequence[ModeRecord], source: str) -> tuple[ModeSet | None
     table = np.stack([r.values[np.argsort([order[n] for n in r.nodes])] for r in records], axis=2)
     measured = np.argwhere((table != 0).any(axis=2))
     if not measured.size:
-        raise FemtuneError("uff.no-dofs", "every value of every mode is zero", where=records[0].where)
+        raise FemtuneError("uff.no-dofs", where=records[0].where)
     dofs = DofSet(Dof(records[0].nodes[i], DIRECTIONS[k + 1]) for i, k in measured)
     damping = np.array([r.damping_ratio for r in records])
     modes = ModeSet(
@@ -206,20 +200,19 @@ def _check_alike(records: Sequence[ModeRecord]) -> None:
         if missing or first.values.shape != record.values.shape:
             raise FemtuneError(
                 "uff.modes-differ",
-                f"mode {record.number} has not the same nodes or directions as mode {first.number}",
                 where=record.where,
                 values={"nodes in one of them only": missing[:8], "first": first.where},
-                hint="export all modes at the same nodes; if the file is cut or edited, copy it again",
+                record_number=record.number,
+                first_number=first.number,
             )
 
 
 def _repeated(record: ModeRecord, first: ModeRecord) -> FemtuneError:
     return FemtuneError(
         "uff.repeated-mode",
-        f"mode number {record.number} stands twice",
         where=record.where,
         values={"first": first.where, "its ID lines": " | ".join(first.id_lines)},
-        hint="the file may hold several configurations: choose one by a word of the ID lines (records)",
+        record_number=record.number,
     )
 
 
@@ -227,13 +220,11 @@ def _dropped(table: NDArray, first: ModeRecord) -> tuple[Notice, ...]:
     count = int((~(table != 0).any(axis=2)).sum())
     if not count:
         return ()
-    what = f"{count} of {table[:, :, 0].size} components are zero in every mode: they count as not measured"
-    return (Notice("uff.not-measured", what, first.where, "info"),)
+    return (Notice("uff.not-measured", where=first.where, level="info", count=count, table_size=table[:, :, 0].size),)
 
 
 def _damping_notice(damping: NDArray[np.float64], first: ModeRecord) -> tuple[Notice, ...]:
     missing = int(np.isnan(damping).sum())
     if not 0 < missing < len(damping):
         return ()
-    what = f"{missing} of {len(damping)} modes state no damping: the damping of all is left out"
-    return (Notice("uff.damping", what, first.where),)
+    return (Notice("uff.damping", where=first.where, missing=missing, n_damping=len(damping)),)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from femtune.dofs import Dof
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.uff.frfs import frf_sets
-from femtune.files.uff.function_records import MeasuredFunction, read_functions
 from femtune.files.uff.geometry import read_geometry
+from femtune.files.uff.measured_functions import MeasuredFunction, frf_sets, read_functions
 from femtune.files.uff.mode_records import ModeRecord, mode_set, read_mode_records
 from femtune.files.uff.scan import DataSet, scan_uff
 from femtune.files.uff.unit_records import file_unit_system
@@ -57,10 +57,32 @@ class UffContent:
     notices: tuple[Notice, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class UffFile:
+    """A Universal File that is parsed once, whatever is read from it: records of several tests, say."""
+
+    path: str | Path
+
+    @cached_property
+    def sets(self) -> tuple[DataSet, ...]:
+        """All data sets, as of `scan_uff`."""
+        return scan_uff(self.path)
+
+    @cached_property
+    def geometry(self) -> tuple[WireFrame, tuple[Notice, ...]]:
+        """The wire frame and what was remarkable about it, as of `read_geometry`."""
+        return read_geometry(self.sets)
+
+    @cached_property
+    def functions(self) -> tuple[tuple[MeasuredFunction, ...], tuple[Notice, ...]]:
+        """The measured functions, likewise, as of `read_functions`."""
+        return read_functions(self.sets)
+
+
 def read_uff(
-    path: str | Path,
+    path: str | Path | UffFile,
     *,
-    units: UnitSystem,
+    units: UnitSystem | None,
     file_units: UnitSystem | None = None,
     records: str | None = None,
     name: str = "",
@@ -69,7 +91,8 @@ def read_uff(
 
     Parameters
     ----------
-    units : the system that the test is converted to
+    path : the file, or a `UffFile` from which several tests are read
+    units : the system that the test is converted to; None keeps that of the file
     file_units : the system of the file where it has no data set 164
     records : read only the modes whose ID lines contain this word
     name : of the test; else `records`, else the name of the file
@@ -79,25 +102,26 @@ def read_uff(
     FemtuneError : ``uff.no-units``, ``uff.units-contradict``, ``uff.truncated``, ``uff.nothing-usable`` and
         the other codes ``uff.…`` of the data sets
     """
-    sets = scan_uff(path)
+    file = path if isinstance(path, UffFile) else UffFile(path)
     with np.errstate(all="ignore"):  # overflow becomes infinity, which the checks refuse by name
-        return _content(sets, str(path), units, file_units, records, name or records or Path(path).stem)
+        return _content(file, units, file_units, records, name or records or Path(file.path).stem)
 
 
 def _content(
-    sets: Sequence[DataSet],
-    source: str,
-    units: UnitSystem,
+    file: UffFile,
+    units: UnitSystem | None,
     file_units: UnitSystem | None,
     records: str | None,
     name: str,
 ) -> UffContent:
+    sets, source = file.sets, str(file.path)
     _refuse_useless(sets, source)
     own, unit_notices = file_unit_system(sets, file_units, source)
-    geometry, geometry_notices = read_geometry(sets)
+    units = units or own
+    geometry, geometry_notices = file.geometry
     mode_records, record_notices = read_mode_records(sets, records)
     modes, mode_notices = mode_set(mode_records, source)
-    functions, function_notices = read_functions(sets)
+    functions, function_notices = file.functions
     frfs, frf_notices = frf_sets(functions, own, source)
     of_records = (*geometry_notices, *record_notices, *mode_notices, *function_notices, *frf_notices)
     about = (*_several(frfs, source), *_unplaced(geometry, modes, frfs, source))
@@ -119,13 +143,7 @@ def _content(
 def _refuse_useless(sets: Iterable[DataSet], source: str) -> None:
     numbers = Counter(one.number for one in sets)
     if not set(numbers) & {15, 55, 58, 2411}:
-        raise FemtuneError(
-            "uff.nothing-usable",
-            "the file has neither nodes nor modes nor functions of a test",
-            where=Where(source),
-            values={"data sets": _listed(numbers)},
-            hint="export the geometry (15 or 2411), modes (55) or FRFs (58) of the test",
-        )
+        raise FemtuneError("uff.nothing-usable", where=Where(source), values={"data sets": _listed(numbers)})
 
 
 def _listed(numbers: Counter[int]) -> str:
@@ -139,15 +157,20 @@ def _ignored(sets: Iterable[DataSet]) -> Iterable[Notice]:
             groups.setdefault(one.number, []).append(one)
     for number, members in sorted(groups.items()):
         reason = _REASONS.get(number, "not understood")
-        what = f"data set {number} ({reason}) stands {len(members)} times: not read"
-        yield Notice("uff.ignored", what, members[0].where(), "info" if number in _REASONS else "warning")
+        yield Notice(
+            "uff.ignored",
+            where=members[0].where(),
+            level="info" if number in _REASONS else "warning",
+            number=number,
+            reason=reason,
+            n_members=len(members),
+        )
 
 
 def _several(frfs: Sequence[FrfSet], source: str) -> Iterable[Notice]:
     if len(frfs) > 1:
         kinds = ", ".join(f"{len(one.responses)} {one.kind} at {len(one.freq_hz)} lines" for one in frfs)
-        what = f"the FRFs differ in kind or frequency lines ({kinds}): none is taken as the test's"
-        yield Notice("uff.several-frf-sets", what, Where(source))
+        yield Notice("uff.several-frf-sets", where=Where(source), kinds=kinds)
 
 
 def _dofs(modes: ModeSet | None, frfs: Iterable[FrfSet]) -> list[Dof]:
@@ -160,8 +183,7 @@ def _dofs(modes: ModeSet | None, frfs: Iterable[FrfSet]) -> list[Dof]:
 def _unplaced(geometry: WireFrame, modes: ModeSet | None, frfs: Iterable[FrfSet], source: str) -> Iterable[Notice]:
     lost = sorted({dof.node for dof in _dofs(modes, frfs)} - set(geometry.nodes.tolist()))
     if lost:
-        what = f"{len(lost)} measured nodes have no coordinates in the file: {lost[:8]}"
-        yield Notice("uff.no-position", what, Where(source))
+        yield Notice("uff.no-position", where=Where(source), n_lost=len(lost), lost=lost[:8])
 
 
 def _conditions(sets: Iterable[DataSet]) -> tuple[tuple[str, str], ...]:

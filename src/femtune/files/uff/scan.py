@@ -48,13 +48,19 @@ class DataSet:
         return Where(self.file, line, f"data set {self.number}{'b' if self.binary else ''}")
 
     def error(
-        self, code: str, what: str, i: int | None = None, *, hint: str = "", values: dict[str, Any] | None = None
+        self,
+        code: str,
+        i: int | None = None,
+        *,
+        values: dict[str, Any] | None = None,
+        hint: str | None = None,
+        **facts: Any,
     ) -> FemtuneError:
         """An error at text line `i` of this data set."""
-        return FemtuneError(code, what, where=self.where(i), values=values, hint=hint)
+        return FemtuneError(code, where=self.where(i), values=values, hint=hint, **facts)
 
 
-class _Reader:
+class _UffReader:
     """A position in the bytes of a file, and its line number."""
 
     def __init__(self, data: bytes, file: str) -> None:
@@ -82,14 +88,9 @@ def scan_uff(path: str | Path) -> tuple[DataSet, ...]:
     FemtuneError : ``uff.no-file``, ``uff.not-uff``, ``uff.outside``, ``uff.syntax``, ``uff.truncated``,
         ``uff.binary-length``
     """
-    reader = _Reader(_bytes(Path(path)), str(path))
+    reader = _UffReader(_bytes(Path(path)), str(path))
     if not any(map(_is_delimiter, reader.data.splitlines())):
-        raise FemtuneError(
-            "uff.not-uff",
-            "this is no Universal File: it has no line that is '    -1' in columns 1 to 6",
-            where=Where(str(path)),
-            hint="export the test as Universal File (UFF, UNV) again",
-        )
+        raise FemtuneError("uff.not-uff", where=Where(str(path)))
     found = []
     while reader.more():
         line = reader.take()
@@ -104,12 +105,7 @@ def _bytes(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except OSError as problem:
-        raise FemtuneError(
-            "uff.no-file",
-            f"the file cannot be read: {problem.strerror}",
-            where=Where(str(path)),
-            hint="check the path and the permission to read",
-        ) from problem
+        raise FemtuneError("uff.no-file", where=Where(str(path)), strerror=problem.strerror) from problem
     return data if b"\n" in data else data.replace(b"\r", b"\n")
 
 
@@ -117,21 +113,15 @@ def _is_delimiter(line: bytes) -> bool:
     return line[:6] == b"    -1" and not line[6:].strip(_BLANK)
 
 
-def _outside(reader: _Reader, line: bytes) -> FemtuneError:
-    return FemtuneError(
-        "uff.outside",
-        "there is text outside the data sets: a delimiter '    -1' before it is missing or damaged",
-        where=reader.where(),
-        values={"text": repr(_text(line)[:60])},
-        hint="export the file again, or delete the text if it does not belong to the file",
-    )
+def _outside(reader: _UffReader, line: bytes) -> FemtuneError:
+    return FemtuneError("uff.outside", where=reader.where(), values={"text": repr(_text(line)[:60])})
 
 
 def _text(line: bytes) -> str:
     return line.decode("utf-8", errors="replace").rstrip(" \r\n\x00\x1a")
 
 
-def _data_set(reader: _Reader) -> DataSet:
+def _data_set(reader: _UffReader) -> DataSet:
     opened = reader.line
     head = _text(reader.take()) if reader.more() else ""
     match = _NUMBER_LINE.fullmatch(head)
@@ -141,24 +131,14 @@ def _data_set(reader: _Reader) -> DataSet:
     return _binary(reader, start) if start.binary else _ascii(reader, start)
 
 
-def _no_number(reader: _Reader, opened: int, head: str) -> FemtuneError:
+def _no_number(reader: _UffReader, opened: int, head: str) -> FemtuneError:
     where = Where(reader.file, opened)
     if not reader.more():
-        what = "the file ends where a data set begins"
-        return FemtuneError("uff.truncated", what, where=where, hint=_AGAIN)
-    return FemtuneError(
-        "uff.syntax",
-        "a delimiter '    -1' is not followed by the number of a data set",
-        where=where,
-        values={"found": repr(head[:60])},
-        hint="a delimiter before this line is missing or stands twice: export the file again",
-    )
+        return FemtuneError("uff.truncated", where=where)
+    return FemtuneError("uff.syntax", where=where, values={"found": repr(head[:60])})
 
 
-_AGAIN = "the file was cut: export or copy it again"
-
-
-def _ascii(reader: _Reader, start: DataSet) -> DataSet:
+def _ascii(reader: _UffReader, start: DataSet) -> DataSet:
     lines: list[str] = []
     while reader.more():
         line = reader.take()
@@ -174,8 +154,14 @@ def _with(start: DataSet, lines: list[str], payload: bytes = b"") -> DataSet:
 
 def _cut(part: DataSet, missing: str, values: dict[str, Any]) -> FemtuneError:
     last = max(len(part.lines) - 1, 0)
-    what = f"the file ends inside data set {part.number}, which began at line {part.line}: {missing} is missing"
-    return part.error("uff.truncated", what, last, hint=_AGAIN, values={**values, **_declared(part)})
+    return part.error(
+        "uff.truncated/cut",
+        last,
+        values={**values, **_declared(part)},
+        data_set=part.number,
+        line=part.line,
+        missing=missing,
+    )
 
 
 def _declared(part: DataSet) -> dict[str, Any]:
@@ -184,7 +170,7 @@ def _declared(part: DataSet) -> dict[str, Any]:
     return {"points declared": int(text)} if text.isdecimal() else {}
 
 
-def _binary(reader: _Reader, start: DataSet) -> DataSet:
+def _binary(reader: _UffReader, start: DataSet) -> DataSet:
     header_lines, declared = _binary_lengths(start)
     lines = [_text(reader.take()) for _ in range(header_lines) if reader.more()]
     length = _true_length(reader, _with(start, lines), declared)
@@ -197,7 +183,7 @@ def _binary(reader: _Reader, start: DataSet) -> DataSet:
     return whole
 
 
-def _true_length(reader: _Reader, start: DataSet, declared: int) -> int:
+def _true_length(reader: _UffReader, start: DataSet, declared: int) -> int:
     """The declared length, or that of the declared points where only this one ends at a delimiter.
 
     pyuff itself declares half the length of complex functions.
@@ -208,7 +194,7 @@ def _true_length(reader: _Reader, start: DataSet, declared: int) -> int:
     return declared
 
 
-def _closes(reader: _Reader, length: int) -> bool:
+def _closes(reader: _UffReader, length: int) -> bool:
     rest = reader.data[reader.position + length : reader.position + length + 200].lstrip(b"\r\n")
     return _is_delimiter(rest.partition(b"\n")[0])
 
@@ -222,7 +208,7 @@ def _length_of_points(start: DataSet) -> int | None:
     return points * numbers * (4 if value_type in (2, 5) else 8)
 
 
-def _close_binary(reader: _Reader, whole: DataSet) -> None:
+def _close_binary(reader: _UffReader, whole: DataSet) -> None:
     length = len(whole.payload)
     reader.line += whole.payload.count(b"\n")
     rest = reader.data[reader.position : reader.position + 8]
@@ -233,21 +219,11 @@ def _close_binary(reader: _Reader, whole: DataSet) -> None:
     if not _is_delimiter(line := reader.take()):
         if b"\n" not in reader.data[reader.position - 1 :] and b"    -1".startswith(line[:6]):
             raise _cut(whole, "its closing delimiter", {"expected": "'    -1'", "found": repr(line[:6])})
-        raise whole.error(
-            "uff.binary-length",
-            "the bytes of a binary data set are not followed by the delimiter '    -1'",
-            values={"bytes declared": length},
-            hint="the declared length is wrong or the file was changed by a text transfer: export it again",
-        )
+        raise whole.error("uff.binary-length/close-binary", values={"bytes declared": length})
 
 
 def _binary_lengths(start: DataSet) -> tuple[int, int]:
     texts = [start.head[a:b].strip() for a, b in _BINARY_FIELDS]
     if not all(text.isdecimal() for text in texts) or int(texts[2]) > 100:
-        raise start.error(
-            "uff.syntax",
-            "the head of a binary data set must give byte order, format, lines and bytes",
-            values={"found": repr(start.head[:60])},
-            hint="export the file again, in ASCII if the program cannot write the binary form rightly",
-        )
+        raise start.error("uff.syntax/binary-lengths", values={"found": repr(start.head[:60])})
     return int(texts[2]), int(texts[3])

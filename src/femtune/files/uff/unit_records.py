@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from femtune.errors import FemtuneError, Notice, Where
-from femtune.files.uff.fields import as_float, as_int, fixed, line_at
+from femtune.files.uff.fields import as_float, as_int, fixed, line_at, through_pyuff
 from femtune.files.uff.scan import DataSet
-from femtune.files.uff.through_pyuff import through_pyuff
 from femtune.units import UnitSystem
 
 _TOLERANCE = 1e-3
@@ -52,12 +52,7 @@ def file_unit_system(
 
 
 def _no_units(path: str | Path) -> FemtuneError:
-    return FemtuneError(
-        "uff.no-units",
-        "the file does not say in which units its numbers are (it has no data set 164)",
-        where=Where(str(path)),
-        hint='say it: file_units = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)',
-    )
+    return FemtuneError("uff.no-units", where=Where(str(path)))
 
 
 def _system(data_set: DataSet) -> UnitSystem:
@@ -67,7 +62,7 @@ def _system(data_set: DataSet) -> UnitSystem:
     length, force = values["length"], values["force"]
     if not all(math.isfinite(factor) and 1e-12 < factor < 1e12 for factor in (length, force)):
         found = {"length": length, "force": force}
-        raise data_set.error("uff.value", "a unit factor must be a positive number", 1, values=found)
+        raise data_set.error("uff.value/system", 1, values=found)
     # "divide by the factor to get SI": one unit of length is 1/length metres.
     name = f"{values['units_description']} of data set 164".strip()
     return UnitSystem(name, 1.0 / length, length / force)
@@ -80,15 +75,14 @@ def _differ(a: float, b: float) -> bool:
 def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, who: str) -> None:
     if _differ(found.length, other.length) or _differ(found.force, other.force):
         raise data_set.error(
-            "uff.units-contradict",
-            f"the units of data set 164 contradict {who}",
+            "uff.units-contradict/check-same",
             values={
                 "length in data set 164": f"{found.length:.6g} m",
                 "length otherwise": f"{other.length:.6g} m",
                 "force in data set 164": f"{found.force:.6g} N",
                 "force otherwise": f"{other.force:.6g} N",
             },
-            hint="leave the units of the test out of the study if the file is right, or correct data set 164",
+            who=who,
         )
 
 
@@ -96,5 +90,6 @@ def _code_notices(data_set: DataSet, system: UnitSystem) -> Iterator[Notice]:
     code = as_int(fixed(line_at(data_set, 0), [10])[0], data_set, 0)
     length, force = _CODES.get(code, (system.length, system.force))
     if _differ(system.length, length) or _differ(system.force, force):
-        what = f"unit code {code} means {length:g} m and {force:g} N, the factors say {system.length:g} m and"
-        yield Notice("uff.units-code", f"{what} {system.force:g} N: the factors are used", data_set.where(0))
+        of_code: dict[str, Any] = {"length_of_code": length, "force_of_code": force}
+        found: dict[str, Any] = {"length": system.length, "force": system.force}
+        yield Notice("uff.units-code", where=data_set.where(0), unit_code=code, **of_code, **found)

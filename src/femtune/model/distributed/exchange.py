@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
 
 FOLDER = "FEMTUNE_SLEPC_FOLDER"
 _MARGIN = 1 << 20
@@ -35,11 +35,7 @@ def exchange_folder(needed_bytes: int) -> Iterator[Path]:
             _check_room(Path(folder), needed_bytes)
             yield Path(folder)
     except OSError as failed:
-        raise FemtuneError(
-            "slepc.files",
-            f"files for SLEPc cannot be written or read: {failed}",
-            hint=f"free the disk, or name another folder in {FOLDER}",
-        ) from failed
+        raise FemtuneError("slepc.files/exchange-folder", failed=failed, folder=FOLDER) from failed
 
 
 def _check_room(folder: Path, needed_bytes: int) -> None:
@@ -47,9 +43,8 @@ def _check_room(folder: Path, needed_bytes: int) -> None:
     if needed_bytes + _MARGIN > free:
         raise FemtuneError(
             "slepc.files",
-            "the disk has no room for the matrices that go to SLEPc",
             values={"folder": folder.parent, "needed_bytes": needed_bytes, "free_bytes": free},
-            hint=f"free the disk, or name another folder in {FOLDER}",
+            folder=FOLDER,
         )
 
 
@@ -81,9 +76,9 @@ def read_result(folder: Path) -> dict[str, Any]:
     try:
         found = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as missing:
-        raise no_result(f"result.json is missing or damaged: {missing}") from missing
+        raise no_result("slepc.no-result/read-result-2", missing=missing) from missing
     if not isinstance(found, dict):
-        raise no_result("result.json does not hold a table")
+        raise no_result("slepc.no-result/read-result")
     return found
 
 
@@ -100,20 +95,16 @@ def read_shapes(folder: Path, ranks: int, size: tuple[int, int]) -> NDArray[np.f
             first = int(np.load(folder / f"first_{rank}.npy", allow_pickle=False))
             part = np.load(folder / f"rows_{rank}.npy", allow_pickle=False)
         except (OSError, ValueError, EOFError, TypeError) as damaged:
-            raise no_result(f"the rows of rank {rank} are missing or damaged: {damaged}") from damaged
+            raise no_result("slepc.no-result/read-shapes-3", rank=rank, damaged=damaged) from damaged
         if first != filled or part.ndim != 2 or part.shape[1] != size[1] or first + len(part) > size[0]:
-            raise no_result(f"rank {rank} gave rows from {first} of the shape {part.shape}, which do not fit {size}")
+            raise no_result("slepc.no-result/read-shapes-2", rank=rank, first=first, part_shape=part.shape, size=size)
         shapes[first : first + len(part)] = part
         filled += len(part)
     if filled != size[0]:
-        raise no_result(f"{filled} rows of shapes came back for {size[0]} DOFs")
+        raise no_result("slepc.no-result/read-shapes", filled=filled, size=size[0])
     return shapes
 
 
-def no_result(what: str) -> FemtuneError:
+def no_result(code: str, **facts: Any) -> FemtuneError:
     """SLEPc's processes ended well, but what they left cannot be used."""
-    return FemtuneError(
-        "slepc.no-result",
-        f"SLEPc's processes ended without a usable result: {what}",
-        hint=f"let all machines see one folder, and name it in {FOLDER}",
-    )
+    return FemtuneError(code, folder=FOLDER, **facts)

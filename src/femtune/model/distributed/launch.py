@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from femtune.errors import FemtuneError
-from femtune.model.distributed.processes import run_to_end
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.model.distributed.processes import run_to_end, seconds
 
 PYTHON, RANKS, LAUNCHER = "FEMTUNE_SLEPC_PYTHON", "FEMTUNE_SLEPC_RANKS", "FEMTUNE_SLEPC_LAUNCHER"
 INSTALLATION = (
@@ -42,7 +42,7 @@ def slepc_python() -> str:
         if found:
             return candidate
         said[candidate] = text
-    raise FemtuneError("slepc.not-installed", "no Python with slepc4py was found", values=said, hint=INSTALLATION)
+    raise FemtuneError("slepc.not-installed", values=said, hint=INSTALLATION)
 
 
 def _pythons() -> list[str]:
@@ -97,9 +97,11 @@ def ranks() -> int:
         return number
     raise FemtuneError(
         "slepc.launcher",
-        f"{RANKS} is not a number of processes from 1 to {most} ({_RANKS_PER_CORE} a core)",
         values={RANKS: text[:80]},
-        hint=f"give such a number, or name in {LAUNCHER} what starts more of them on several machines",
+        ranks=RANKS,
+        most=most,
+        ranks_per_core=_RANKS_PER_CORE,
+        launcher=LAUNCHER,
     )
 
 
@@ -127,11 +129,7 @@ def launcher(number: int) -> list[str]:
         return []
     found = shutil.which("mpiexec") or shutil.which("mpirun")
     if found is None:
-        raise FemtuneError(
-            "slepc.launcher",
-            f"neither mpiexec nor mpirun is on the path to start {number} processes",
-            hint=f"apt-get install openmpi-bin, name the whole command in {LAUNCHER}, or set {RANKS}=1",
-        )
+        raise FemtuneError("slepc.launcher/launcher", number=number, launcher=LAUNCHER, ranks=RANKS)
     return [found, "-n", str(number)]
 
 
@@ -140,15 +138,26 @@ def _split(text: str) -> list[str]:
         words = shlex.split(text)
     except ValueError as unbalanced:
         raise FemtuneError(
-            "slepc.launcher", f"{LAUNCHER} cannot be split into words: {unbalanced}", values={LAUNCHER: text},
-            hint="close its quotation marks",
-        ) from unbalanced  # fmt: skip
+            "slepc.launcher/split-2", values={LAUNCHER: text}, launcher=LAUNCHER, unbalanced=unbalanced
+        ) from unbalanced
     if shutil.which(words[0]) is None:
-        raise FemtuneError(
-            "slepc.launcher", f"the launcher '{words[0]}' is not on the path", values={LAUNCHER: text},
-            hint="write the command as in a shell: srun -n 64",
-        )  # fmt: skip
+        raise FemtuneError("slepc.launcher/split", values={LAUNCHER: text}, words=words[0])
     return words
+
+
+def start() -> tuple[int, list[str]]:
+    """Number of processes, and the command in front of the program that they run.
+
+    Wrong settings are reported before what is not installed.
+
+    Raises
+    ------
+    FemtuneError : ``slepc.not-installed``, ``slepc.launcher``
+    """
+    seconds()
+    number = ranks()
+    python = slepc_python()
+    return number, [*launcher(number), python]
 
 
 def environment(number: int) -> dict[str, str]:
@@ -178,8 +187,8 @@ def run(folder: Path) -> None:
     FemtuneError : ``slepc.not-installed``, ``slepc.launcher``, ``slepc.timeout``, ``slepc.failed`` with the end of
         what they said
     """
-    number = ranks()
-    command = [*launcher(number), slepc_python(), str(_PROGRAM), str(folder)]
+    number, begin = start()
+    command = [*begin, str(_PROGRAM), str(folder)]
     code = run_to_end(command, environment(number), folder / "said.txt")
     if code:
         raise _failed(command, code, folder / "said.txt")
@@ -189,11 +198,12 @@ def _failed(command: list[str], code: int, said: Path) -> FemtuneError:
     text = said.read_text(encoding="utf-8", errors="replace")
     # the launcher's own words, framed by lines of dashes, hide the cause
     lines = [line for line in text.partition("-" * 60)[0].splitlines() if line.strip()]
+    options = petsc_options()
     return FemtuneError(
-        "slepc.failed",
-        "\n    ".join([f"the processes of SLEPc ended with the code {code}", *lines[-_TAIL_LINES:]]),
-        values={"command": shlex.join(command), **petsc_options()},
-        hint=with_petsc_options("an INFOG(1) of -9 or -13 is too little memory: more machines, or fewer ranks on each"),
+        "slepc.failed/petsc-options" if options else "slepc.failed",
+        values={"command": shlex.join(command), **options},
+        exit_code=code,
+        said="".join(f"\n    {line}" for line in lines[-_TAIL_LINES:]),
     )
 
 
@@ -203,6 +213,35 @@ def petsc_options() -> dict[str, str]:
     return {_OPTIONS: text[:200]} if text else {}
 
 
-def with_petsc_options(hint: str) -> str:
-    """A hint that starts with PETSC_OPTIONS where these are set."""
-    return f"try without {_OPTIONS}, which is set; {hint}" if petsc_options() else hint
+# ----------------------------------------------------------------------------------------------------
+# Who solves the eigenproblem: femtune itself, or SLEPc over MPI.
+
+
+EIGENSOLVER = "FEMTUNE_EIGENSOLVER"
+_NAMES = ("own", "slepc")
+
+
+def check_slepc() -> None:
+    """Refuse a chosen eigen-solver that is none, or SLEPc where it cannot be started.
+
+    Raises
+    ------
+    FemtuneError : ``solver.unavailable``, ``slepc.not-installed``, ``slepc.launcher``
+    """
+    if slepc_is_chosen():
+        start()
+
+
+def slepc_is_chosen() -> bool:
+    """True where the environment (or the option --eigensolver) names SLEPc.
+
+    Raises
+    ------
+    FemtuneError : ``solver.unavailable`` for a name that is none
+    """
+    name = os.environ.get(EIGENSOLVER, "").strip().lower() or "own"
+    if name not in _NAMES:
+        raise FemtuneError(
+            "solver.unavailable", values={"available": ", ".join(_NAMES)}, hint=did_you_mean(name, _NAMES), name=name
+        )
+    return name == "slepc"

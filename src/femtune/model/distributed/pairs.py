@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.model.distributed.exchange import (
     exchange_folder,
     no_result,
@@ -18,10 +18,8 @@ from femtune.model.distributed.exchange import (
     write_matrices,
     write_request,
 )
-from femtune.model.distributed.launch import expected_ranks, run, slepc_python
-from femtune.model.symmetric import SymmetricMatrix
-
-Reals = NDArray[np.float64]
+from femtune.model.distributed.launch import expected_ranks, run, start
+from femtune.model.linear.symmetric import SymmetricMatrix
 
 _TOLERANCE = 1e-10
 _START = 1e-4
@@ -68,12 +66,12 @@ def slepc_modes(K: SymmetricMatrix, M: SymmetricMatrix, shift: float, count: int
     FemtuneError : ``slepc.not-installed``, ``slepc.launcher``, ``slepc.failed``, ``slepc.files``, ``slepc.no-result``
     """
     n = K.shape[0]
-    slepc_python()  # said before any file is written
+    start()  # what is wrong with it is said before any file is written
     with exchange_folder(_bytes(K, M) + 8 * n * count) as folder:
         result = _solve(folder, K, M, task="modes", shift=shift, count=min(count, n), tolerance=_TOLERANCE)
         values, errors = (_numbers(result[name], count) for name in ("values", "errors"))
         if len(errors) != len(values):
-            raise no_result(f"{len(errors)} errors came back for {len(values)} eigenvalues")
+            raise no_result("slepc.no-result/slepc-modes", n_errors=len(errors), n_values=len(values))
         shapes = read_shapes(folder, _whole(result, "ranks"), (n, len(values)))
     order = np.argsort(values)
     return SlepcModes(values[order], _orthonormal(shapes[:, order], M), errors[order], shift)
@@ -103,7 +101,7 @@ def slepc_count(K: SymmetricMatrix, M: SymmetricMatrix, eigenvalue: float) -> in
     ------
     FemtuneError : as `slepc_pairs`
     """
-    slepc_python()
+    start()
     with exchange_folder(_bytes(K, M)) as folder:
         below = _whole(_solve(folder, K, M, task="count", shift=eigenvalue), "below")
     return below if below >= 0 else None
@@ -114,7 +112,7 @@ def _orthonormal(shapes: Reals, M: SymmetricMatrix) -> Reals:
     try:
         root = la.cholesky(shapes.T @ (M @ shapes), lower=True)
     except la.LinAlgError as dependent:
-        raise no_result("its shapes are not independent") from dependent
+        raise no_result("slepc.no-result/orthonormal") from dependent
     return np.asarray(la.solve_triangular(root, shapes.T, lower=True).T)
 
 
@@ -122,15 +120,15 @@ def _numbers(found: Any, count: int) -> Reals:
     try:
         values = np.asarray(found, dtype=float)
     except (ValueError, TypeError) as words:
-        raise no_result(f"its values are not numbers: {words}") from words
+        raise no_result("slepc.no-result/numbers-2", words=words) from words
     if values.ndim != 1 or not 0 < values.size <= count or not np.isfinite(values).all():
-        raise no_result(f"{values.size} values came back for {count}, or they are not finite")
+        raise no_result("slepc.no-result/numbers", values_size=values.size, count=count)
     return values
 
 
 def _whole(result: dict[str, Any], key: str) -> int:
     if type(result[key]) is not int:
-        raise no_result(f"'{key}' in result.json is not a whole number")
+        raise no_result("slepc.no-result/whole", key=key)
     return int(result[key])
 
 
@@ -146,5 +144,5 @@ def _solve(folder: Path, K: SymmetricMatrix, M: SymmetricMatrix, **request: Any)
     needed = {"values", "errors"} if request["task"] == "modes" else {"below"}
     missing = {"ranks", *needed} - set(result)
     if missing:
-        raise no_result(f"result.json lacks {', '.join(sorted(missing))}")
+        raise no_result("slepc.no-result/solve", missing=", ".join(sorted(missing)))
     return result

@@ -33,10 +33,7 @@ def seconds() -> float:
         found = float(text) if text else _DEFAULT_SECONDS
         if found > 0.0 and math.isfinite(found):
             return found
-    raise FemtuneError(
-        "slepc.launcher", f"{SECONDS} is not a positive number of seconds", values={SECONDS: text[:80]},
-        hint="give seconds, like 3600",
-    )  # fmt: skip
+    raise FemtuneError("slepc.launcher/seconds", values={SECONDS: text[:80]}, seconds=SECONDS)
 
 
 def run_to_end(command: list[str], environment: dict[str, str], said: Path) -> int:
@@ -56,7 +53,7 @@ def run_to_end(command: list[str], environment: dict[str, str], said: Path) -> i
                 watched, stdin=subprocess.PIPE, stdout=out, stderr=out, env=environment, start_new_session=True
             )
         except OSError as failed:
-            raise FemtuneError("slepc.launcher", f"the processes could not be started: {failed}") from failed
+            raise FemtuneError("slepc.launcher/run-to-end", failed=failed) from failed
         try:
             return _wait(process, command, said, limit)
         finally:
@@ -85,19 +82,11 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def timeout(command: list[str], limit: float) -> FemtuneError:
     """The processes did not end in their time."""
-    return FemtuneError(
-        "slepc.timeout",
-        f"the processes of SLEPc had not ended after {limit:g} seconds, and were ended",
-        values={"command": shlex.join(command)},
-        hint=f"look whether the launcher is the right one, or give more time in {SECONDS}",
-    )
+    return FemtuneError("slepc.timeout", values={"command": shlex.join(command)}, limit=limit, seconds=SECONDS)
 
 
 def said_too_much(command: list[str]) -> FemtuneError:
     """What the processes write would fill the disk."""
     return FemtuneError(
-        "slepc.failed",
-        f"the processes of SLEPc wrote more than {_MOST_SAID_BYTES >> 20} MiB of text, and were ended",
-        values={"command": shlex.join(command)},
-        hint="look whether the launcher is the right one, and for talkative settings in PETSC_OPTIONS",
+        "slepc.failed/too-much-text", values={"command": shlex.join(command)}, mib=_MOST_SAID_BYTES >> 20
     )

@@ -6,15 +6,121 @@ are kept. The formulas are written for u = [u_a, u_o] with slaves o.
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
-from femtune.model.factorise import Factor, SingularMatrixError, factorise
-from femtune.model.reduce.masters import Matrix, Partition, Reduction
+from femtune.model.configured import ConfiguredModel
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import Factor, SingularMatrixError
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# Master DOFs of a condensation, and the blocks that they divide K and M into.
+
+
+Matrix: TypeAlias = NDArray[np.float64] | sp.sparray
+
+_KEPT = ("ASET", "BSET", "CSET")
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A condensed model: u = T q.
+
+    Parameters
+    ----------
+    transformation : T (n, r)
+    stiffness, mass : (r, r) TᵀKT and TᵀMT
+    masters : (m,) DOFs that the first m coordinates are; further ones are amplitudes of modes
+    """
+
+    transformation: Reals
+    stiffness: Reals
+    mass: Reals
+    masters: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """K and M by masters (a) and slaves (o)."""
+
+    K: sp.csr_array
+    M: sp.csr_array
+    masters: Integers
+
+    @classmethod
+    def of(cls, K: Matrix, M: Matrix, masters: ArrayLike) -> Partition:
+        """From full symmetric matrices (n, n) and the positions of the masters.
+
+        Raises
+        ------
+        FemtuneError : ``reduce.masters``
+        """
+        chosen = np.asarray(masters, dtype=np.int64).ravel()
+        n = K.shape[0]
+        if not chosen.size or len(set(chosen.tolist())) < chosen.size or chosen.min() < 0 or chosen.max() >= n:
+            raise FemtuneError("reduce.masters", values={"masters": int(chosen.size), "degrees of freedom": n})
+        return cls(sp.csr_array(K), sp.csr_array(M), chosen)
+
+    @cached_property
+    def slaves(self) -> Integers:
+        """(n − m,) DOFs that are condensed."""
+        kept = np.zeros(self.K.shape[0], bool)
+        kept[self.masters] = True
+        return np.flatnonzero(~kept)
+
+    def block(self, A: sp.csr_array, rows: Integers, columns: Integers) -> sp.csr_array:
+        """Some rows and columns of a matrix."""
+        return sp.csr_array(A[rows][:, columns])
+
+    def transformation(self, of_slaves: Reals) -> Reals:
+        """T (n, m) from the slaves' part (n − m, m): masters move as they are told."""
+        T = np.zeros((self.K.shape[0], len(self.masters)))
+        T[self.masters] = np.eye(len(self.masters))
+        T[self.slaves] = of_slaves
+        return T
+
+    def reduced(self, T: Reals) -> Reduction:
+        """K and M on T."""
+        k, m = T.T @ (self.K @ T), T.T @ (self.M @ T)
+        return Reduction(T, 0.5 * (k + k.T), 0.5 * (m + m.T), self.masters)
+
+
+def deck_masters(configured: ConfiguredModel) -> Integers:
+    """Positions of the free DOFs that the deck's sets keep: ASET, BSET and CSET, or all but OMIT.
+
+    Raises
+    ------
+    FemtuneError : ``reduce.no-masters`` where the deck has no such set, or none of its DOFs is free
+    """
+    sets = configured.model.structure.dof_sets
+    kept = _joined(sets[name] for name in _KEPT if name in sets)
+    if kept.size:
+        found = np.flatnonzero(np.isin(configured.free, kept))
+    else:
+        omitted = sets.get("OMIT", np.zeros(0, np.int64))
+        found = np.flatnonzero(~np.isin(configured.free, omitted)) if omitted.size else omitted
+    if not found.size:
+        raise FemtuneError(
+            "reduce.no-masters",
+            values={"sets": ", ".join(sets) or "none"},
+            configuration_name=configured.configuration.name,
+        )
+    return found
+
+
+def _joined(sets: Iterable[Integers]) -> Integers:
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *sets]))
+
 
 _SINGULAR, _LOST = 1e-12, 1e-4
 
@@ -69,11 +175,7 @@ def serep(K: Matrix, M: Matrix, masters: ArrayLike, shapes: Reals) -> Reduction:
     at_masters = shapes[parts.masters]
     singular = la.svdvals(at_masters / np.linalg.norm(shapes, axis=0))
     if shapes.shape[1] > len(parts.masters) or singular[-1] <= _SINGULAR * singular[0]:
-        raise FemtuneError(
-            "reduce.modes-unseen",
-            f"{shapes.shape[1]} modes cannot be told apart at {len(parts.masters)} masters",
-            hint="keep fewer modes or more masters, where the modes move differently",
-        )
+        raise FemtuneError("reduce.modes-unseen", shapes_shape=shapes.shape[1], n_masters=len(parts.masters))
     return parts.reduced(shapes @ la.pinv(at_masters))
 
 
@@ -103,8 +205,109 @@ def slaves_factor(parts: Partition) -> Factor | None:
 
 
 def _loose() -> FemtuneError:
-    return FemtuneError(
-        "reduce.slaves-loose",
-        "the slaves can move without stiffness while the masters are held",
-        hint="keep masters that hold every part; at a frequency, take another one",
-    )
+    return FemtuneError("reduce.slaves-loose")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Craig-Bampton: modes with the interface held and static shapes of the interface; components joined there.
+
+
+_DENSE_UP_TO = 1500
+
+
+def craig_bampton(K: Matrix, M: Matrix, interface: ArrayLike, modes: int) -> Reduction:
+    """Interface DOFs and the `modes` lowest fixed-interface modes: T = [[1, 0], [−K_oo⁻¹K_oa, Φ]].
+
+    Exact with all modes, and the static condensation without any. The reduced stiffness has no coupling of interface
+    and modes, the mass has the unit matrix at the modes. Fewer modes are taken where the slaves have fewer.
+
+    Source: Craig and Bampton 1968. Raises FemtuneError ``reduce.masters``, ``reduce.slaves-loose``.
+    """
+    parts = Partition.of(K, M, interface)
+    factor = slaves_factor(parts)
+    fixed = fixed_interface_modes(parts, factor, modes)
+    T = np.zeros((parts.K.shape[0], len(parts.masters) + fixed.shape[1]))
+    T[:, : len(parts.masters)] = parts.transformation(static_shapes(parts, factor))
+    T[parts.slaves, len(parts.masters) :] = fixed
+    return parts.reduced(T)
+
+
+def fixed_interface_modes(parts: Partition, factor: Factor | None, count: int) -> Reals:
+    """(n − m, k) mass-normalised lowest modes of the slaves with the masters held."""
+    size = len(parts.slaves)
+    if factor is None or count <= 0:
+        return np.zeros((size, 0))
+    K, M = (parts.block(A, parts.slaves, parts.slaves) for A in (parts.K, parts.M))
+    if size <= _DENSE_UP_TO or 2 * count >= size:
+        return _dense(K, M, count)
+    inverse = spla.LinearOperator(K.shape, matvec=factor.solve, dtype=np.float64)
+    start = factor.solve(M @ np.random.default_rng(4).standard_normal(size))
+    _, shapes = spla.eigsh(K, k=count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=0.0)
+    return np.asarray(shapes)
+
+
+def _dense(K: sp.csr_array, M: sp.csr_array, count: int) -> Reals:
+    """By Mφ = θKφ, so that M may be singular; motions without mass are no modes."""
+    theta, shapes = la.eigh(M.toarray(), K.toarray())
+    finite = int(np.sum(theta > 1e-14 * theta.max(initial=0.0)))
+    kept = slice(-1, -min(count, finite) - 1, -1)
+    return np.asarray(shapes[:, kept] / np.sqrt(theta[kept])) if finite else shapes[:, :0]
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """A reduced component and the names of its first coordinates, the interface; equal names are one DOF."""
+
+    reduction: Reduction
+    names: Sequence[Hashable]
+
+
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """Components joined at their interfaces.
+
+    Parameters
+    ----------
+    stiffness, mass : (r, r)
+    names : interface DOFs, the first coordinates; the components' own coordinates follow
+    places : for each component the positions of its coordinates
+    """
+
+    stiffness: Reals
+    mass: Reals
+    names: tuple[Hashable, ...]
+    places: tuple[NDArray[np.int64], ...]
+
+    def shapes(self, component: Component, i: int, q: Reals) -> Reals:
+        """Motions of all DOFs of component i for coupled coordinates (r, k)."""
+        return component.reduction.transformation @ q[self.places[i]]
+
+
+def couple(components: Sequence[Component]) -> Coupled:
+    """Assemble components by the names of their interface DOFs.
+
+    Raises
+    ------
+    FemtuneError : ``reduce.interface`` where a component has not one name for each interface DOF
+    """
+    names: dict[Hashable, int] = {}
+    for component in components:
+        _check_names(component)
+        for name in component.names:
+            names.setdefault(name, len(names))
+    places, end = [], len(names)
+    for component in components:
+        own = len(component.reduction.mass) - len(component.names)
+        places.append(np.array([*(names[n] for n in component.names), *range(end, end + own)], dtype=np.int64))
+        end += own
+    k, m = np.zeros((end, end)), np.zeros((end, end))
+    for component, at in zip(components, places):
+        k[np.ix_(at, at)] += component.reduction.stiffness
+        m[np.ix_(at, at)] += component.reduction.mass
+    return Coupled(k, m, tuple(names), tuple(places))
+
+
+def _check_names(component: Component) -> None:
+    wanted, given = len(component.reduction.masters), len(component.names)
+    if given != wanted or len(set(component.names)) != given:
+        raise FemtuneError("reduce.interface", given=given, wanted=wanted)

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from femtune.model.factorise import Factor
+from femtune.arrays import Reals
+from femtune.model.linear.sparse_products import Product, column_major, product, row_major
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.reduce.modes_in_basis import elastic, reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel
-from femtune.model.reduce.reduced_modes import elastic, reduced_modes
-from femtune.model.sparse_products import Product, column_major, product, row_major
-
-Reals = NDArray[np.float64]
+from femtune.model.solvers.interface import Factor
 
 ABOVE = 0.25
 """Ritz vectors above the wanted ones, as a part of them: what comes down from there shows modes that are missed."""
@@ -54,7 +53,7 @@ class ErrorEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimator:
+class ErrorEstimator:
     """Error estimates of the `count` lowest modes; `factor` holds factors of K0 − σM0 of the nominal model."""
 
     factor: Factor
@@ -104,3 +103,50 @@ def _ritz(K: sp.csr_array, M: Product, values: Reals, X: Reals, MX: Reals, D: Re
     corner = np.diag(values), np.eye(len(values))
     k, m = (np.block([[a, b @ Q], [(b @ Q).T, Q.T @ c @ Q]]) for a, b, c in zip(corner, coupling, dd))
     return np.asarray(la.eigvalsh(0.5 * (k + k.T), 0.5 * (m + m.T)))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Bases of reduced models: vectors made orthonormal in the energy of the nominal model, without what weighs nothing.
+
+
+NEGLIGIBLE = 2e-3
+"""Singular value below which a direction is left out: the part of a unit vector that the basis misses, in energy.
+
+The relative error of an eigenvalue is of the size of its square.
+"""
+DEPENDENT = 1e-9
+
+
+def extend(basis: Reals, vectors: Reals, metric: SymmetricMatrix, negligible: float = NEGLIGIBLE) -> Reals:
+    """The basis with the directions of `vectors` that it misses.
+
+    Each vector is given unit energy vᵀAv = 1 first; what is left of them outside the basis is orthonormalised by its
+    singular values, those below `negligible` dropped. Columns of the basis are not touched.
+
+    Parameters
+    ----------
+    basis : (n, r), BᵀAB = 1
+    vectors : (n, m)
+    metric : A, positive definite, of the nominal model: K − σM with σ below the spectrum
+    """
+    energy = np.einsum("ij,ij->j", vectors, metric @ vectors)
+    some = energy > 0.0
+    W = vectors[:, some] / np.sqrt(energy[some])
+    # the second pass removes what rounding left of the first; orthonormal to rounding in the end
+    for limit in (negligible, 0.5):
+        W = W - basis @ (basis.T @ (metric @ W))
+        W = _orthonormal(W, metric, limit)
+    return np.ascontiguousarray(np.hstack([basis, W]))
+
+
+def orthonormal(vectors: Reals, metric: SymmetricMatrix) -> Reals:
+    """An orthonormal basis of all that `vectors` span, only linear dependence left out."""
+    return extend(np.zeros((len(vectors), 0)), vectors, metric, DEPENDENT)
+
+
+def _orthonormal(W: Reals, metric: SymmetricMatrix, limit: float) -> Reals:
+    gram = W.T @ (metric @ W)
+    values, Q = la.eigh(0.5 * (gram + gram.T))
+    keep = values > max(limit, DEPENDENT) ** 2
+    # largest first, so that a basis that is cut has the best of them
+    return W @ (Q[:, keep] / np.sqrt(values[keep]))[:, ::-1]

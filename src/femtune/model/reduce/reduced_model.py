@@ -13,14 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.fem.contribution import MatrixKind
+from femtune.fem.fields import MatrixKind
 from femtune.model.configuration import Configuration
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.products import projections
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 KINDS: tuple[MatrixKind, ...] = ("stiffness", "mass", "viscous", "hysteretic")
 
@@ -219,9 +218,8 @@ def check_size(configured: ConfiguredModel, order: int) -> None:
     if 8 * columns * order**2 > MOST_BYTES:
         raise FemtuneError(
             "reduce.too-many-terms",
-            f"configuration {configured.configuration.name}: {columns:,} functions of the parameters each need a "
-            f"matrix of order {order}",
             values={"memory (GiB)": f"{8 * columns * order**2 / 1024**3:.1f}"},
-            hint="let fewer fields depend on parameters (offsets and sections that differ from element to element make "
-            "a term each), or limit the order",
+            configuration_name=configured.configuration.name,
+            columns=columns,
+            order=order,
         )

@@ -4,22 +4,192 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.model.configured import ConfiguredModel, ModelPoint
-from femtune.model.eigen import EigenSolution, solve_modes
-from femtune.model.factorise import factorise
-from femtune.model.reduce.basis import extend, orthonormal
-from femtune.model.reduce.candidates import candidates
-from femtune.model.reduce.estimate import ABOVE, Estimator, certified_error
-from femtune.model.reduce.reduced_model import enlarge, reduce_model
-from femtune.model.reduce.reduced_modes import reduced_modes
-from femtune.model.reduce.saved import SavedBasis
-from femtune.model.reduce.trained import Certified, Trained, TrainingRules, TrainingStatus
+from femtune.model.eigen.solution import EigenSolution, solve_modes
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.reduce.estimate import ABOVE, NEGLIGIBLE, ErrorEstimator, certified_error, extend, orthonormal
+from femtune.model.reduce.modes_in_basis import reduced_modes
+from femtune.model.reduce.reduced_model import ReducedModel, enlarge, reduce_model
+from femtune.model.solvers.factorise import factorise
 
-Reals = NDArray[np.float64]
+# ----------------------------------------------------------------------------------------------------
+# What a training of a reduced model is asked for and what it leaves.
+
+
+class TrainingStatus(Enum):
+    """How the training of a reduced model ended; the best model so far is kept."""
+
+    CONVERGED = "the estimate is below the tolerance at all candidates"
+    SOLUTIONS = "all the full solutions that were allowed are used; the estimate is above the tolerance somewhere"
+    ORDER = "the basis has the order that was allowed; the estimate is above the tolerance somewhere"
+    UNFINISHED = "the training goes on"
+
+    @property
+    def ok(self) -> bool:
+        """True where the tolerance was reached."""
+        return self is TrainingStatus.CONVERGED
+
+
+@dataclass(frozen=True)
+class TrainingRules:
+    """What a reduced model is trained to.
+
+    Parameters
+    ----------
+    count : modes that matter, the lowest ones
+    tolerance : relative frequency error, by the estimate
+    full_solutions : how many times the full model may be solved
+    order : largest order of the basis
+    inner, corners : candidates inside the box and at corners of it
+    negligible : see `extend`
+    """
+
+    count: int
+    tolerance: float = 1e-3
+    full_solutions: int = 15
+    order: int = 600
+    inner: int = 48
+    corners: int = 0
+    negligible: float = NEGLIGIBLE
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """A point where the full model was solved.
+
+    Parameters
+    ----------
+    eigenvalues : (m,) of the full model
+    estimate : worst estimated frequency error there before, NaN where none was made
+    error : worst true frequency error of the model before its basis had the modes of this point, NaN at the first one
+    order : of the basis afterwards
+    """
+
+    x: Reals
+    eigenvalues: Reals
+    estimate: float
+    error: float
+    order: int
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A reduced model with its basis and what is known of its errors.
+
+    Parameters
+    ----------
+    model, basis : V (n_free, r), VᵀA0V = 1 with A0 = K0 − σM0
+    certified : points where the full model was solved, in their order
+    points, estimates : (c, k) candidates, and (c,) the last worst estimate made at each; infinite where none was
+    status : how the training stands
+    """
+
+    model: ReducedModel
+    basis: Reals = field(repr=False)
+    certified: tuple[Certified, ...]
+    points: Reals = field(repr=False)
+    estimates: Reals = field(repr=False)
+    status: TrainingStatus
+    estimator: ErrorEstimator = field(repr=False)
+    metric: SymmetricMatrix = field(repr=False)
+
+    @property
+    def worst_estimate(self) -> float:
+        """The largest estimate at the candidates."""
+        return float(self.estimates.max(initial=0.0))
+
+
+# ----------------------------------------------------------------------------------------------------
+# What has to be kept of a training so that it goes on where it stopped.
+
+
+@dataclass(frozen=True, eq=False)
+class SavedBasis:
+    """Plain arrays of a `Trained`.
+
+    Parameters
+    ----------
+    shift : σ of the nominal model
+    basis : V (n_free, r)
+    x : (p, k) certified points
+    eigenvalues : (p, m) there, NaN where a point has fewer
+    known : (p, 3) estimate, true error and order of each
+    points, estimates : (c, k) candidates and (c,) their estimates
+    """
+
+    shift: float
+    basis: Reals
+    x: Reals
+    eigenvalues: Reals
+    known: Reals
+    points: Reals
+    estimates: Reals
+
+    @classmethod
+    def of(cls, trained: Trained) -> SavedBasis:
+        """The arrays of a training."""
+        some = trained.certified
+        values = np.full((len(some), max(len(c.eigenvalues) for c in some)), np.nan)
+        for row, c in zip(values, some):
+            row[: len(c.eigenvalues)] = c.eigenvalues
+        known = np.array([(c.estimate, c.error, c.order) for c in some], float)
+        x = np.array([c.x for c in some], float)
+        return cls(trained.model.shift, trained.basis, x, values, known, trained.points, trained.estimates)
+
+    def check(self) -> None:
+        """Refuse shapes that do not belong together.
+
+        Raises
+        ------
+        ValueError : in words
+        """
+        p, k = self.x.shape
+        fits = self.basis.ndim == 2 and self.eigenvalues.shape[:1] == (p,) and self.known.shape == (p, 3)
+        fits = fits and self.points.ndim == 2 and self.points.shape[1] == k
+        fits = fits and self.estimates.shape == (len(self.points),)
+        if not fits or p == 0 or not np.isfinite(self.basis).all() or not self.shift < 0.0:
+            raise ValueError("its arrays do not fit together")
+
+    def certified(self) -> tuple[Certified, ...]:
+        """The points where the full model was solved."""
+        rows = zip(self.x, self.eigenvalues, self.known)
+        return tuple(Certified(x, v[np.isfinite(v)], float(e), float(t), int(n)) for x, v, (e, t, n) in rows)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Points of the box of the parameters at which a reduced model is tried.
+
+
+_SEED = 2026
+
+
+def candidates(lower: Reals, upper: Reals, count: int, corners: int = 0, seed: int = _SEED) -> Reals:
+    """(count + corners, k) points: a Sobol sequence in the box, and corners of it that differ from one another.
+
+    A corner where all parameters go the same way scales a structure without changing its shapes much; the corners
+    taken are the signs of another Sobol sequence, in which half of the parameters go up and half down on the average.
+    """
+    k = len(lower)
+    inner = lower + _sobol(k, count, seed) * (upper - lower)
+    signs = _sobol(k, corners, seed + 1) > 0.5
+    return np.vstack([inner, np.where(signs, upper, lower)])
+
+
+def _sobol(k: int, count: int, seed: int) -> Reals:
+    """Points of a Sobol sequence, turned by a random shift that is the same with every version of SciPy."""
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that nothing else here needs
+
+    power = int(np.ceil(np.log2(max(count, 1))))
+    points = qmc.Sobol(k, scramble=False).random_base2(power)[:count]
+    return np.asarray((points + np.random.default_rng(seed).random(k)) % 1.0)
+
+
 FIRST_MODES = 1.5
 """Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
 down among these."""
@@ -62,7 +232,7 @@ class Trainer:
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
         points = candidates(lower, upper, self.rules.inner, self.rules.corners)
-        estimator = Estimator(solution.factor, self.rules.count)
+        estimator = ErrorEstimator(solution.factor, self.rules.count)
         trained = Trained(
             model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric
         )
@@ -75,8 +245,8 @@ class Trainer:
         metric = point.symmetric_stiffness.plus(-saved.shift, point.symmetric_mass)
         return Trained(
             reduce_model(self.configured, saved.basis, self.rows, saved.shift), saved.basis, saved.certified(),
-            saved.points, saved.estimates, TrainingStatus.UNFINISHED, Estimator(factorise(metric), self.rules.count),
-            metric,
+            saved.points, saved.estimates, TrainingStatus.UNFINISHED,
+            ErrorEstimator(factorise(metric), self.rules.count), metric,
         )  # fmt: skip
 
     def train(self, trained: Trained) -> Trained:

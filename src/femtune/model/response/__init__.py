@@ -1,16 +1,21 @@
 """Responses of a model: FRFs, complex modes, static response and mass properties, all with derivatives."""
 
-from femtune.model.response.complex_derivatives import ComplexModeDerivative, complex_mode_derivative
-from femtune.model.response.complex_modes import ComplexModes, complex_modes
-from femtune.model.response.effective_mass import EffectiveMass, effective_mass
-from femtune.model.response.frf import frf
-from femtune.model.response.gradient import FrfGradient, frf_gradient
-from femtune.model.response.mass import MassResponse, mass_response
-from femtune.model.response.modal_damping import DampingRatios
-from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
-from femtune.model.response.request import METHODS, Kind, Method
-from femtune.model.response.static import StaticResponse, static_response
-from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.model.response.complex_derivatives import ComplexModeDerivative, complex_mode_derivative
+    from femtune.model.response.complex_eigen import ComplexModes, complex_modes
+    from femtune.model.response.frf_methods import METHODS, Kind, Method, frf
+    from femtune.model.response.gradient import FrfGradient, frf_gradient
+    from femtune.model.response.mass import EffectiveMass, MassResponse, effective_mass, mass_response
+    from femtune.model.response.modal_damping import DampingRatios
+    from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
+    from femtune.model.response.static import StaticResponse, static_response
+    from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "METHODS",

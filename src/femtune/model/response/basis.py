@@ -7,14 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.model.configured import ModelPoint
-from femtune.model.derivatives import complement
-from femtune.model.eigen import EigenSolution
+from femtune.model.derivatives.modes import complement
+from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
-
-Reals = NDArray[np.float64]
 
 _DEPENDENT, _ROUNDING = 1e-10, 1e-17
 _MOST_DAMPED = 24
@@ -22,7 +20,7 @@ _MOST_DAMPED = 24
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class ModalBasis:
     """Vectors Q that are orthogonal in K and M.
 
     Parameters
@@ -39,15 +37,15 @@ class Basis:
     n_modes: int
 
 
-def modal_basis(modes: EigenSolution, forces: Reals | None) -> Basis:
+def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
     """The wanted modes (and every rigid-body mode), and the static response to `forces` (n_free, k) that they miss."""
     rigid = is_rigid(modes)
     keep = max(modes.wanted, int(rigid.sum()))
     phi, stiffness = modes.shapes[:, :keep], np.where(rigid, 0.0, modes.eigenvalues)[:keep]
     if forces is None or not forces.shape[1]:
-        return Basis(phi, stiffness, np.ones(keep), keep)
+        return ModalBasis(phi, stiffness, np.ones(keep), keep)
     extra, k, m = ritz_vectors(modes.point, residual_vectors(modes, keep, forces))
-    return Basis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
+    return ModalBasis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
 
 
 def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:

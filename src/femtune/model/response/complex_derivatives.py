@@ -14,9 +14,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.factorise import SingularMatrixError, factorise
-from femtune.model.response.complex_modes import ComplexModes, gradient_by_pole
+from femtune.model.eigen.solution import EigenSolution
+from femtune.model.response.basis import ModalBasis, residual_vectors, ritz_vectors
+from femtune.model.response.complex_eigen import ComplexModes, gradient_by_pole, modes_of
 from femtune.model.response.dynamic_stiffness import DynamicStiffness, NoSolutionError, Solve, low_rank_solver
+from femtune.model.response.rigid import is_rigid
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import SingularMatrixError
 
 _CLOSE, _HELD = 1e-6, 0.5
 _CORRECTIONS, _ENOUGH = 2, 1e-7
@@ -78,9 +82,8 @@ def _check_simple(modes: ComplexModes, mode: int) -> None:
     if gaps.min(initial=np.inf) <= _CLOSE * size:
         raise FemtuneError(
             "derivative.close-poles",
-            f"the complex mode {mode + 1} has no derivative of its own: another pole coincides with it",
             values={"pole (rad/s)": f"{pole:.6g}", "nearest other": f"{gaps.min(initial=np.inf):.3g} rad/s away"},
-            hint="compare functions of all these modes together, such as FRFs, whose derivatives exist",
+            mode=mode + 1,
         )
 
 
@@ -136,8 +139,43 @@ def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: ND
 
 def _inaccurate(pole: complex, error: float) -> FemtuneError:
     return FemtuneError(
-        "derivative.pole-inaccurate",
-        "the derivative of a complex mode is lost to rounding",
-        values={"pole (rad/s)": f"{pole:.6g}", "relative residual": f"{error:.1e}"},
-        hint="look for poles that nearly coincide with this one",
+        "derivative.pole-inaccurate", values={"pole (rad/s)": f"{pole:.6g}", "relative residual": f"{error:.1e}"}
     )
+
+
+# ----------------------------------------------------------------------------------------------------
+# The basis of FRFs by complex modes: real and imaginary parts of the exact complex modes, and residual vectors.
+#
+# A complex mode that lies in the basis is a complex mode of the reduced pencil too, with the same pole and residue,
+# so that what the reduced pencil adds are the pseudo-modes of the residual vectors.
+
+
+_ROUNDING = 1e-9
+
+
+def complex_basis(modes: EigenSolution, stiffness: DynamicStiffness, forces: NDArray | None) -> ModalBasis:
+    """Rigid-body modes, the elastic parts of as many complex modes as there are wanted real ones, residual vectors."""
+    rigid = modes.shapes[:, is_rigid(modes)]
+    found = modes_of(modes, stiffness, max(modes.wanted, rigid.shape[1]))
+    parts = [_real_parts(found)]
+    if forces is not None and forces.shape[1]:
+        parts.append(residual_vectors(modes, rigid.shape[1], forces))
+    vectors = _without(np.hstack(parts), rigid, stiffness)
+    extra, k, m = ritz_vectors(stiffness.point, vectors)
+    f = rigid.shape[1]
+    return ModalBasis(np.hstack([rigid, extra]), np.concatenate([np.zeros(f), k]), np.concatenate([np.ones(f), m]), f)
+
+
+def _real_parts(found: ComplexModes) -> NDArray:
+    """Real and imaginary parts of the elastic modes, but for those that are rounding of the other part."""
+    elastic = found.shapes[:, np.array([kind != "rigid" for kind in found.kinds], dtype=bool)]
+    parts = np.hstack([elastic.real, elastic.imag])
+    size = np.linalg.norm(parts, axis=0)
+    return parts[:, size > _ROUNDING * np.tile(np.linalg.norm(elastic, axis=0), 2)]
+
+
+def _without(vectors: NDArray, rigid: NDArray, stiffness: DynamicStiffness) -> NDArray:
+    """Vectors made M-orthogonal to the rigid-body modes, twice."""
+    for _ in range(2):
+        vectors = vectors - rigid @ (rigid.T @ (stiffness.point.mass @ vectors))
+    return vectors

@@ -12,8 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.model.configured import ModelPoint
-from femtune.model.factorise import Factor, SingularMatrixError, factorise
 from femtune.model.response.modal_damping import ModalDamper
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import Factor, SingularMatrixError
 
 _CORRECTIONS = 4
 _REFINED, _LOST = 1e-13, 1e-5

@@ -9,12 +9,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from femtune.modal import FrfSet
 from femtune.model.configured import ModelPoint
-from femtune.model.eigen import EigenSolution
+from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
-from femtune.model.response.frf import Progress, System, as_frf_set, direct_fields, reduced_system
+from femtune.model.response.frf_methods import (
+    Kind,
+    Method,
+    Progress,
+    Request,
+    System,
+    as_frf_set,
+    checked_request,
+    direct_fields,
+    reduced_system,
+)
 from femtune.model.response.modal_damping import DampingRatios
 from femtune.model.response.ports import Ports
-from femtune.model.response.request import Kind, Method, Request, checked_request
 
 
 @dataclass(frozen=True, eq=False)

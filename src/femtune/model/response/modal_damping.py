@@ -8,17 +8,18 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.fem.mode_ratios import ALL_MODES
-from femtune.model.derivatives import SubspaceDerivative
-from femtune.model.eigen import EigenSolution
-from femtune.model.mode_derivatives import subspace_derivative
+from femtune.fem.structure import ALL_MODES
+from femtune.model.configured import ModelPoint
+from femtune.model.derivatives.chosen import subspace_derivative
+from femtune.model.derivatives.modes import SubspaceDerivative
+from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 from femtune.parameters.jet import Jet
-
-Reals = NDArray[np.float64]
 
 _SAME = 1e-9
 
@@ -150,8 +151,48 @@ def _checked(ratios: Reals, freq_hz: Reals) -> Reals:
     if bad.any():
         raise FemtuneError(
             "response.damping-ratio",
-            "modal damping gives a ratio that is negative or not finite",
             values={"frequency (Hz)": f"{freq_hz[bad][0]:.6g}", "ratio": f"{ratios[bad][0]:.6g}"},
-            hint="give a fraction of critical damping, 0 or more, for every mode",
         )
     return ratios
+
+
+# ----------------------------------------------------------------------------------------------------
+# Whether damping is proportional (classical), so that the complex modes have the shapes of the real ones.
+#
+# Source: T. K. Caughey, M. E. J. O'Kelly, Journal of Applied Mechanics 32 (1965).
+
+
+_PROPORTIONAL = 1e-7
+
+
+def is_proportional(modes: EigenSolution) -> bool:
+    """True where dashpots and loss factors couple none of the wanted modes with any other motion.
+
+    Then Cφ = cMφ for each: what is left is measured as energy, against the largest Cφ. Modal damping never couples.
+    """
+    point = modes.point
+    return all(_keeps(modes, A) for A in (point.viscous, point.hysteretic) if np.any(A.data))
+
+
+def _keeps(modes: EigenSolution, damping: sp.csr_array) -> bool:
+    phi = modes.shapes[:, : modes.wanted]
+    forces, inertia = np.asarray(damping @ phi), np.asarray(modes.point.mass @ phi)
+    # close modes are one subspace, in which damping may turn the vectors
+    left = forces - inertia @ _near(modes, phi.T @ forces)
+    return bool(_energy(modes, left).max() <= _PROPORTIONAL**2 * _energy(modes, forces).max())
+
+
+def _near(modes: EigenSolution, coupling: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The coupling of modes that coincide."""
+    values = modes.eigenvalues[: len(coupling)]
+    apart = np.abs(values[:, None] - values) > _PROPORTIONAL * (abs(modes.shift) + np.abs(values))
+    return np.where(apart, 0.0, coupling)
+
+
+def _energy(modes: EigenSolution, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.abs(np.einsum("ij,ij->j", forces, modes.factor.solve(forces)))
+
+
+def may_be_negative(point: ModelPoint) -> bool:
+    """True where a dashpot or a loss factor is below zero on the diagonal of its matrix."""
+    return any(bool((A.diagonal() < 0.0).any()) for A in (point.viscous, point.hysteretic))

@@ -103,14 +103,8 @@ def _signals(given: Iterable[Signal | Dof | str], what: str) -> list[Signal]:
         dof = parse_dof(one) if isinstance(one, str) else one
         found.append(dof if isinstance(dof, Signal) else Signal(dof, {dof: 1.0}))
     if not found:
-        raise _none(what)
+        raise FemtuneError("response.no-ports", ports=what)
     return found
-
-
-def _none(what: str) -> FemtuneError:
-    return FemtuneError(
-        "response.no-ports", f"no {what} are given", hint="name at least one DOF such as 101Z+ on each side"
-    )
 
 
 def _name(signal: Signal) -> str:
@@ -131,20 +125,19 @@ def _rows(configured: ConfiguredModel, signals: list[Signal], what: str, errors:
 
 def _check_weight(signal: Signal, what: str, weight: float) -> None:
     if not np.isfinite(weight):
-        raise FemtuneError(
-            "response.weight", f"{what} {_name(signal)} has the weight {weight}", hint="weights are finite numbers"
-        )
+        raise FemtuneError("response.weight", port=what, name=_name(signal), weight=weight)
 
 
 def _check(configured: ConfiguredModel, what: str, names: tuple[str, ...], rows: sp.csr_array) -> None:
     if not names:
-        raise _none(f"{what}s")
+        raise FemtuneError("response.no-ports", ports=f"{what}s")
     size: NDArray = np.asarray(np.abs(rows).sum(axis=1))
     held = [name for name, some in zip(names, size) if some == 0.0]
     if held:
         raise FemtuneError(
             "response.held-port",
-            f"configuration {configured.configuration.name}: every DOF of {what} {held[0]} is held, so it cannot move",
             values={f"{what}s that are held": ", ".join(held[:6]) + (" …" if len(held) > 6 else "")},
-            hint="take a DOF that is free; femtune info lists the supports and the DOFs without stiffness",
+            configuration=configured.configuration.name,
+            port=what,
+            name=held[0],
         )

@@ -6,14 +6,13 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.dofs import DIRECTIONS
 from femtune.fem.checks import rigid_body_modes
 from femtune.model.configured import ModelPoint
-from femtune.model.eigen import EigenSolution, solve_modes
-from femtune.model.pencil import pieces
-from femtune.model.symmetric import SymmetricMatrix
-
-Reals = NDArray[np.float64]
+from femtune.model.eigen.pencil import pieces
+from femtune.model.eigen.solution import EigenSolution, solve_modes
+from femtune.model.linear.symmetric import SymmetricMatrix
 
 # λ below these fractions of the shift, which is of the size of the lowest elastic eigenvalues; the larger one holds
 # only where λ is within the rounding of its own strain energy

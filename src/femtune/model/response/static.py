@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
-from femtune.model.eigen import EigenSolution
+from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.basis import static_complement
 from femtune.model.response.dynamic_stiffness import NoSolutionError, Solve, sparse_solver
+from femtune.model.response.frf_methods import check_ports
 from femtune.model.response.ports import Ports
-from femtune.model.response.request import check_ports
 from femtune.model.response.rigid import is_rigid, rigid_names, with_elastic_mode
 
 _BALANCED = 1e-8
@@ -95,15 +95,11 @@ def _check_balance(modes: EigenSolution, rigid: NDArray, ports: Ports, loads: ND
         name = modes.point.configured.configuration.name
         raise FemtuneError(
             "response.static-free",
-            f"configuration {name}: load {ports.input_names[bad[0]]} does not balance, and nothing holds the structure",
             values={"motions that are not held": ", ".join(rigid_names(modes))},
-            hint="hold these motions (SPC1), or make the load one that balances, such as a pair of forces",
+            name=name,
+            input_names=ports.input_names[bad[0]],
         )
 
 
 def _inaccurate(point: ModelPoint) -> FemtuneError:
-    return FemtuneError(
-        "response.static-inaccurate",
-        f"configuration {point.configured.configuration.name}: the static response is lost to rounding",
-        hint="look for stiffnesses that are many orders of magnitude apart, and for nearly loose parts",
-    )
+    return FemtuneError("response.static-inaccurate", configuration_name=point.configured.configuration.name)

@@ -19,15 +19,14 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
-from femtune.model.eigen import EigenSolution
-from femtune.model.response.basis import Basis, modal_basis
+from femtune.model.eigen.solution import EigenSolution
+from femtune.model.response.basis import ModalBasis, modal_basis
 from femtune.model.response.dynamic_stiffness import NoSolutionError, sparse_solver
+from femtune.model.response.frf_methods import check_ports
 from femtune.model.response.ports import Ports
-from femtune.model.response.request import check_ports
-
-Reals = NDArray[np.float64]
 
 _REAL, _STEPS, _FAR = 1e-6, 12, 0.1
 _COUPLED, _CANCELLED = 1e-12, 1e-9
@@ -62,7 +61,7 @@ class ZeroFinder:
 
     modes: EigenSolution
     ports: Ports
-    basis: Basis
+    basis: ModalBasis
 
     def candidates(self, output: int, reference: int, max_hz: float) -> Reals:
         """μ of the real zeros of a function above 0 up to a frequency, on the basis, ascending."""
@@ -154,8 +153,5 @@ def _gradient(point: ModelPoint, mu: float, x: Reals, y: Reals, slope: float, co
 
 def _lost(point: ModelPoint, mu: float) -> FemtuneError:
     return FemtuneError(
-        "response.zero-lost",
-        f"configuration {point.configured.configuration.name}: the antiresonance near "
-        f"{np.sqrt(mu) / (2 * np.pi):.6g} Hz is not found on the whole model",
-        hint="solve for more modes, so that what is found on their basis is nearer to it",
+        "response.zero-lost", configuration_name=point.configured.configuration.name, sqrt=np.sqrt(mu) / (2 * np.pi)
     )

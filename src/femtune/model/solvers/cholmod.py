@@ -12,9 +12,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.solvers.forecast import least_bytes, ran_out, require_for_factors
-from femtune.model.solvers.interface import Analysis, Factor
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.interface import Analysis, Factor, least_bytes, ran_out, require_for_factors
 
 
 @lru_cache(maxsize=1)
@@ -60,10 +59,7 @@ class CholmodAnalysis:
         if isinstance(failed, getattr(self._module, "CholmodOutOfMemoryError", ())):
             return ran_out(matrix.shape[0], self.factor_bytes)
         return FemtuneError(
-            "solver.failed",
-            f"the sparse factorisation failed: {failed}",
-            values={"equations": matrix.shape[0], "entries": len(matrix.data)},
-            hint="take another solver: FEMTUNE_SOLVER=SuperLU",
+            "solver.failed", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, failed=failed
         )
 
 

@@ -10,10 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.solvers.forecast import least_bytes, ran_out, require_for_factors
-from femtune.model.solvers.interface import SingularMatrixError
-from femtune.model.solvers.scaling import scaled, unit_diagonal
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.interface import (
+    SingularMatrixError,
+    least_bytes,
+    ran_out,
+    require_for_factors,
+    scaled,
+    unit_diagonal,
+)
 
 _NEGATIVE_PIVOTS = 12
 _STRUCTURALLY_SINGULAR, _SINGULAR, _NO_MEMORY = -6, -10, -13
@@ -92,8 +97,5 @@ def failure(number: int, matrix: SymmetricMatrix) -> Exception:
     if number == _NO_MEMORY:
         return ran_out(matrix.shape[0], least_bytes(matrix, triangles=1))
     return FemtuneError(
-        "solver.failed",
-        f"the sparse factorisation failed: MUMPS' error {number}",
-        values={"equations": matrix.shape[0], "entries": len(matrix.data)},
-        hint="take another solver: FEMTUNE_SOLVER=SuperLU",
+        "solver.failed/failure", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, number=number
     )

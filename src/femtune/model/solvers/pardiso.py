@@ -17,12 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.model.blocks import empty_block
-from femtune.model.memory import require_memory
-from femtune.model.solvers.forecast import MEMORY_HINT, ran_out, require_for_factors
-from femtune.model.solvers.interface import SingularMatrixError
-from femtune.model.solvers.scaling import scaled, unit_diagonal
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.blocks import empty_block
+from femtune.model.linear.memory import require_memory
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.interface import (
+    SingularMatrixError,
+    ran_out,
+    require_for_factors,
+    scaled,
+    unit_diagonal,
+)
 
 Integers = NDArray[np.int32]
 
@@ -124,7 +128,7 @@ class PardisoAnalysis:
 
     def __init__(self, matrix: SymmetricMatrix, ordering: Integers | None = None) -> None:
         work = _ANALYSIS_BYTES_PER_ENTRY * len(matrix.indices)
-        require_memory(work, f"ordering {matrix.shape[0]:,} equations", MEMORY_HINT)
+        require_memory(work, "model.memory/ordering", equations=matrix.shape[0])
         self._handle = _Handle(matrix, ordering)
         self._slots = list(range(_SLOTS, 0, -1))
         self._further: PardisoAnalysis | None = None
@@ -200,15 +204,10 @@ class PardisoFactor:
 def failure(number: int, equations: int, entries: int, needed_bytes: int) -> Exception:
     """The exception for one of PARDISO's error numbers."""
     if number == _NO_MEMORY:
-        return ran_out(equations, needed_bytes, "ordered, factorised or solved")
+        return ran_out(equations, needed_bytes, "model.memory/ran-out-in-pardiso")
     if number in (_ZERO_PIVOT, _SINGULAR_DIAGONAL):
         return SingularMatrixError(f"PARDISO's error {number}")
-    return FemtuneError(
-        "solver.failed",
-        f"the sparse factorisation failed: PARDISO's error {number}",
-        values={"equations": equations, "entries": entries},
-        hint="take another solver: FEMTUNE_SOLVER=SuperLU",
-    )
+    return FemtuneError("solver.failed/failure-2", values={"equations": equations, "entries": entries}, number=number)
 
 
 def _settings() -> Integers:

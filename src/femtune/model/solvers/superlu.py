@@ -7,9 +7,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from femtune.model.solvers.forecast import least_bytes, ran_out, require_for_factors
-from femtune.model.solvers.interface import SingularMatrixError
-from femtune.model.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.solvers.interface import SingularMatrixError, least_bytes, ran_out, require_for_factors
 
 
 class SuperLuAnalysis:

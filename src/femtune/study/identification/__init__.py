@@ -1,7 +1,14 @@
 """The step ``identify``: from a record or from functions to modes, files and a page."""
 
-from femtune.study.identification.asked import asked_of
-from femtune.study.identification.found import Found
-from femtune.study.identification.run import IdentifiedFolder, identify
+from typing import TYPE_CHECKING
 
-__all__ = ["Found", "IdentifiedFolder", "asked_of", "identify"]
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.study.identification.found import Found
+    from femtune.study.identification.request import asked_of
+    from femtune.study.identification.run import IdentifyResult, identify
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = ["Found", "IdentifyResult", "asked_of", "identify"]

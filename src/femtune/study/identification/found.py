@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import Notice
-from femtune.identify.choice import Candidate
-from femtune.identify.input_lines import InputVerdict
-from femtune.identify.pole_table import PoleTable
-from femtune.modal import FrfSet, ModeSet, StateSpace
-from femtune.testdata import NO_GEOMETRY, WireFrame
+from femtune.testdata import NO_GEOMETRY
+
+if TYPE_CHECKING:
+    from femtune.errors import Notice
+    from femtune.identification.choice import Candidate
+    from femtune.identification.input_lines import InputVerdict
+    from femtune.identification.pole_table import PoleTable
+    from femtune.modal import FrfSet, ModeSet, StateSpace
+    from femtune.testdata import WireFrame
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
-from femtune.files.identify_file import IdentifyFile
-from femtune.files.uff import read_uff
-from femtune.identify.input_known import FRF_METHODS, IdentifiedModes, InputKnown, identify_frfs
-from femtune.modal import FrfSet
+from femtune.files.uff import UffFile, read_uff
+from femtune.identification.averaging import Averaging, input_output_spectra
+from femtune.identification.estimators import estimate_frfs
+from femtune.identification.input_known import FRF_METHODS, InputKnown, identify_frfs
+from femtune.identification.join import at_lines
+from femtune.identification.periodic import periodic_frfs
 from femtune.study.identification.found import Curve, Found
-from femtune.testdata import NO_GEOMETRY, WireFrame
+from femtune.testdata import NO_GEOMETRY
 from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.files.identification_file import IdentifyFile
+    from femtune.identification.input_known import IdentifiedModes
+    from femtune.modal import FrfSet, TimeSeries
+    from femtune.testdata import WireFrame
 
 DEFAULT_ORDER = 60
 
@@ -27,12 +36,13 @@ def found_from_file(file: IdentifyFile) -> Found:
     FemtuneError : ``uff.*``, ``identify.no-frfs`` for a file without functions of motion over force, ``identify.*``
     """
     units = unit_system(file.identify.units)
+    measured = UffFile(file.measured_path)
     try:
-        content = read_uff(file.measured_path, units=units)
+        content = read_uff(measured, units=units)
     except FemtuneError as error:
         if error.code != "uff.no-units":
             raise
-        content = read_uff(file.measured_path, units=units, file_units=units)
+        content = read_uff(measured, units=units, file_units=units)
     frfs = _only(content.frf_sets, str(file.measured_path))
     found = found_from_frfs(frfs, file, content.test.geometry)
     return replace(found, notices=(*content.notices, *found.notices))
@@ -41,12 +51,7 @@ def found_from_file(file: IdentifyFile) -> Found:
 def _only(sets: tuple[FrfSet, ...], path: str) -> FrfSet:
     if len(sets) != 1:
         kinds = ", ".join(f"{len(s.responses)} × {len(s.references)} {s.kind}, {len(s.freq_hz)} lines" for s in sets)
-        raise FemtuneError(
-            "identify.no-frfs",
-            f"one set of functions of motion over force is wanted, the file has {len(sets)}",
-            values={"file": path, "sets": kinds or "none"},
-            hint="export the functions of one measurement, of one kind and on the same lines",
-        )
+        raise FemtuneError("identify.no-frfs", values={"file": path, "sets": kinds or "none"}, n_sets=len(sets))
     return sets[0]
 
 
@@ -93,3 +98,76 @@ def _curve(frfs: FrfSet) -> Curve:
     size = np.sqrt((np.abs(frfs.values) ** 2).sum(axis=(0, 1)))
     level = 20.0 * np.log10(np.maximum(size, 1e-300) / max(float(size.max()), 1e-300))
     return Curve(frfs.freq_hz, level, "all functions together")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Identification from records in time whose forces were measured: functions first, then their modes.
+
+
+LINES = 400
+"""Lines of a band where no resolution is asked for, as far as the record allows with eight segments."""
+
+
+WHOLE = 1e-3
+"""A period may miss a whole number of samples by so much, for it is written with few digits."""
+
+
+def has_forces(record: TimeSeries) -> bool:
+    """True where every input is a force: the ground's motion is no force."""
+    quantities = {record.channels[i].quantity for i in record.positions("input")}
+    return quantities == {"force"}
+
+
+def found_from_forces(record: TimeSeries, file: IdentifyFile) -> Found:
+    """Modes of the functions that the record gives, weighed by their scatter.
+
+    Raises
+    ------
+    FemtuneError : ``identify.*``, ``record.*``
+    """
+    frfs, sd = functions_of(record, file)
+    usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
+    kept = np.flatnonzero(usable)
+    errors = sd[:, :, kept]
+    known = np.isfinite(errors).all() and (errors > 0.0).all()
+    return found_from_frfs(at_lines(frfs, kept), file, sd=errors if known else None)
+
+
+def functions_of(record: TimeSeries, file: IdentifyFile) -> tuple[FrfSet, NDArray[np.float64]]:
+    """The functions and √E|error|² of each, (n, u, k)."""
+    table = file.identify
+    if table.period_s is not None:
+        periodic = periodic_frfs([record], _period(record, file))
+        return periodic.frfs, periodic.sd
+    estimate = estimate_frfs(input_output_spectra([record], Averaging(_segment(record, file))), table.estimator)
+    return replace(estimate.frfs, source=record.source), estimate.sd
+
+
+def _period(record: TimeSeries, file: IdentifyFile) -> int:
+    """Samples of the period that is stated, which must be whole: a fraction would leak into every line."""
+    period_s = file.identify.period_s or 0.0
+    samples = period_s * record.even_hz
+    if abs(samples - round(samples)) > WHOLE:
+        raise FemtuneError(
+            "identify.period",
+            where=file.where("identify", "period_s"),
+            values={"period_s": period_s, "sampling rate": f"{record.even_hz:g} Hz", "samples": f"{samples:.6g}"},
+        )
+    return round(samples)
+
+
+def _segment(record: TimeSeries, file: IdentifyFile) -> int:
+    """Samples of a segment: by the resolution, or so that the band has `LINES` lines; an even number."""
+    table = file.identify
+    low, high = table.band_hz or (0.0, 0.5 * record.even_hz)
+    step = table.resolution_hz or (high - low) / LINES
+    wanted = 2 * round(0.5 * record.even_hz / step)
+    most = 2 * (record.samples // 16)
+    if table.resolution_hz is not None and wanted > record.samples:
+        raise FemtuneError(
+            "identify.resolution",
+            where=file.where("identify", "resolution_hz"),
+            values={"segment": f"{wanted / record.even_hz:g} s", "record": f"{record.duration_s:g} s"},
+            step=step,
+        )
+    return wanted if table.resolution_hz is not None else min(wanted, most)

@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError
-from femtune.files.identify_file import OUTPUT_ONLY, ChannelEntry, IdentifyFile
-from femtune.files.records import Column, read_record
-from femtune.identify.choice import change_choice, has_candidate
-from femtune.identify.combine import Estimate, combine
-from femtune.identify.fdd import decompose
-from femtune.identify.input_lines import judge_peaks
-from femtune.identify.operational import METHODS, Operational, OperationalModes, chosen_modes, prepared, segment_of
-from femtune.identify.spectra import cross_spectra
-from femtune.modal import ModeSet, TimeSeries
-from femtune.modal.mac import mac
+from femtune.files.identification_file import OUTPUT_ONLY
+from femtune.files.records import ChannelColumn, read_record
+from femtune.identification.averaging import cross_spectra
+from femtune.identification.choice import change_choice, has_candidate
+from femtune.identification.combine import Estimate, combine
+from femtune.identification.fdd import decompose
+from femtune.identification.input_lines import judge_peaks
+from femtune.identification.operational import (
+    METHODS,
+    Operational,
+    chosen_modes,
+    prepared,
+    segment_of,
+)
+from femtune.modal.shape_criteria import mac
 from femtune.study.identification.found import Curve, Found
-from femtune.study.identification.usable import check_length
-from femtune.study.progress import Progress
+from femtune.study.identification.request import check_length
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.files.identification_file import ChannelEntry, IdentifyFile
+    from femtune.identification.operational import (
+        OperationalModes,
+    )
+    from femtune.modal import ModeSet, TimeSeries
 
 DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
 NEAR, ALIKE = 0.02, 0.8
@@ -40,8 +53,8 @@ def read_asked(file: IdentifyFile) -> TimeSeries:
     return read_record(file.measured_path, columns, table.sampling_hz, table.variable, table.format)
 
 
-def _column(entry: ChannelEntry) -> Column:
-    return Column(entry.column, parse_dof(entry.dof), entry.quantity, entry.role, entry.unit, entry.factor)
+def _column(entry: ChannelEntry) -> ChannelColumn:
+    return ChannelColumn(entry.column, parse_dof(entry.dof), entry.quantity, entry.role, entry.unit, entry.factor)
 
 
 def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress) -> Found:
@@ -77,10 +90,8 @@ def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
         half = 0.5 * record.even_hz
         raise FemtuneError(
             "identify.no-band",
-            "a record in time needs a band in which modes are looked for",
             where=file.where("identify"),
             values={"half the sampling rate": f"{half:g} Hz", "length": f"{record.duration_s:g} s"},
-            hint="say it: band_hz = [2.0, 40.0], or --band 2 40",
         )
     # a line at zero belongs to no mode; a record of ten samples is told so before its band is raised
     low = max(table.band_hz[0], min(2.0 / record.duration_s, 0.5 * table.band_hz[1]))
@@ -112,11 +123,7 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
 def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
     first = several[names[0], 0]
     if not len(first.modes):
-        raise FemtuneError(
-            "identify.no-modes",
-            f"{names[0]} found no mode in the band",
-            hint="look at the stabilisation: another band, a larger order, or a longer record",
-        )
+        raise FemtuneError("identify.no-modes/first", names=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
     return Found(first.modes, first.table, first.candidates, by_method, _NO_CURVE)
 

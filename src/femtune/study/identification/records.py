@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from femtune import __version__
-from femtune.study.identification.found import Found
-from femtune.study.record_model import alert_of
-from femtune.study.results_base import Alert, InputFile, Record
+from femtune.results.base import Alert, InputFile, Record
+from femtune.results.model import alert_of
 from femtune.testdata.checks import phase_collinearity
+
+if TYPE_CHECKING:
+    from femtune.study.identification.found import Found
 
 
 class IdentifiedMode(Record):

@@ -6,34 +6,102 @@ import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Where
-from femtune.files.identify_file import IdentifyFile
-from femtune.identify.record_checks import check_record
-from femtune.study.identification.asked import asked_of
-from femtune.study.identification.found import Found
-from femtune.study.identification.from_forces import found_from_forces, has_forces
-from femtune.study.identification.from_frfs import found_from_file
+from femtune.identification.choice import Limits, stable
+from femtune.identification.record_checks import check_record
+from femtune.results.base import InputFile
+from femtune.results.folder import check_writable
+from femtune.results.step_results import StepResult
+from femtune.results.tables import Rows, rows_of
+from femtune.study.identification.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.study.identification.from_record import found_from_record, read_asked
-from femtune.study.identification.records import Identification, identification
-from femtune.study.identification.usable import check_methods, check_usable
+from femtune.study.identification.records import identification
+from femtune.study.identification.request import asked_of, check_methods, check_usable
 from femtune.study.identification.write import write_found
-from femtune.study.progress import Progress, silent
-from femtune.study.results_base import InputFile
-from femtune.study.run_folder import check_writable
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.files.identification_file import IdentifyFile
+    from femtune.modal import FrfSet, ModeSet
+    from femtune.results.base import Alert
+    from femtune.study.identification.found import Found
+    from femtune.study.identification.records import Identification
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedFolder:
-    """A folder with the files of an identification, and what is in them."""
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifyResult(StepResult):
+    """The modes that were identified, what they were chosen from, and the folder of their files.
+
+    Parameters
+    ----------
+    folder : where the files are
+    record : all of it but the arrays, as identified.json holds it
+    found : the modes with the poles of every order, the measured and the synthesised functions
+    files : names of the files in the folder
+    report : the page that was written, None without one
+    """
 
     folder: Path
     record: Identification
-    found: Found = field(repr=False)
+    found: Found
     files: tuple[str, ...]
+    report: Path | None = None
+
+    @property
+    def modes(self) -> ModeSet:
+        """The identified modes, with shapes at the sensors and standard deviations."""
+        return self.found.modes
+
+    @property
+    def frequencies(self) -> Rows:
+        """One line a mode: frequency in Hz and damping ratio with standard deviations, phase collinearity."""
+        columns = ("label", "freq_hz", "freq_sd_hz", "damping_ratio", "damping_sd", "phase_collinearity", "remark")
+        return rows_of(self.record.modes, *columns)
+
+    @property
+    def clusters(self) -> Rows:
+        """Clusters of stable poles, chosen or not, and why."""
+        return rows_of(self.record.clusters, "freq_hz", "damping_ratio", "chosen", "reason")
+
+    @property
+    def poles(self) -> Rows:
+        """Every pole of every order and method; no rows for methods without orders."""
+        table = self.found.table
+        if table is None:
+            return Rows()
+        found = zip(table.method, table.order, table.freq_hz, table.damping_ratio, stable(table, Limits()))
+        return Rows.of(
+            {"method": m, "order": int(o), "freq_hz": float(f), "damping_ratio": float(z), "stable": bool(s)}
+            for m, o, f, z, s in found
+        )
+
+    @property
+    def measured(self) -> FrfSet | None:
+        """The measured functions at the lines of the fit; None where the input is not known."""
+        return self.found.measured
+
+    @property
+    def synthesised(self) -> FrfSet | None:
+        """The functions of the identified modes at the same lines; None where the input is not known."""
+        return self.found.synthesised
+
+    @property
+    def notices(self) -> tuple[Alert, ...]:
+        """What the reader should know."""
+        return self.record.alerts
+
+    def _sentences(self) -> list[str]:
+        modes = [f"{m.label}: {m.freq_hz:.5g} Hz" for m in self.record.modes]
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{len(modes)} modes at {len(self.record.dofs)} sensors, {self.folder}", *modes, *alerts]
+
+    def _table(self) -> Rows:
+        return self.frequencies
 
 
 def identify(
@@ -42,7 +110,7 @@ def identify(
     progress: Progress = silent,
     *,
     options: Mapping[str, Any] | None = None,
-) -> IdentifiedFolder:
+) -> IdentifyResult:
     """Modes of a record in time or of measured functions, in a folder of files.
 
     Parameters
@@ -64,7 +132,7 @@ def identify(
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
     record = identification(found, file.identify.title or file.measured_path.name, source, file.identify.units)
     names = write_found(folder, found, record)
-    return IdentifiedFolder(folder, record, found, tuple(names))
+    return IdentifyResult(folder, record, found, tuple(names))
 
 
 def _found(file: IdentifyFile, progress: Progress) -> Found:
@@ -94,12 +162,7 @@ def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
     inputs = {os.path.realpath(p) for p in (file.path, file.measured_path)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
-        raise FemtuneError(
-            "write.overwrites-input",
-            "the folder of the results is that of the measurement",
-            where=Where(str(folder)),
-            hint="choose another folder: results have names of their own, but so may the measurement",
-        )
+        raise FemtuneError("write.overwrites-input/check-folder", where=Where(str(folder)))
 
 
 def _digest(path: Path) -> str:

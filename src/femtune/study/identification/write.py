@@ -7,19 +7,23 @@ import io
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.errors import FemtuneError
 from femtune.files.uff import write_uff_modes
 from femtune.files.whole_file import write_whole
-from femtune.identify.stabilisation import Limits, stable
-from femtune.modal import ModeSet, StateSpace
-from femtune.study.identification.found import Found
-from femtune.study.identification.records import Identification
-from femtune.study.run_folder import unwritable
+from femtune.identification.choice import Limits, stable
+from femtune.modal import ModeSet
+from femtune.results.folder import unwritable
 from femtune.testdata import ModalTest
 from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.modal import StateSpace
+    from femtune.study.identification.found import Found
+    from femtune.study.identification.records import Identification
 
 RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE = (
     "identified.json", "modes.uff", "modes.csv", "poles.csv", "system.npz",

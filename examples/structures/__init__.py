@@ -1,0 +1,1 @@
+"""Structures that tests, examples and benchmarks share."""

@@ -1,0 +1,1 @@
+"""A study put together: its files, parameters, configurations, tests and residuals as one frozen whole."""

@@ -1,0 +1,169 @@
+"""Configurations of a study: the model in each state, its test in the study's units and axes, and the sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.assembly.error_places import errors_at, errors_at_configuration, place_of
+from femtune.errors import ErrorCollector
+from femtune.files.study_file import supports, switched_off
+from femtune.files.study_file.kinds import support
+from femtune.model import AddedMass, Configuration, configure
+
+if TYPE_CHECKING:
+    from femtune.assembly.drawn_mesh import DrawnMesh
+    from femtune.correlation import SensorMap
+    from femtune.errors import Notice
+    from femtune.fem import NodeTable, Structure
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.files.uff import UffFile
+    from femtune.model import ConfiguredModel, ParametricModel
+    from femtune.residuals import ComparedCase
+    from femtune.testdata import ModalTest
+
+# ----------------------------------------------------------------------------------------------------
+# Modes and sensors of a test that the update does not see: they are kept to judge it by.
+
+
+HELD_OUT = "held out for validation"
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Positions of the test modes and of the sensors that are held out in one configuration."""
+
+    modes: frozenset[int] = frozenset()
+    sensors: frozenset[int] = frozenset()
+
+    @property
+    def any(self) -> bool:
+        """True where something is held out."""
+        return bool(self.modes or self.sensors)
+
+
+def without(case: ComparedCase, held: HeldOut) -> ComparedCase:
+    """The case as the update sees it."""
+    if not held.any:
+        return case
+    keep = [k for k in range(len(case.test.dofs)) if k not in held.sensors]
+    return replace(
+        case,
+        test=case.test.select_dofs(case.test.dofs.select(keep)),
+        sensors=sp.csr_array(case.sensors[keep]),
+        left_out={**dict.fromkeys(sorted(held.modes), HELD_OUT), **case.left_out},
+        fixed=tuple(pair for pair in case.fixed if pair[0] not in held.modes),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class StudyCase:
+    """One configuration: its entry in the study, the model in this state, and its test where there is one.
+
+    `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
+    in place of the model's own elements, where it has none. `compared` is all that is compared in this configuration,
+    None where nothing is; the update sees it without what is `held` out.
+    """
+
+    entry: ConfigurationEntry
+    configured: ConfiguredModel
+    test: ModalTest | None = None
+    sensors: SensorMap | None = None
+    compared: ComparedCase | None = None
+    all_sensors: SensorMap | None = None
+    mesh: DrawnMesh | None = None
+    held: HeldOut = field(default_factory=HeldOut)
+
+    @property
+    def name(self) -> str:
+        """Name of the configuration."""
+        return self.entry.name
+
+    @property
+    def modal(self) -> ComparedCase | None:
+        """What is compared, where modes were measured."""
+        return self.compared if self.compared is not None and len(self.compared.test) else None
+
+    @property
+    def used(self) -> ComparedCase | None:
+        """What the update uses of it; None where nothing is compared, or where it is kept for validation."""
+        if self.compared is None or self.entry.use != "update":
+            return None
+        return without(self.compared, self.held)
+
+
+def overlay(entry: ConfigurationEntry) -> Configuration:
+    """The state as the model takes it."""
+    return Configuration(
+        name=entry.name,
+        elements_off=switched_off(entry),
+        support_set=entry.spc,
+        multipoint_set=entry.mpc,
+        supports_added=supports(entry.supports_added),
+        supports_removed=supports(entry.supports_removed),
+        masses=tuple(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses),
+        weighed_mass=entry.weighed_mass,
+    )
+
+
+def study_case(
+    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry, tests: dict[Path, UffFile]
+) -> tuple[StudyCase, tuple[Notice, ...]]:
+    """A configuration with what was found while its test was read; `tests` are files that others have parsed.
+
+    Raises
+    ------
+    FemtuneError : what is wrong with the overlay, the test or the sensors
+    """
+    _check_nodes(file, entry, model.structure.nodes)
+    with errors_at_configuration(file, entry):
+        configured = configure(model, overlay(entry))
+    case = StudyCase(entry, configured)
+    if entry.test is None:
+        return case, ()
+    # reading tests and finding sensors is imported where there is a test
+    from femtune.assembly.measured import with_test  # noqa: PLC0415
+
+    return with_test(file, case, tests)
+
+
+def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:
+    """Refuse grid points and components of an overlay that the deck does not have, each where it is named."""
+    errors = ErrorCollector()
+    for i, mass in enumerate(entry.masses):
+        with errors.catch(), errors_at(place_of(file, entry, "masses", i, "node")):
+            nodes.position(mass.node)
+    for key in ("supports_added", "supports_removed"):
+        for i, text in enumerate(getattr(entry, key)):
+            with errors.catch(), errors_at(place_of(file, entry, key, i)):
+                for node, components in support(text):
+                    _ = [nodes.dof(node, int(c)) for c in components]
+    errors.raise_if_any()
+
+
+def on_model(case: StudyCase, model: ParametricModel) -> StudyCase:
+    """The same configuration, test and sensors on another model of the same grid points."""
+    configured = configure(model, case.configured.configuration)
+    if case.compared is None:
+        return replace(case, configured=configured)
+    of_modes = case.sensors.matrix if case.modal is not None and case.sensors is not None else None
+    sensors = sp.csr_array((0, configured.n_free)) if of_modes is None else of_modes @ configured.transformation
+    compared = replace(case.compared, configured=configured, sensors=sp.csr_array(sensors))
+    return replace(case, configured=configured, compared=compared)
+
+
+def sensor_tolerance(file: StudyFile, structure: Structure) -> float:
+    """The study's tolerance; without one a thousandth of the model's diagonal.
+
+    That is enough for rounded coordinates and too little for a wrong node.
+    """
+    if file.sensors.tolerance is not None:
+        return file.sensors.tolerance
+    xyz = structure.nodes.xyz
+    size = float(np.linalg.norm(np.ptp(xyz, axis=0))) if len(xyz) else 0.0
+    # a model of one point, or of scalar points only, has no size
+    return 1e-3 * size or 1e-3

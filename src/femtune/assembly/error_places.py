@@ -1,0 +1,80 @@
+"""Errors from lower floors get the place that they lack: a key of the study, or a line of the deck."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from femtune.errors import FemtuneError, FemtuneErrors, Where
+
+if TYPE_CHECKING:
+    from femtune.files.nastran.deck import Deck
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
+
+_KEYS = {
+    "configuration.unknown-element": ("elements_off",),
+    "configuration.not-held": ("supports_removed",),
+    "correlate.fixed-pair": ("pairs",),
+}
+_HINTS = {
+    "model.unknown-node": "correct the number here, or add the GRID card to the deck",
+    "model.component": "a grid point has X Y Z RX RY RZ (1 to 6), a scalar point has S (0)",
+}
+
+
+@contextmanager
+def errors_at(where: Where) -> Iterator[None]:
+    """Give `where` to errors that are raised inside without a place."""
+    try:
+        yield
+    except FemtuneError as error:
+        for one in _without_place(error):
+            _place(one, where)
+        raise
+
+
+def _without_place(error: FemtuneError) -> list[FemtuneError]:
+    errors = error.errors if isinstance(error, FemtuneErrors) else (error,)
+    return [one for one in errors if not str(one.where or "")]
+
+
+def _place(error: FemtuneError, where: Where) -> None:
+    error.where = where
+    error.hint = error.hint or _HINTS.get(error.code, "")
+
+
+def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Where:
+    """Where a key of a configuration stands: in its [[configuration]], or in [test] of a study without."""
+    if file.configuration:
+        return file.where("configuration", file.configurations.index(entry), *keys)
+    return file.where("test", *("file" if key == "test" else key for key in keys))
+
+
+@contextmanager
+def errors_at_configuration(file: StudyFile, entry: ConfigurationEntry, *otherwise: str) -> Iterator[None]:
+    """Errors about a configuration point to the key at fault, or to another one, or to the configuration."""
+    try:
+        yield
+    except FemtuneError as error:
+        for one in _without_place(error):
+            _place(one, place_of(file, entry, *_KEYS.get(one.code, otherwise)))
+        raise
+
+
+@contextmanager
+def errors_at_deck(deck: Deck) -> Iterator[None]:
+    """Errors of the eigen-solution point to the deck: to the grid point that moves where one is named."""
+    try:
+        yield
+    except FemtuneError as error:
+        if error.code.startswith("eigen.") and not str(error.where or ""):
+            error.where = _grid_point(deck, error.facts.get("grid"))
+        raise
+
+
+def _grid_point(deck: Deck, grid: int | None) -> Where:
+    cards = (card for card in deck.by_name("GRID") if card.is_integer(0) and card.integer(0) == grid)
+    card = next(cards, None)
+    return Where(str(Path(deck.files[0].file))) if card is None else card.where()

@@ -1,0 +1,153 @@
+"""Repeated tests of a study: which column, or which mode of which file, repeats which test mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.error_places import errors_at
+from femtune.correlation import pair_modes
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.repeats_table import read_repeats_table
+from femtune.files.uff import read_uff
+from femtune.modal import ModeSet
+from femtune.testdata.checks import real_modes
+from femtune.uncertainty import statistics_of_repeats
+from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.dofs import DofSet
+    from femtune.files.repeats_table import RepeatsTable
+    from femtune.files.study_file import ConfigurationEntry, QuantifyTable
+    from femtune.uncertainty import OutputStatistics
+
+_HIGHEST_HZ = 1e12
+_TABLES = (".csv", ".txt", ".tsv", ".dat")
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """Repeated frequencies of a configuration: (n, t) in Hz for the test's modes, NaN where they were not measured."""
+
+    case: StudyCase
+    hz: NDArray[np.float64]
+
+    @property
+    def measured(self) -> tuple[int, ...]:
+        """Positions of the test modes that any repeat has."""
+        return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.hz).any(axis=0)))
+
+    def statistics(self, labels: tuple[str, ...], missing: str) -> OutputStatistics:
+        """Mean and covariance of the modes with these labels, in this order."""
+        known = self.case.compared.test.labels if self.case.compared is not None else ()
+        columns = [known.index(label) for label in labels]
+        names = tuple(f"mode {label}" for label in labels)
+        return statistics_of_repeats(self.hz[:, columns], names, missing)  # type: ignore[arg-type]
+
+
+def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
+    """The repeats that [quantify] names.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.configuration``, ``quantify.columns``, ``quantify.file``, ``uff.*``
+    """
+    case = _case(study, table)
+    paths = [study.file.path_of(name) for name in table.repeats]
+    with errors_at(study.file.where("quantify", "repeats")):
+        if len(paths) == 1 and paths[0].suffix.lower() in _TABLES:
+            return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0])))
+        return Repeats(case, np.array([_of_uff(study, case, path) for path in paths]))
+
+
+def _case(study: Study, table: QuantifyTable) -> StudyCase:
+    """The configuration that is named, or the only one with modes."""
+    with_modes = [c for c in study.cases if c.modal is not None]
+    wanted = [c for c in with_modes if table.configuration in (None, c.name)]
+    if len(wanted) == 1:
+        return wanted[0]
+    names = [c.name for c in with_modes]
+    asked = table.configuration
+    code = "quantify.configuration" if asked is None else "quantify.configuration/without-modes"
+    hint = did_you_mean(asked, names) if asked else f'configuration = "{names[0]}"' if names else ""
+    raise FemtuneError(
+        code, where=study.file.where("quantify", "configuration"),
+        values={"configurations with modes": ", ".join(names) or "none"},
+        hint=hint if names else None, configuration=asked,
+    )  # fmt: skip
+
+
+def _of_table(study: Study, case: StudyCase, table: QuantifyTable, found: RepeatsTable) -> NDArray[np.float64]:
+    assert case.compared is not None
+    labels = case.compared.test.labels
+    heads = table.columns or tuple(h.removeprefix("mode ").strip() for h in found.heads)
+    _check_columns(study, heads, found, labels, given=bool(table.columns))
+    hz = np.full((len(found.values), len(labels)), np.nan)
+    for column, head in enumerate(heads):
+        if head:
+            _check_frequencies(found.values[:, column], head)
+            hz[:, labels.index(head)] = found.values[:, column]
+    return hz
+
+
+def _check_frequencies(hz: NDArray[np.float64], label: str) -> None:
+    """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
+    bad = np.flatnonzero((hz <= 0.0) | (hz > _HIGHEST_HZ))
+    if bad.size:
+        raise FemtuneError("quantify.file", bad=bad[0] + 1, label=label, hz=hz[bad[0]])
+
+
+def _check_columns(
+    study: Study, heads: tuple[str, ...], found: RepeatsTable, labels: tuple[str, ...], *, given: bool
+) -> None:
+    """Refuse columns that are of no test mode, or of one twice: nothing is guessed from their order."""
+    named = [h for h in heads if h]
+    unknown = [h for h in named if h not in labels]
+    if len(heads) == len(found.heads) and named and not unknown and len(set(named)) == len(named):
+        return
+    why = f"'{unknown[0]}' is no mode of the test" if unknown else "they are not one for each column, or a mode twice"
+    raise FemtuneError(
+        "quantify.columns",
+        where=study.file.where("quantify", "columns" if given else "repeats"),
+        values={"columns of the file": ", ".join(found.heads), "modes of the test": ", ".join(labels)},
+        why=why,
+    )
+
+
+def _of_uff(study: Study, case: StudyCase, path: Path) -> NDArray[np.float64]:
+    """(t,) frequencies of one repeat: its modes are paired with the test's by their shapes."""
+    assert case.compared is not None
+    test, rules = case.compared.test, case.compared.rules
+    hz = np.full(len(test), np.nan)
+    modes = _modes(study, case.entry, path)
+    common = test.dofs.common(modes.dofs)
+    if not len(common):
+        raise FemtuneError(
+            "quantify.file/of-uff",
+            values={"sensors of the test": len(test.dofs), "of the file": len(modes.dofs)},
+            path_name=path.name,
+        )
+    a, b = (ModeSet(m.freq_hz, _at(m, common), common) for m in (test, modes))
+    found = pair_modes(a, b, frequency_gate=rules.frequency_gate, mac_gate=rules.mac_gate, relative_gap=-1.0)
+    for pair in found.pairs:
+        hz[pair.test] = modes.freq_hz[pair.model]
+    return hz
+
+
+def _at(modes: ModeSet, dofs: DofSet) -> NDArray:
+    rows, signs = dofs.align(modes.dofs)
+    return np.asarray(signs[:, None] * modes.shapes[rows])
+
+
+def _modes(study: Study, entry: ConfigurationEntry, path: Path) -> ModeSet:
+    own = unit_system(entry.test_units) if entry.test_units else None
+    modes = read_uff(path, units=study.file.study.unit_system, file_units=own, records=entry.records).test.modes
+    if modes is None:
+        raise FemtuneError("quantify.file/modes", path_name=path.name)
+    return real_modes(modes).modes

@@ -1,0 +1,139 @@
+"""Residuals of a configuration, from what the study compares in it."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import scipy.sparse as sp
+
+from femtune.assembly.axes import named_axis, sensor_axis
+from femtune.assembly.error_places import errors_at
+from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
+from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
+from femtune.residuals.kinds import kinds
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.dofs import DofSet
+    from femtune.errors import Notice, Where
+    from femtune.files.study_file import Comparison, StudyFile
+    from femtune.modal import FrfSet, ModeSet
+    from femtune.model import ModalDamping
+    from femtune.residuals import ComparedCase
+
+
+@dataclass(frozen=True, eq=False)
+class AskedOf:
+    """One comparison of a study in one configuration, as `femtune.residuals.asked.Asked` describes it."""
+
+    file: StudyFile
+    case: StudyCase
+    comparison: Comparison
+    damping: ModalDamping | None = None
+
+    @property
+    def entry(self) -> Any:
+        """The table, of its kind."""
+        return self.comparison.entry
+
+    @property
+    def name(self) -> str:
+        """Name of the configuration."""
+        return self.case.name
+
+    @property
+    def short(self) -> bool:
+        """Whether [residuals] says it."""
+        return self.comparison.short
+
+    @property
+    def modes(self) -> ModeSet:
+        """The modes of the configuration's test (error ``study.no-test``)."""
+        if self.tested is None:
+            raise FemtuneError("study.no-test/modes", where=self.where(), case_name=self.case.name)
+        return self.tested
+
+    @property
+    def tested(self) -> ModeSet | None:
+        """The same; None where there are none."""
+        return None if self.case.modal is None else self.case.modal.test
+
+    @property
+    def frfs(self) -> FrfSet | None:
+        """The measured FRFs."""
+        return None if self.case.test is None else self.case.test.frfs
+
+    def where(self, *keys: str | int) -> Where:
+        """Where the table, or one of its keys, stands."""
+        return self.file.where(*self.comparison.place, *keys)
+
+    def errors_at(self, *keys: str | int) -> AbstractContextManager[None]:
+        """Errors that are raised inside without a place get this one."""
+        return errors_at(self.where(*keys))
+
+    def rows(self, key: str) -> sp.csr_array:
+        """(n, n_g) the DOFs that the labels under a key name."""
+        return named_axis(self.file, self.case, tuple(getattr(self.entry, key)), *self.comparison.place, key).rows
+
+    def seen(self, wanted: DofSet) -> tuple[DofSet, sp.csr_array, tuple[Notice, ...]]:
+        """DOFs of the test that have a place in the model and can move, their rows, and remarks on the others."""
+        axis, notices = sensor_axis(self.case, wanted)
+        return axis.labels, axis.rows, notices
+
+
+def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | None = None) -> StudyCase:
+    """The configuration with the residuals that the study asks for in it; `damping` of modes is that of the deck.
+
+    Raises
+    ------
+    FemtuneError : ``study.no-test``, ``study.unknown-mode``, ``residual.*``, ``response.held-port``,
+        ``model.unknown-node`` …; several are shown together
+    """
+    errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
+    mine = [c for c in file.comparisons if _is_of(c, case)]
+    for comparison in mine:
+        asked = AskedOf(file, case, comparison, damping)
+        with errors.catch(), asked.errors_at():
+            (short if comparison.short else own).append(_built(asked))
+    errors.raise_if_any()
+    if len(file.configurations) == 1:
+        own.extend(file.given.residuals)
+    # [residuals] compares what it names mode by mode, before all others
+    by_mode = ByMode(tuple(cast(PairResidual, r) for r in short))
+    found = (by_mode, *own) if short else tuple(own)
+    if not found:
+        return case
+    scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
+    return replace(case, compared=_compared(file, case, found, scaled))
+
+
+def _is_of(comparison: Comparison, case: StudyCase) -> bool:
+    """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
+    if comparison.short:
+        return case.modal is not None and case.entry.use == "update"
+    return comparison.entry.configuration in (None, case.name)
+
+
+def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:
+    """What the update uses; `scaled` where the study says that the test's shapes are of unit modal mass."""
+    if case.modal is None:
+        return case_without_modes(case.configured, residuals, count=file.modes.wanted, max_hz=file.modes.max_hz)
+    test = replace(case.modal.test, normalisation="mass") if scaled else case.modal.test
+    return replace(case.modal, test=test, residuals=residuals)
+
+
+def _built(asked: AskedOf) -> Residual:
+    built = kinds()[asked.entry.kind].of_study(asked)
+    labels = asked.entry.modes if isinstance(built, OfPairs) or built.of_modes else None
+    for i, label in enumerate(labels or ()):
+        if label not in asked.modes.labels:
+            raise FemtuneError(
+                "study.unknown-mode/built",
+                where=asked.where("modes", i),
+                hint=did_you_mean(label, asked.modes.labels),
+                asked_name=asked.name,
+                label=label,
+            )
+    return OfModes(built, labels) if labels is not None and isinstance(built, OfPairs) else built

@@ -1,0 +1,136 @@
+"""The stages of a bottom-up study: components, then joints; mass, stiffness, then damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.assembly.resonances import resonance_case
+from femtune.assembly.update_method import method_of
+from femtune.errors import FemtuneError
+from femtune.files.study_file.stage import RESONANCES
+from femtune.residuals import UpdateProblem, case_without_modes
+from femtune.status import Status
+from femtune.updating import (
+    Iteration,
+    ParameterCovariance,
+    SideConstraint,
+    Stage,
+    UpdateResult,
+    first_belief,
+    run_stages,
+)
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import StageEntry
+    from femtune.residuals import ComparedCase, Evaluation
+    from femtune.updating import (
+        Belief,
+        StageResult,
+    )
+
+Tell = Callable[[str, int, Iteration], None]
+
+
+def bottom_up(study: Study, at: Evaluation, tell: Tell) -> tuple[UpdateResult, tuple[StageResult, ...]]:
+    """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the start values.
+
+    Raises
+    ------
+    FemtuneError : ``study.stage``, ``correlate.no-pairs``, and what the residuals raise
+    """
+    plan = [_stage(study, i) for i in range(len(study.file.stage))]
+    found = run_stages(plan, first_belief(study.parameters), tell)
+    return _as_one(study, at, found), found
+
+
+def _stage(study: Study, i: int) -> Stage:
+    entry, table = study.file.stage[i], study.file.update
+    method = replace(
+        method_of(table, study.parameters),
+        max_iterations=entry.max_iterations or table.max_iterations,
+        tolerance=entry.tolerance or table.tolerance,
+    )
+    return Stage(entry.name, entry.parameters, partial(_problem, study, i), method, entry.prior, entry.seeds)
+
+
+def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
+    """What a stage compares, made at the parameters where it starts."""
+    entry = study.file.stage[i]
+    cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, x))
+    if not cases:
+        raise _nothing(study, i)
+    return UpdateProblem(cases, study.parameters, scatter=study.file.residuals.scatter)
+
+
+def _nothing(study: Study, i: int) -> FemtuneError:
+    entry = study.file.stage[i]
+    return FemtuneError(
+        "study.stage/nothing",
+        where=study.file.where("stage", i, "residuals"),
+        values={"residuals": ", ".join(entry.residuals)},
+        entry_name=entry.name,
+    )
+
+
+def stage_cases(study: Study, entry: StageEntry) -> tuple[StudyCase, ...]:
+    """The configurations of a stage; all that the update uses where it names none."""
+    return tuple(
+        case
+        for case in study.cases
+        if case.entry.use == "update" and (entry.configurations is None or case.name in entry.configurations)
+    )
+
+
+def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[ComparedCase]:
+    """The configuration with the residuals of the stage; resonances are a case of their own."""
+    entry, used = study.file.stage[i], case.used
+    keys = study.file.residuals.kinds_of_stage(entry.residuals)
+    made = () if case.compared is None else case.compared.residuals
+    residuals = tuple(some for r in made if (some := r.of_kinds(keys)) is not None)
+    if used is not None and any(r.on_modes for r in residuals):
+        yield replace(used, residuals=residuals)
+    elif residuals:
+        yield case_without_modes(case.configured, residuals, count=study.file.modes.wanted, solver=study.solver)
+    if RESONANCES in entry.residuals:
+        yield resonance_case(case, entry, x, study.file.where("stage", i, "residuals"))
+
+
+def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> UpdateResult:
+    """The whole as one update: from the start values to the last belief, with the iterations of all stages."""
+    belief = stages[-1].belief
+    after = study.problem().start(belief.x)
+    failed = [s.best.status for s in stages if not s.best.status.ok]
+    ends = [s.best.status for s in stages]
+    best = Status.CONVERGED_AT_BOUNDS if Status.CONVERGED_AT_BOUNDS in ends else Status.CONVERGED
+    best = Status.UNDETERMINED if Status.UNDETERMINED in ends else best
+    active = tuple(p.name for p, found in zip(study.parameters.free, belief.found) if found)
+    cited = tuple(dict.fromkeys(key for s in stages for key in s.best.citations))
+    none = SideConstraint("none", np.zeros((0, len(belief.x))))
+    return UpdateResult(
+        study.parameters, failed[0] if failed else best, belief.x, at, after, _history(stages),
+        _covariance(belief, after), cited, active, none,
+    )  # fmt: skip
+
+
+def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
+    """The best run of every stage, numbered through."""
+    found = [iteration for stage in stages for iteration in stage.best.history]
+    return tuple(replace(iteration, number=i) for i, iteration in enumerate(found))
+
+
+def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
+    matrix = np.where(np.outer(belief.found, belief.found), belief.covariance, np.nan)
+    reasons = {int(i): "no stage has found it, σ not given" for i in np.flatnonzero(~belief.found)}
+    kinds = np.asarray(after.kinds)
+    squares: Mapping[str, Reals] = {kind: after.residuals[kinds == kind] ** 2 for kind in dict.fromkeys(after.kinds)}
+    misfit = {kind: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}
+    freedom = {kind: float(len(values) - after.lost[kind]) for kind, values in squares.items()}
+    return ParameterCovariance(matrix, reasons, misfit, freedom=freedom)

@@ -1,0 +1,282 @@
+"""A study put together: deck, parameters, configurations and tests as one frozen whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.assembly.cases import on_model, study_case
+from femtune.assembly.named_fields import with_named_fields
+from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
+from femtune.assembly.progress import silent
+from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.error_places import errors_at_cards
+from femtune.files.nastran.inventory import MISSING
+from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
+from femtune.files.study_file.source import StudyLines
+from femtune.model import parametric_model
+from femtune.model.distributed import check_slepc
+from femtune.model.full_model import direct
+from femtune.model.solvers.factorise import solver_asked
+from femtune.parameters import DerivedQuantity, ParameterSet, parse_expression
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.progress import Progress
+    from femtune.errors import Notice
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.uff import UffFile
+    from femtune.model import ParametricModel
+    from femtune.model.full_model import ModelSolver
+    from femtune.residuals import UpdateProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model.
+
+    `units_known` is False for a deck alone, which tells none.
+    """
+
+    file: StudyFile
+    built: BuiltModel
+    model: ParametricModel
+    cases: tuple[StudyCase, ...]
+    notices: tuple[Notice, ...]
+    solver: ModelSolver = field(default=direct, repr=False)
+    units_known: bool = True
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """The parameters of the study."""
+        return self.model.parameters
+
+    def problem(self) -> UpdateProblem:
+        """The update problem of all configurations that are not kept for validation.
+
+        Raises
+        ------
+        FemtuneError : ``study.no-test``
+        """
+        from femtune.residuals import UpdateProblem  # noqa: PLC0415  a step that updates nothing does without
+
+        cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
+        if not cases:
+            raise self.no_test("the update may use, or a [[residual]]")
+        return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
+
+    def no_test(self, purpose: str) -> FemtuneError:
+        """The error that no configuration has modes for a purpose, with what each of them has instead."""
+        return FemtuneError(
+            "study.no-test",
+            where=Where(str(self.file.path)),
+            values={c.name: _what_is_there(c) for c in self.cases},
+            purpose=purpose,
+        )
+
+
+def _what_is_there(case: StudyCase) -> str:
+    if case.test is None:
+        return "it has no test"
+    if case.modal is None:
+        return f"{case.entry.test} has no modes" + (", only frequency responses" if case.test.frfs else "")
+    return "it is kept for validation"
+
+
+def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+    """As `load_study`, for steps that need a test.
+
+    Raises
+    ------
+    FemtuneError : ``study.deck-alone`` for a deck, and as `load_study`
+    """
+    if not isinstance(source, StudyFile) and is_deck(source):
+        raise FemtuneError("study.deck-alone", where=Where(str(source)))
+    return load_study(source, progress)
+
+
+def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+    """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
+
+    Raises
+    ------
+    FemtuneError : whatever is wrong with any of the files; set-up errors are shown together
+    """
+    check_solvers()
+    if isinstance(source, StudyFile):
+        file = source
+    else:
+        file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
+    built = with_parameters_of_modes(file, _built(file, progress))
+    with errors_at_cards(built):
+        study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    if file.imported:
+        from femtune.assembly.imported_model import mesh_of_grid  # noqa: PLC0415
+
+        mesh = mesh_of_grid(file, built.structure.nodes)
+        study = replace(study, cases=tuple(replace(case, mesh=mesh) for case in study.cases))
+    return replace(study, units_known=file.given.units_known)
+
+
+def _built(file: StudyFile, progress: Progress) -> BuiltModel:
+    """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.imported:
+        # readers of the matrices of other solvers, which few studies have
+        from femtune.assembly.imported_model import build_imported, compare_listed  # noqa: PLC0415
+
+        progress.step("reading the matrices", 0, None)
+        built = file.given.model or build_imported(file)
+        progress.step("comparing their modes with the listed ones", 0, None)
+        return replace(built, notices=(*built.notices, compare_listed(file, built.structure)))
+    progress.step("reading the deck", 0, None)
+    built = file.given.model or build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
+    _check_allowed(file, built)
+    _check_not_empty(built)
+    return with_named_fields(file, built)
+
+
+def _with_modes_of_deck(file: StudyFile, built: BuiltModel) -> StudyFile:
+    """Where the study does not say how many modes, the deck's own METHOD does."""
+    asked, method = file.modes, built.eigen_method
+    if asked.count is not None or asked.max_hz is not None or method is None:
+        return file
+    if method.wanted:
+        return file.model_copy(update={"modes": ModesTable(count=method.wanted)})
+    if method.upper_hz and method.upper_hz > 0.0:
+        return file.model_copy(update={"modes": ModesTable(max_hz=method.upper_hz)})
+    return file
+
+
+def _study_of_deck(path: Path) -> StudyFile:
+    # the units do not matter where no test is read
+    file = StudyFile.model_validate({"study": {"title": path.name, "deck": path.name, "units": "m-kg-s"}})
+    file._path, file._source, file._given = path, StudyLines(str(path)), Given(units_known=False)
+    return file
+
+
+def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
+    """Cards that the model lacks must be among those that the study allows to be ignored."""
+    allowed = {name.upper() for name in file.study.allow_ignored}
+    missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
+    if missing:
+        names = ", ".join(f"{c.name} ({c.count})" for c in missing)
+        raise FemtuneError("deck.unsupported-element/check-allowed", where=missing[0].where, names=names)
+
+
+def _check_not_empty(built: BuiltModel) -> None:
+    """A deck without points would make every parameter and sensor look wrong."""
+    if not built.structure.nodes.n_dofs:
+        raise FemtuneError(
+            "deck.no-points", where=Where(str(built.deck.files[0].file)), values={"cards": len(built.deck.cards)}
+        )
+
+
+def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
+    """Parameters, configurations and tests on a deck that was built."""
+    errors = ErrorCollector()
+    model = None
+    with errors.catch():
+        found = targets(file, built)
+        model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+        check_derived(file, model.parameters)
+    notices: list[Notice] = []
+    cases: list[StudyCase] = []
+    tests: dict[Path, UffFile] = {}
+    base = model or parametric_model(built.structure, ParameterSet(()), ())
+    for i, entry in enumerate(file.configurations):
+        progress.step(f"configuration {entry.name}", i, len(file.configurations))
+        with errors.catch():
+            case, remarks = study_case(file, base, entry, tests)
+            cases.append(_with_residuals(file, case, built))
+            notices += remarks
+    ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
+    assert model is not None
+    return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+
+
+def _with_residuals(file: StudyFile, case: StudyCase, built: BuiltModel) -> StudyCase:
+    """The configuration with its residuals; they are imported where something is compared."""
+    if case.modal is None and not file.residual and not file.given.residuals:
+        return case
+    from femtune.assembly.residuals import with_residuals  # noqa: PLC0415
+
+    return with_residuals(file, case, built.modal_damping)
+
+
+def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> Study:
+    """The study with another number of modes, or another upper frequency, in all its configurations.
+
+    Raises
+    ------
+    FemtuneError : as `with_modes`
+    """
+    file = with_modes(study.file, count, max_hz)
+    count, max_hz = file.modes.wanted, file.modes.max_hz
+    cases = []
+    for case in study.cases:
+        compared = None if case.compared is None else replace(case.compared, count=count, max_hz=max_hz)
+        cases.append(replace(case, compared=compared))
+    return replace(study, file=file, cases=tuple(cases))
+
+
+def solved_by(study: Study, solver: ModelSolver) -> Study:
+    """The same study with another solver of the full model, in all its configurations."""
+    pairs = ((c, c.compared) for c in study.cases)
+    cases = (c if some is None else replace(c, compared=replace(some, solver=solver)) for c, some in pairs)
+    return replace(study, solver=solver, cases=tuple(cases))
+
+
+def on_deck(study: Study, built: BuiltModel) -> Study:
+    """The same study on another deck of the same grid points (the updated one), without parameters."""
+    with errors_at_cards(built):
+        model = parametric_model(built.structure, ParameterSet(()), ())
+        cases = tuple(on_model(c, model) for c in study.cases)
+    return replace(study, built=built, model=model, cases=cases)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The chosen solvers. They are checked before anything is read, so that a misspelt name is told at once.
+
+
+def check_solvers() -> None:
+    """Refuse solvers that FEMTUNE_SOLVER or FEMTUNE_EIGENSOLVER names and that are not at hand.
+
+    Raises
+    ------
+    FemtuneError : ``solver.unavailable``, ``slepc.not-installed``, ``slepc.launcher``
+    """
+    errors = ErrorCollector()
+    with errors.catch():
+        solver_asked()
+    with errors.catch():
+        check_slepc()
+    errors.raise_if_any()
+
+
+# ----------------------------------------------------------------------------------------------------
+# Derived quantities of a study.
+
+
+def quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:
+    """The quantities as the study defines them."""
+    return tuple(
+        DerivedQuantity(d.name, parse_expression(d.expression, file.where("derived", i, "expression")), d.unit)
+        for i, d in enumerate(file.derived)
+    )
+
+
+def check_derived(file: StudyFile, parameters: ParameterSet) -> None:
+    """Refuse expressions without a value at the start, all together (error ``tie.value``)."""
+    errors = ErrorCollector()
+    for quantity in quantities(file):
+        with errors.catch():
+            quantity.at(parameters, np.zeros(len(parameters.free)))
+    errors.raise_if_any()
+
+
+_DECK_SUFFIXES = (".bdf", ".dat", ".nas", ".fem", ".bulk", ".pch", ".inc", ".blk")

@@ -1,0 +1,37 @@
+"""Test against model: sensors on nodes, modes in pairs, and how well they agree."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.correlation.correlation import Correlation, correlate, paired_shapes
+    from femtune.correlation.generalised import GeneralisedSensor, rigid_motion_sensor
+    from femtune.correlation.noise import NoiseShare
+    from femtune.correlation.pairing import ClusterMatch, Pair, Pairing, Unpaired, no_pairs, pair_modes
+    from femtune.correlation.reduced_mass import NotTested, ReducedMass, reduce_mass
+    from femtune.correlation.sensor_map import Match, SensorMap, Unmatched, map_sensors
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "ClusterMatch",
+    "Correlation",
+    "GeneralisedSensor",
+    "Match",
+    "NoiseShare",
+    "NotTested",
+    "Pair",
+    "Pairing",
+    "ReducedMass",
+    "SensorMap",
+    "Unmatched",
+    "Unpaired",
+    "correlate",
+    "map_sensors",
+    "no_pairs",
+    "pair_modes",
+    "paired_shapes",
+    "reduce_mass",
+    "rigid_motion_sensor",
+]

@@ -1,0 +1,221 @@
+"""Correlation of a test's modes with a model's: everything that is compared, in one result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.correlation.noise import NoiseShare, noise_share, orthogonality_noise
+from femtune.correlation.pairing import ClusterMatch, Pairing, pair_modes, visible_modes
+from femtune.correlation.reduced_mass import NotTested, ReducedMass
+from femtune.dofs import DofSet
+from femtune.errors import Notice
+from femtune.modal import ModeSet
+from femtune.modal.shape_criteria import comac, cross_orthogonality, mac_where_defined, motion_agreement
+
+REDUCTION_TOLERANCE = 0.05
+"""Cross-orthogonality is refused for modes whose frequency the reduced mass and stiffness miss by more."""
+
+_AGAINST = -0.9
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Test against model at the sensors.
+
+    Parameters
+    ----------
+    test, model : what was compared
+    mac : (t, m) with the model's own vectors; NaN where a model mode does not move the sensors
+    auto_mac_test, auto_mac_model : (t, t) and (m, m)
+    pairing : pairs, unpaired and left-out modes with reasons, clusters with rotation and angles
+    paired_mac : (p, p) of the paired modes after rotation within clusters; the pairs are on its diagonal
+    frequency_errors : (p,) (model − test)/test
+    comac : (n,) over the pairs, NaN where undefined; DOF labels in `dofs`
+    cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
+    self_orthogonality : (p, p) of the paired test modes, or why not
+    orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
+    noise : for each pair what the scatter of the test shape explains, or why that is not known
+    notices : findings such as sensors that move against the model
+    orthogonality_sd, self_sd : (p, p) what the scatter of the test's shapes gives off the diagonal of the two matrices
+        (one standard deviation; on the diagonal of the first the mean loss), or why that is not known
+    """
+
+    test: ModeSet
+    model: ModeSet
+    mac: Reals
+    auto_mac_test: Reals
+    auto_mac_model: Reals
+    pairing: Pairing
+    paired_mac: Reals
+    frequency_errors: Reals
+    comac: Reals
+    cross_orthogonality: Reals | NotTested
+    self_orthogonality: Reals | NotTested
+    orthogonality_dropped: tuple[str, ...]
+    noise: tuple[NoiseShare, ...] | NotTested
+    notices: tuple[Notice, ...]
+    orthogonality_sd: Reals | NotTested
+    self_sd: Reals | NotTested
+
+    @property
+    def dofs(self) -> DofSet:
+        """The sensors, rows of `comac`."""
+        return self.test.dofs
+
+    @property
+    def clusters(self) -> tuple[ClusterMatch, ...]:
+        """Clusters compared as subspaces: test and model positions, rotation, principal angles."""
+        return self.pairing.clusters
+
+    @property
+    def macs(self) -> Reals:
+        """(p,) MAC of each pair."""
+        return np.array([pair.mac for pair in self.pairing.pairs])
+
+
+def correlate(
+    test: ModeSet,
+    model: ModeSet,
+    *,
+    mass: ReducedMass | NotTested | None = None,
+    frequency_gate: float = 0.30,
+    mac_gate: float = 0.50,
+    fixed: Sequence[tuple[int, int]] = (),
+    left_out: Mapping[int, str] | None = None,
+    relative_gap: float = 0.01,
+) -> Correlation:
+    """Compare modes of a test and of a model given at the same DOFs; no pair at all is a result, not an error.
+
+    Parameters
+    ----------
+    test : shapes real or complex, NaN where not measured
+    model : real, mass-normalised over the whole model, sampled at the sensors
+    mass : mass reduced to the sensors by `reduce_mass`, or the reason why there is none
+    others : see `pair_modes`
+
+    Raises
+    ------
+    FemtuneError : as `pair_modes`
+    """
+    pairing = pair_modes(
+        test,
+        model,
+        frequency_gate=frequency_gate,
+        mac_gate=mac_gate,
+        fixed=fixed,
+        left_out=left_out,
+        relative_gap=relative_gap,
+    )
+    psi, phi = paired_shapes(test, model, pairing)
+    seen = np.where(visible_modes(model), model.shapes, 0.0)
+    cross, self_ = _orthogonality(psi, phi, mass, pairing)
+    return Correlation(
+        test,
+        model,
+        mac_where_defined(test.shapes, seen),
+        mac_where_defined(test.shapes, test.shapes),
+        mac_where_defined(seen, seen),
+        pairing,
+        mac_where_defined(psi, phi),
+        np.array([pair.frequency_error for pair in pairing.pairs]),
+        _comac(psi, phi),
+        cross,
+        self_,
+        mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
+        _noise(test, pairing),
+        (*pairing.notices, *_inverted(test.dofs, psi, phi)),
+        *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
+    )
+
+
+def paired_shapes(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[NDArray, Reals]:
+    """Columns of the test's and of the model's shapes pair by pair, the model's rotated within clusters.
+
+    A model mode that the sensors cannot see is a zero column.
+    """
+    phi = np.where(visible_modes(model), model.shapes, 0.0)[:, list(pairing.model_indices)]
+    column = {pair.test: k for k, pair in enumerate(pairing.pairs)}
+    for match in pairing.clusters:
+        phi[:, [column[i] for i in match.test]] = match.rotation.aligned
+    return test.shapes[:, list(pairing.test_indices)], phi
+
+
+def _defined(psi: NDArray, phi: Reals) -> NDArray[np.bool_]:
+    """Pairs whose MAC exists (a pair fixed by hand may have no motion in common)."""
+    return ~np.isnan(np.diag(mac_where_defined(psi, phi)))
+
+
+def _comac(psi: NDArray, phi: Reals) -> Reals:
+    keep = _defined(psi, phi)
+    return comac(psi[:, keep], phi[:, keep]) if keep.any() else np.full(len(psi), np.nan)
+
+
+def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
+    """Sensors that move against the model in every one of several pairs: mounted or wired the other way round."""
+    keep = _defined(psi, phi)
+    if keep.sum() < 2:
+        return ()
+    agreement = motion_agreement(psi[:, keep], phi[:, keep])
+    labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _AGAINST)]
+    return (Notice("correlate.sensor-inverted", keep=keep.sum(), labels=", ".join(labels)),) if labels else ()
+
+
+def _orthogonality(
+    psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing
+) -> tuple[Reals | NotTested, Reals | NotTested]:
+    refusal = _refusal(psi, phi, mass, pairing)
+    if refusal is not None or not isinstance(mass, ReducedMass):
+        return (refusal or NotTested(""),) * 2
+    M, kept = mass.mass, list(mass.kept)
+    psi, phi = psi[kept], phi[kept]
+    return cross_orthogonality(psi, phi, M), cross_orthogonality(psi, psi, M)
+
+
+def _orthogonality_sd(
+    test: ModeSet, psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing
+) -> tuple[Reals | NotTested, Reals | NotTested]:
+    if not isinstance(mass, ReducedMass) or test.shapes_sd is None:
+        return (NotTested("the scatter of the test's shapes, or its orthogonality, is not known"),) * 2
+    kept = list(mass.kept)
+    sd = test.shapes_sd[:, list(pairing.test_indices)][kept]
+    return orthogonality_noise(psi[kept], phi[kept], sd, mass.mass)
+
+
+def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing) -> NotTested | None:
+    """Why cross-orthogonality cannot be tested, or None."""
+    if isinstance(mass, NotTested):
+        return mass
+    if mass is None:
+        return NotTested("no mass matrix reduced to the sensors was given")
+    if not pairing.pairs:
+        return NotTested("no modes are paired")
+    kept = list(mass.kept)
+    if np.isnan(psi[kept]).any() or not _defined(psi[kept], phi[kept]).all():
+        return NotTested("some paired shapes have entries that were not measured, or do not move the sensors")
+    return _inaccurate(mass, pairing.model_indices)
+
+
+def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
+    """Modes that the reduction misses in frequency, or that none of its modes resembles in shape."""
+    errors = {i: float(mass.frequency_error[i]) for i in modes}
+    lost = [mass.labels[i] for i, error in errors.items() if np.isnan(error)]
+    off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
+    misses = f"the model misses its own frequencies by more than {100 * REDUCTION_TOLERANCE:.0f} %: mode "
+    shapes = f"the model has no mode with the shape of its mode {', '.join(lost)} any more"
+    found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
+    if not found:
+        return None
+    needed = "sensors at more places where these modes move are needed"
+    return NotTested(f"reduced to the sensors, {', and '.join(found)}; {needed}")
+
+
+def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:
+    if test.shapes_sd is None:
+        return NotTested("the scatter of the test's shapes is not known")
+    sd = test.shapes_sd
+    return tuple(noise_share(pair.mac, test.shapes[:, pair.test], sd[:, pair.test]) for pair in pairing.pairs)

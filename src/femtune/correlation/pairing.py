@@ -1,0 +1,441 @@
+"""Pairing of test and model modes: one to one, by optimal assignment, clusters as subspaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.modal import ModeSet, Rotation, clusters, rotate_to
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.shape_criteria import check_shapes, mac_where_defined
+from femtune.modal.subspace import projection
+
+# ----------------------------------------------------------------------------------------------------
+# What a pairing chooses from: scores and frequency errors of every test mode with every model mode.
+
+
+INVISIBLE = 1e-6
+"""A model mode that moves the sensors less than this fraction of the most visible mode cannot be seen there."""
+
+
+@dataclass(frozen=True)
+class CandidatePairs:
+    """Scores before anything is paired.
+
+    Parameters
+    ----------
+    score : (t, m) MAC, for members of a cluster the share of the test shape in the cluster's subspace; NaN where
+        undefined
+    frequency_error : (t, m) (model − test)/test
+    groups : clusters of two or more close model modes, by position
+    """
+
+    score: Reals
+    frequency_error: Reals
+    groups: tuple[tuple[int, ...], ...]
+    visible: NDArray[np.bool_]
+    notices: tuple[Notice, ...]
+
+
+def candidates(test: ModeSet, model: ModeSet, relative_gap: float) -> CandidatePairs:
+    """Compare every test mode with every model mode (errors ``correlate.dofs-differ``, ``modal.zero-shape``)."""
+    _check_dofs(test, model)
+    check_shapes(test.shapes, "the test")
+    visible = visible_modes(model)
+    groups, notices = _groups(model, visible, _measured_rows(test), relative_gap)
+    score = mac_where_defined(test.shapes, np.where(visible, model.shapes, 0.0))
+    for group in groups:
+        score[:, group] = projection(model.shapes[:, group], test.shapes)[:, None]
+    return CandidatePairs(score, frequency_errors(test.freq_hz, model.freq_hz), groups, visible, notices)
+
+
+def frequency_errors(test_hz: Reals, model_hz: Reals) -> Reals:
+    """(model − test)/test of every combination, (t, m); infinite where the test says 0 Hz."""
+    t, m = np.meshgrid(test_hz, model_hz, indexing="ij")
+    return np.where(t > 0.0, m - t, np.inf) / np.where(t > 0.0, t, 1.0)
+
+
+def visible_modes(model: ModeSet) -> NDArray[np.bool_]:
+    """(m,) True where a mode moves the sensors; the others (torsion seen by axial sensors …) have no MAC."""
+    size = np.sqrt(np.sum(np.where(np.isnan(model.shapes), 0.0, np.abs(model.shapes)) ** 2, axis=0))
+    return np.asarray(size > INVISIBLE * size.max(initial=0.0))
+
+
+def _check_dofs(test: ModeSet, model: ModeSet) -> None:
+    if test.dofs != model.dofs:
+        raise FemtuneError(
+            "correlate.dofs-differ", values={"test": f"{len(test.dofs)} DOFs", "model": f"{len(model.dofs)} DOFs"}
+        )
+
+
+def _measured_rows(test: ModeSet) -> int:
+    """The fewest entries that any test mode has."""
+    return int(np.min(np.sum(~np.isnan(test.shapes), axis=0), initial=len(test.dofs)))
+
+
+def _groups(
+    model: ModeSet, visible: NDArray[np.bool_], rows: int, relative_gap: float
+) -> tuple[tuple[tuple[int, ...], ...], tuple[Notice, ...]]:
+    """Clusters of visible modes; one with as many modes as sensors is not used, for any shape lies in its span."""
+    at = np.flatnonzero(visible)
+    chains = [tuple(int(at[i]) for i in chain) for chain in clusters(model.freq_hz[at], relative_gap)]
+    chains = [chain for chain in chains if len(chain) > 1]
+    usable = tuple(chain for chain in chains if len(chain) < rows)
+    notices = tuple(_crowded(model, chain, rows) for chain in chains if 2 * len(chain) > rows)
+    return usable, notices
+
+
+def _crowded(model: ModeSet, chain: tuple[int, ...], rows: int) -> Notice:
+    modes = ", ".join(model.labels[i] for i in chain)
+    code = "correlate.crowded-cluster/one-by-one" if len(chain) >= rows else "correlate.crowded-cluster"
+    return Notice(code, count=len(chain), modes=modes, dofs=rows, mac=len(chain) / rows)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Why a test mode found no partner, in words.
+
+
+def reason_unpaired(
+    i: int,
+    test: ModeSet,
+    model: ModeSet,
+    found: CandidatePairs,
+    chosen: Mapping[int, int],
+    refused: Mapping[int, float],
+    gates: tuple[float, float],
+) -> str:
+    """Best candidate of a test mode, its MAC and frequency error, and what spoke against it.
+
+    `refused` holds MACs after rotation of test modes that a cluster gave back; `gates` are (frequency, MAC).
+    """
+    if not np.isfinite(found.score[i]).any():
+        return "no model mode moves where this mode was measured"
+    j = _best(i, found, gates)
+    head = (
+        f"best candidate is {_named(j, model, found)} ({model.freq_hz[j]:.4g} Hz): "
+        f"MAC {found.score[i, j]:.2f}, frequency error {100 * found.frequency_error[i, j]:+.1f} %"
+    )
+    return f"{head}; {_obstacle(i, j, test, model, found, chosen, refused, gates)}"
+
+
+def _named(j: int, model: ModeSet, found: CandidatePairs) -> str:
+    group = _companions(j, found)
+    names = ", ".join(model.labels[k] for k in group)
+    return f"model mode {names}" if len(group) == 1 else f"the cluster of model modes {names}"
+
+
+def _best(i: int, found: CandidatePairs, gates: tuple[float, float]) -> int:
+    """The candidate with the largest MAC among those that pass both gates, else among all."""
+    score = np.nan_to_num(found.score[i], nan=-1.0)
+    passes = (np.abs(found.frequency_error[i]) <= gates[0]) & (score >= gates[1])
+    return int(np.argmax(score + 2.0 * passes))
+
+
+def _obstacle(
+    i: int,
+    j: int,
+    test: ModeSet,
+    model: ModeSet,
+    found: CandidatePairs,
+    chosen: Mapping[int, int],
+    refused: Mapping[int, float],
+    gates: tuple[float, float],
+) -> str:
+    failed = []
+    if abs(found.frequency_error[i, j]) > gates[0]:
+        failed.append(f"the frequency gate of {100 * gates[0]:.3g} % fails")
+    if not found.score[i, j] >= gates[1]:
+        failed.append(f"the MAC gate of {gates[1]:.2f} fails")
+    if failed:
+        return " and ".join(failed)
+    if i in refused:
+        return f"within its cluster of close modes the MAC after rotation is {refused[i]:.2f}, the gate {gates[1]:.2f}"
+    return _taken(j, test, found, chosen)
+
+
+def _taken(j: int, test: ModeSet, found: CandidatePairs, chosen: Mapping[int, int]) -> str:
+    holders = [test.labels[i] for i, k in chosen.items() if k in _companions(j, found)]
+    return (
+        f"it is taken by test mode {', '.join(holders)}" if holders else "the assignment as a whole is better without"
+    )
+
+
+def _companions(j: int, found: CandidatePairs) -> tuple[int, ...]:
+    """The cluster of a model mode, itself included."""
+    return next((group for group in found.groups if j in group), (j,))
+
+
+def no_pairs(test: ModeSet, reasons: Mapping[int, str], source: str = "") -> FemtuneError:
+    """The error ``correlate.no-pairs`` for a caller that cannot go on without pairs.
+
+    Parameters
+    ----------
+    reasons : why each test mode is unpaired, by position
+    source : which test, for the message
+    """
+    shown = list(reasons.items())[:8]
+    values = {f"test mode {test.labels[i]} ({test.freq_hz[i]:.4g} Hz)": reason for i, reason in shown}
+    if len(reasons) > len(shown):
+        values["…"] = f"and {len(reasons) - len(shown)} more"
+    return FemtuneError("correlate.no-pairs", values=values, n_test=len(test), source=" of " + source if source else "")
+
+
+Allowed = NDArray[np.bool_]
+Chosen = dict[int, int]
+"""Model position of each paired test position."""
+
+_TIE = 1e-9
+"""Weight of the frequency where MACs are equal."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One test mode and the model mode that it is compared with (positions from 0).
+
+    Parameters
+    ----------
+    mac : of the test shape and the model's, rotated where they belong to a cluster; NaN if undefined
+    mac_unrotated : with the model's own vector
+    frequency_error : (model − test)/test
+    fixed : True where the user paired them by hand
+    cluster : position in `Pairing.clusters`, or None
+    """
+
+    test: int
+    model: int
+    mac: float
+    mac_unrotated: float
+    frequency_error: float
+    fixed: bool = False
+    cluster: int | None = None
+
+
+@dataclass(frozen=True)
+class Unpaired:
+    """A test mode without partner and the reason in words; `left_out` where the user decided so."""
+
+    test: int
+    reason: str
+    left_out: bool = False
+
+
+@dataclass(frozen=True)
+class ClusterMatch:
+    """Test modes compared with a cluster of close model modes.
+
+    Column k of `rotation.aligned` stands against test mode ``test[k]``; the pair's model position is ``paired[k]``.
+    """
+
+    test: tuple[int, ...]
+    model: tuple[int, ...]
+    paired: tuple[int, ...]
+    rotation: Rotation
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """The outcome of `pair_modes`; every test mode is in `pairs` or in `unpaired_test`."""
+
+    pairs: tuple[Pair, ...]
+    unpaired_test: tuple[Unpaired, ...]
+    unpaired_model: tuple[int, ...]
+    clusters: tuple[ClusterMatch, ...]
+    frequency_gate: float
+    mac_gate: float
+    notices: tuple[Notice, ...] = ()
+
+    @property
+    def test_indices(self) -> tuple[int, ...]:
+        """Test positions of the pairs, ascending."""
+        return tuple(pair.test for pair in self.pairs)
+
+    @property
+    def model_indices(self) -> tuple[int, ...]:
+        """Model positions of the pairs, in the order of `test_indices`."""
+        return tuple(pair.model for pair in self.pairs)
+
+    @property
+    def key(self) -> tuple[tuple[int, int], ...]:
+        """(test, model) of every pair: two pairings are the same where their keys are equal."""
+        return tuple(zip(self.test_indices, self.model_indices))
+
+
+def pair_modes(
+    test: ModeSet,
+    model: ModeSet,
+    *,
+    frequency_gate: float = 0.30,
+    mac_gate: float = 0.50,
+    fixed: Sequence[tuple[int, int]] = (),
+    left_out: Mapping[int, str] | None = None,
+    relative_gap: float = 0.01,
+) -> Pairing:
+    """Pair test and model modes so that the sum of the MACs that pass both gates is largest.
+
+    Parameters
+    ----------
+    test, model : modes at the same DOFs; the model's real and mass-normalised over the whole model
+    frequency_gate : largest |model − test|/test
+    mac_gate : smallest MAC (after rotation, within clusters)
+    fixed : (test, model) positions paired by hand whatever the gates say
+    left_out : reason for each test position that is not to be paired
+    relative_gap : neighbours this close belong to one cluster, see `femtune.modal.clusters`
+
+    Raises
+    ------
+    FemtuneError : ``correlate.gate``, ``correlate.dofs-differ``, ``correlate.fixed-pair``, ``correlate.left-out``,
+        ``modal.zero-shape`` for a test mode without motion
+    """
+    left_out = dict(left_out or {})
+    _check_gates(frequency_gate, mac_gate)
+    _check_requests(len(test), len(model), fixed, left_out)
+    found = candidates(test, model, relative_gap)
+    allowed = (np.abs(found.frequency_error) <= frequency_gate) & (np.nan_to_num(found.score) >= mac_gate)
+    allowed[list(left_out)] = False
+    chosen, matches, refused = _settle(test, model, found, allowed, dict(fixed), mac_gate)
+    pairs = _pairs(test, model, found, chosen, matches, dict(fixed))
+    gates = (frequency_gate, mac_gate)
+    unpaired = tuple(
+        Unpaired(i, left_out.get(i) or reason_unpaired(i, test, model, found, chosen, refused, gates), i in left_out)
+        for i in range(len(test))
+        if i not in chosen
+    )
+    alone = tuple(j for j in range(len(model)) if j not in chosen.values())
+    return Pairing(pairs, unpaired, alone, matches, *gates, found.notices)
+
+
+def _check_gates(frequency_gate: float, mac_gate: float) -> None:
+    """Gates are fractions; 30 for 30 % would let everything pass unseen (inf is a wish to have no gate)."""
+    if not (0.0 < frequency_gate <= 5.0 or frequency_gate == np.inf) or not 0.0 <= mac_gate <= 1.0:
+        raise FemtuneError("correlate.gate", values={"frequency_gate": frequency_gate, "mac_gate": mac_gate})
+
+
+def _check_requests(t: int, m: int, fixed: Sequence[tuple[int, int]], left_out: Mapping[int, str]) -> None:
+    errors = ErrorCollector()
+    for name, size, used in (("test", t, [i for i, _ in fixed]), ("model", m, [j for _, j in fixed])):
+        with errors.catch():
+            _check_fixed(name, size, used)
+    with errors.catch():
+        _check_left_out(t, {i for i, _ in fixed}, left_out)
+    errors.raise_if_any()
+
+
+def _check_fixed(name: str, size: int, used: Sequence[int]) -> None:
+    bad = sorted({i for i in used if not 0 <= i < size or used.count(i) > 1})
+    if bad:
+        raise FemtuneError(
+            "correlate.fixed-pair",
+            values={f"{name} mode (from 1)": ", ".join(str(i + 1) for i in bad), f"{name} modes": size},
+            name=name,
+        )
+
+
+def _check_left_out(t: int, fixed: set[int], left_out: Mapping[int, str]) -> None:
+    bad = sorted(i for i, reason in left_out.items() if not 0 <= i < t or i in fixed or not reason.strip())
+    if bad:
+        raise FemtuneError(
+            "correlate.left-out", values={"test mode (from 1)": ", ".join(str(i + 1) for i in bad), "test modes": t}
+        )
+
+
+def _settle(
+    test: ModeSet, model: ModeSet, found: CandidatePairs, allowed: Allowed, fixed: Chosen, mac_gate: float
+) -> tuple[Chosen, tuple[ClusterMatch, ...], dict[int, float]]:
+    """Assign, rotate, and take back the worst member of a cluster whose MAC after rotation fails the gate."""
+    allowed = allowed.copy()
+    refused: dict[int, float] = {}
+    while True:
+        chosen = _assign(found, allowed, fixed)
+        matches = _matches(test, model, found.groups, chosen, allowed, fixed)
+        value, i, group = _worst(test, matches, fixed)
+        if value >= mac_gate:
+            within = {i: j for match in matches for i, j in zip(match.test, match.paired)}
+            return {**chosen, **within}, matches, refused
+        allowed[i, group] = False
+        refused[i] = value
+
+
+def _assign(found: CandidatePairs, allowed: Allowed, fixed: Chosen) -> Chosen:
+    """Assignment of largest total score; pairs that are not allowed are worth nothing and are dropped."""
+    nearness = 2.0 - np.minimum(np.abs(found.frequency_error), 1.0)
+    gain = np.where(allowed, np.nan_to_num(found.score) + _TIE * nearness, 0.0)
+    gain[list(fixed), :] = 0.0
+    gain[:, list(fixed.values())] = 0.0
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    free = {int(i): int(j) for i, j in zip(rows, columns) if gain[i, j] > 0.0}
+    return {**free, **fixed}
+
+
+def _matches(
+    test: ModeSet,
+    model: ModeSet,
+    groups: Sequence[tuple[int, ...]],
+    chosen: Chosen,
+    allowed: Allowed,
+    fixed: Chosen,
+) -> tuple[ClusterMatch, ...]:
+    """Rotate each cluster to the test modes that were assigned to it."""
+    matches = []
+    for group in groups:
+        mine = tuple(sorted(i for i, j in chosen.items() if j in group))
+        if mine:
+            rotation = rotate_to(model.shapes[:, group], test.shapes[:, mine])
+            paired = _members(rotation, mine, group, allowed, fixed)
+            matches.append(ClusterMatch(mine, group, paired, rotation))
+    return tuple(matches)
+
+
+def _members(
+    rotation: Rotation, mine: tuple[int, ...], group: tuple[int, ...], allowed: Allowed, fixed: Chosen
+) -> tuple[int, ...]:
+    """Member of the cluster for each test mode: fixed by hand, else inside the gates, else the nearest vector."""
+    gain = np.abs(rotation.q) + 10.0 * allowed[np.ix_(mine, group)].T
+    for k, i in enumerate(mine):
+        if i in fixed:
+            gain[group.index(fixed[i]), k] += 1000.0
+    members, columns = linear_sum_assignment(gain, maximize=True)
+    found = {int(k): group[j] for j, k in zip(members, columns)}
+    return tuple(found[k] for k in range(len(mine)))
+
+
+def _worst(test: ModeSet, matches: Sequence[ClusterMatch], fixed: Chosen) -> tuple[float, int, list[int]]:
+    """Lowest MAC after rotation of a pair that is not fixed: value, test position, members of the cluster."""
+    worst = (np.inf, -1, [0])
+    for match in matches:
+        values = rotated_macs(test, match)
+        for i, value in zip(match.test, values):
+            if i not in fixed and not value >= worst[0]:
+                worst = (float(np.nan_to_num(value)), i, list(match.model))
+    return worst
+
+
+def rotated_macs(test: ModeSet, match: ClusterMatch) -> Reals:
+    """MAC of each test mode of a cluster with its rotated model vector."""
+    return np.diag(mac_where_defined(test.shapes[:, match.test], match.rotation.aligned))
+
+
+def _pairs(
+    test: ModeSet,
+    model: ModeSet,
+    found: CandidatePairs,
+    chosen: Chosen,
+    matches: Sequence[ClusterMatch],
+    fixed: Chosen,
+) -> tuple[Pair, ...]:
+    plain = mac_where_defined(test.shapes, np.where(found.visible, model.shapes, 0.0))
+    rotated = {
+        i: (c, float(value))
+        for c, match in enumerate(matches)
+        for i, value in zip(match.test, rotated_macs(test, match))
+    }
+    pairs = []
+    for i, j in sorted(chosen.items()):
+        own = float(plain[i, j])
+        cluster, value = rotated.get(i, (None, own))
+        pairs.append(Pair(i, j, value, own, float(found.frequency_error[i, j]), i in fixed, cluster))
+    return tuple(pairs)

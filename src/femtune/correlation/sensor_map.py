@@ -1,0 +1,381 @@
+"""SensorMap: from the displacements of the model to what the sensors of a test measure."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from femtune.arrays import Reals
+from femtune.correlation.generalised import GeneralisedSensor
+from femtune.dofs import Dof, DofSet
+from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.fem.structure import NodeTable, Structure
+from femtune.testdata import ModalTest, Sensor
+
+# ----------------------------------------------------------------------------------------------------
+# The model's node nearest to a point, and what a test's coordinates look like when none is near.
+
+
+_TIE = 1e-6
+"""Distances that differ by less than this fraction of the tolerance are equal."""
+
+_FACTORS = {
+    1.0: "",
+    0.001: "millimetres where the model has metres",
+    1000.0: "metres where the model has millimetres",
+    0.01: "centimetres where the model has metres",
+    100.0: "metres where the model has centimetres",
+    10.0: "centimetres where the model has millimetres",
+    0.1: "millimetres where the model has centimetres",
+    25.4: "inches where the model has millimetres",
+    1.0 / 25.4: "millimetres where the model has inches",
+    0.0254: "inches where the model has metres",
+    1.0 / 0.0254: "metres where the model has inches",
+    0.3048: "feet where the model has metres",
+    1.0 / 0.3048: "metres where the model has feet",
+    12.0: "feet where the model has inches",
+    1.0 / 12.0: "inches where the model has feet",
+}
+
+
+@dataclass(frozen=True)
+class Near:
+    """The node nearest to a point, its distance, and other nodes at the same distance."""
+
+    node: int
+    distance: float
+    others: tuple[int, ...] = ()
+
+
+class NodeSearch:
+    """Nearest grid points of a model."""
+
+    def __init__(self, nodes: NodeTable, tolerance: float) -> None:
+        from scipy.spatial import cKDTree  # noqa: PLC0415  slow to import, and wanted where a test has sensors
+
+        self._ids, self._xyz, self._tolerance = nodes.ids, nodes.xyz, tolerance
+        self._tree = cKDTree(nodes.xyz) if len(nodes.ids) else None
+
+    def near(self, point: Reals) -> Near:
+        """Nearest node; the lowest number among equally near ones. Node 0 at infinity for a model without nodes."""
+        if self._tree is None:
+            return Near(0, np.inf)
+        distance, _ = self._tree.query(point)
+        at = self._tree.query_ball_point(point, distance + _TIE * self._tolerance)
+        ids = sorted(int(self._ids[i]) for i in at)
+        return Near(ids[0], float(distance), tuple(ids[1:]))
+
+    def looks_like(self, points: Reals) -> str:
+        """Which unit or order of axes would put every point on a node of its own; "" if none would."""
+        different = np.unique(points, axis=0)
+        if self._tree is None or len(different) < 2:
+            return ""
+        for (factor, words), (axes, matrix) in itertools.product(_FACTORS.items(), _axes()):
+            distance, at = self._tree.query(factor * different @ matrix.T)
+            if (distance <= self._tolerance).all() and len(set(at)) == len(different):
+                return _in_words(words, factor, axes)
+        return ""
+
+
+def _axes() -> Iterator[tuple[str, Reals]]:
+    """The 48 ways to exchange and turn round axes, the identity first."""
+    for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1, -1), repeat=3)):
+        matrix = np.zeros((3, 3))
+        matrix[range(3), order] = signs
+        yield ", ".join(f"{'-' if s < 0 else ''}{'XYZ'[i]}" for i, s in zip(order, signs)), matrix
+
+
+def _in_words(words: str, factor: float, axes: str) -> str:
+    parts = []
+    if words:
+        parts.append(f"the test's coordinates look like {words} (factor {factor:.6g})")
+    if axes != "X, Y, Z":
+        parts.append(f"the model's X, Y, Z look like the test's {axes}")
+    return " and ".join(parts)
+
+
+Row = dict[int, float]
+"""Coefficients of g-set DOFs."""
+
+_UNKNOWN = np.full(3, np.nan)
+
+
+@dataclass(frozen=True)
+class Match:
+    """Where a sensor sits in the model.
+
+    `how` is "nearest", "by id", "given" or "combination"; `node` is None for a combination; `distance` is NaN
+    where the test gives no position.
+    """
+
+    label: Dof
+    node: int | None
+    distance: float
+    how: str
+
+
+@dataclass(frozen=True)
+class Unmatched:
+    """A sensor without node within the tolerance, and the nearest one all the same (None if the model has none)."""
+
+    label: Dof
+    position: tuple[float, ...]
+    nearest: int | None
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMap:
+    """From model to sensors.
+
+    Parameters
+    ----------
+    matrix : (s, n_g) sparse, from g-set displacements (in the nodes' displacement frames) to sensors
+    dofs : labels of the s sensors; the rows hold for these signs
+    matches : one a sensor
+    unmatched : sensors that were left out because no node is near
+    notices : ties, far nodes, test nodes that share a node of the model
+    """
+
+    matrix: csr_array
+    dofs: DofSet
+    matches: tuple[Match, ...]
+    unmatched: tuple[Unmatched, ...] = ()
+    notices: tuple[Notice, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """What the user asked for, as one bundle."""
+
+    nodes: NodeTable
+    search: NodeSearch
+    tolerance: float
+    by_id: bool
+    given: Mapping[int, int]
+    combinations: Mapping[tuple[int, str], GeneralisedSensor]
+
+
+def map_sensors(
+    test: ModalTest,
+    structure: Structure,
+    *,
+    tolerance: float,
+    by_id: bool = False,
+    given: Mapping[int, int] | None = None,
+    combinations: Sequence[GeneralisedSensor] = (),
+    leave_unmatched: bool = False,
+) -> SensorMap:
+    """Put every sensor of a test on the model.
+
+    A combination comes first, then a node given by hand, then equal numbers if `by_id`, else the nearest node. DOFs
+    of the test's modes without geometry need one of the first three; their directions are taken in the basic frame.
+
+    Parameters
+    ----------
+    test : in the units and axes of the model
+    tolerance : largest distance of a node from its sensor, in the model's unit of length
+    by_id : test nodes carry the numbers of the model's
+    given : model node for some of the test nodes
+    combinations : sensors that are combinations of model DOFs, see `rigid_motion_sensor`
+    leave_unmatched : leave sensors without node out, listed in the result, instead of raising
+
+    Raises
+    ------
+    FemtuneError : ``sensor.unmatched``, ``sensor.no-position``, ``sensor.given-unknown``,
+        ``sensor.combination-unused``, ``sensor.tolerance``, ``model.unknown-node``; all that apply together
+    """
+    table = {(c.dof.node, c.dof.direction): c for c in combinations}
+    request = _Request(
+        structure.nodes, NodeSearch(structure.nodes, tolerance), tolerance, by_id, dict(given or {}), table
+    )
+    sensors = _sensors(test, request)
+    _check_requests(sensors, request, combinations)
+    errors = ErrorCollector()
+    placed: list[tuple[Match, Row]] = []
+    unmatched: list[Unmatched] = []
+    for sensor in sensors:
+        with errors.catch():
+            found = _place(sensor, request)
+            unmatched.append(found) if isinstance(found, Unmatched) else placed.append(found)
+    if unmatched and not leave_unmatched:
+        errors.errors.append(_unmatched_error(unmatched, len(sensors), request))
+    errors.raise_if_any()
+    return _build(placed, tuple(unmatched), sensors, request)
+
+
+def _sensors(test: ModalTest, request: _Request) -> tuple[Sensor, ...]:
+    """The placed sensors, then DOFs of the modes that have no place, and those of FRFs that find the model without."""
+    of_frfs = [] if test.frfs is None else [*test.frfs.responses, *test.frfs.references]
+    extra = [*(test.modes.dofs if test.modes else ()), *(d for d in of_frfs if _needs_no_place(d, request))]
+    known = {(s.label.node, s.label.direction) for s in test.sensors}
+    new = {(d.node, d.direction): d for d in reversed(extra) if (d.node, d.direction) not in known}
+    return (*test.sensors, *(Sensor(d, _UNKNOWN, _basic_direction(d)) for d in reversed(list(new.values()))))
+
+
+def _needs_no_place(dof: Dof, request: _Request) -> bool:
+    by_number = request.by_id and (request.nodes.has_grid(dof.node) or dof.direction == "S")
+    return by_number or dof.node in request.given or (dof.node, dof.direction) in request.combinations
+
+
+def _basic_direction(dof: Dof) -> Reals:
+    return dof.sign * np.eye(3)[(dof.component - 1) % 3]
+
+
+def _check_requests(sensors: Sequence[Sensor], request: _Request, combinations: Sequence[GeneralisedSensor]) -> None:
+    errors = ErrorCollector()
+    with errors.catch():
+        _check_tolerance(request.tolerance)
+    with errors.catch():
+        _check_given({s.label.node for s in sensors}, request.given)
+    with errors.catch():
+        _check_combinations(DofSet(s.label for s in sensors), DofSet(c.dof for c in combinations))
+    errors.raise_if_any()
+
+
+def _check_tolerance(tolerance: float) -> None:
+    if not 0.0 < tolerance < np.inf:
+        raise FemtuneError("sensor.tolerance", values={"tolerance": tolerance})
+
+
+def _check_given(test_nodes: set[int], given: Mapping[int, int]) -> None:
+    unknown = sorted(set(given) - test_nodes)
+    if unknown:
+        raise FemtuneError("sensor.given-unknown", values={"test nodes": ", ".join(map(str, unknown[:10]))})
+
+
+def _check_combinations(labels: DofSet, wanted: DofSet) -> None:
+    unknown = [str(d) for d in wanted if d not in labels]
+    if unknown:
+        raise FemtuneError("sensor.combination-unused", values={"labels": ", ".join(unknown[:10])})
+
+
+def _place(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
+    """Match and row of one sensor."""
+    label, nodes = sensor.label, request.nodes
+    combination = request.combinations.get((label.node, label.direction))
+    if combination is not None:
+        return Match(label, None, np.nan, "combination"), _combined(label, combination, nodes)
+    if label.node in request.given:
+        return _at_node(sensor, request.given[label.node], "given", nodes)
+    if request.by_id and (nodes.has_grid(label.node) or label.direction == "S"):
+        return _at_node(sensor, label.node, "by id", nodes)
+    return _nearest(sensor, request)
+
+
+def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched:
+    if not np.isfinite(sensor.position).all():
+        raise _no_position(sensor, request.by_id)
+    near = request.search.near(sensor.position)
+    if request.by_id or near.distance > request.tolerance:
+        return Unmatched(sensor.label, tuple(map(float, sensor.position)), near.node or None, near.distance)
+    match, row = _at_node(sensor, near.node, "nearest", request.nodes)
+    return replace(match, distance=near.distance), row
+
+
+def _no_position(sensor: Sensor, by_id: bool) -> FemtuneError:
+    tail = " and the model has no grid point of that number" if by_id else ""
+    return FemtuneError("sensor.no-position", sensor_label=sensor.label, tail=tail)
+
+
+def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
+    if sensor.label.direction == "S":
+        return Match(sensor.label, node, np.nan, how), {nodes.dof(node, 0): float(sensor.label.sign)}
+    i = nodes.position(node)
+    distance = float(np.linalg.norm(nodes.xyz[i] - sensor.position))
+    # u_basic = frame @ u, and the sensor sees direction · u_basic
+    seen = nodes.frames[i].T @ sensor.direction
+    first = 6 * i + (3 if sensor.is_rotation else 0)
+    return Match(sensor.label, node, distance, how), {first + k: float(c) for k, c in enumerate(seen) if abs(c) > 1e-14}
+
+
+def _combined(label: Dof, combination: GeneralisedSensor, nodes: NodeTable) -> Row:
+    row: Row = {}
+    for node, component, coefficient in combination.terms:
+        at = nodes.dof(node, component)
+        row[at] = row.get(at, 0.0) + label.sign * combination.dof.sign * coefficient
+    return row
+
+
+def _build(
+    placed: Sequence[tuple[Match, Row]],
+    unmatched: tuple[Unmatched, ...],
+    sensors: Sequence[Sensor],
+    request: _Request,
+) -> SensorMap:
+    entries = [(r, c, value) for r, (_, row) in enumerate(placed) for c, value in row.items()]
+    rows, columns, values = zip(*entries) if entries else ((), (), ())
+    shape = (len(placed), request.nodes.n_dofs)
+    matches = tuple(match for match, _ in placed)
+    notices = (*_ties(matches, sensors, request), *_far(matches, request.tolerance), *_shared(matches))
+    if unmatched:
+        names = ", ".join(str(u.label) for u in unmatched)
+        notices += (Notice("sensor.left-out", names=names),)
+    matrix = csr_array((np.array(values, float), (rows, columns)), shape=shape)
+    return SensorMap(matrix, DofSet(match.label for match in matches), matches, unmatched, notices)
+
+
+def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
+    """Sensors with several equally near nodes, one notice a test node."""
+    place = {(s.label.node, s.label.direction): s.position for s in sensors}
+    found: dict[int, Near] = {}
+    for match in matches:
+        if match.how == "nearest" and match.label.node not in found:
+            found[match.label.node] = request.search.near(place[match.label.node, match.label.direction])
+    return tuple(_tie(test_node, near) for test_node, near in found.items() if near.others)
+
+
+def _tie(test_node: int, near: Near) -> Notice:
+    others = ", ".join(map(str, near.others))
+    text = f"grid points {near.node} and {others} are equally near to test node {test_node}; {near.node} is taken"
+    return Notice("sensor.tie", text=text)
+
+
+def _far(matches: Sequence[Match], tolerance: float) -> tuple[Notice, ...]:
+    far = {m.label.node: m for m in matches if m.distance > tolerance}
+    return tuple(_far_notice(match, tolerance) for match in far.values())
+
+
+def _far_notice(match: Match, tolerance: float) -> Notice:
+    place = f"test node {match.label.node} is put on grid point {match.node} ({match.how})"
+    return Notice("sensor.far-from-node", place=place, distance=match.distance, tolerance=tolerance)
+
+
+def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
+    """Model nodes that stand for several test nodes: their sensors cannot differ in the model."""
+    users: dict[int, set[int]] = {}
+    for match in matches:
+        if match.node is not None:
+            users.setdefault(match.node, set()).add(match.label.node)
+    return tuple(
+        Notice("sensor.shared-node", str=", ".join(map(str, sorted(who))), node=node)
+        for node, who in users.items()
+        if len(who) > 1
+    )
+
+
+def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
+    values = {str(u.label): _distance_in_words(u) for u in unmatched[:20]}
+    if len(unmatched) > 20:
+        values["…"] = f"and {len(unmatched) - 20} more"
+    why = "number in the model" if request.by_id else f"node within the tolerance of {request.tolerance:.4g}"
+    guess = request.search.looks_like(np.array([u.position for u in unmatched])) if len(unmatched) == total else ""
+    return FemtuneError(
+        "sensor.unmatched",
+        values=values,
+        hint=guess or "check the test's units and axes, widen the tolerance, or give the nodes by hand",
+        n_unmatched=len(unmatched),
+        total=total,
+        why=why,
+    )
+
+
+def _distance_in_words(u: Unmatched) -> str:
+    place = f"({', '.join(f'{x:.6g}' for x in u.position)})"
+    if u.nearest is None:
+        return f"at {place}, the model has no grid points"
+    return f"at {place}, nearest grid point {u.nearest}, distance {u.distance:.4g}"

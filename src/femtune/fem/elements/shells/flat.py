@@ -1,0 +1,184 @@
+"""Shells (CQUAD4, CTRIA3): the parts that all shapes share, put together from a formulation of the strains.
+
+The stiffness is a list of products of rows, each with one coefficient; the rows come in chunks that fit a core's cache.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.fem.contribution import Contribution, joined
+from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.placement import CHUNK
+from femtune.fem.elements.shells.checks import check_shells
+from femtune.fem.elements.shells.laws import ShellTerm, couples, stiffness_terms
+from femtune.fem.elements.shells.mass import ShellMass, lumped, shell_mass
+from femtune.fem.elements.shells.normals import shared_normals
+from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, shell_plane
+from femtune.fem.elements.shells.quad import QUAD
+from femtune.fem.elements.shells.strains import Rows, ShellFormulation, ShellStrains, nodal_rows
+from femtune.fem.elements.shells.tri import TRI
+from femtune.fem.structure import ElementBatch, Structure
+
+# Nastran's scale of K6ROT
+DRILLING = 1e-6
+
+
+def shell_quad(batch: ElementBatch, structure: Structure) -> list[Contribution]:
+    """Stiffness and mass of CQUAD4.
+
+    Raises
+    ------
+    FemtuneError : ``element.shell-shape``, ``element.shell-thickness``, ``element.material-direction``
+    """
+    return joined(shell_quad_pieces(batch, structure))
+
+
+def shell_tri(batch: ElementBatch, structure: Structure) -> list[Contribution]:
+    """Stiffness and mass of CTRIA3; errors as of ``shell_quad``."""
+    return joined(shell_tri_pieces(batch, structure))
+
+
+def shell_quad_pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribution]]:
+    """The same as ``shell_quad``, some elements at a time."""
+    return shell_pieces(batch, structure, QUAD)
+
+
+def shell_tri_pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribution]]:
+    """The same as ``shell_tri``, some elements at a time."""
+    return shell_pieces(batch, structure, TRI)
+
+
+def shell_pieces(
+    batch: ElementBatch, structure: Structure, formulation: ShellFormulation
+) -> Iterator[list[Contribution]]:
+    """Stiffness and mass of shells of one formulation, some elements at a time; errors as of ``check_shells``."""
+    check_shells(batch, structure)
+    residual = formulation.residual and formulation.residual(structure.nodes.xyz[batch.nodes])
+    terms = stiffness_terms(batch, structure, formulation.uniaxial, residual)
+    normals = shared_normals(batch, structure)
+    return placed_pieces(
+        batch,
+        structure,
+        terms,
+        shell_mass(batch),
+        lambda part: FlatShells(formulation, shell_plane(batch, structure, normals, part)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FlatShells:
+    """Shells on their mean planes."""
+
+    formulation: ShellFormulation
+    plane: ShellPlane
+
+    @property
+    def frames(self) -> Reals:
+        """Displacement frames of the grid points."""
+        return self.plane.frames
+
+    @property
+    def normals(self) -> Reals:
+        """Those of the mean planes."""
+        return np.broadcast_to(self.plane.axes[:, None, :, 2], (*self.plane.heights.shape, 3))
+
+    @cached_property
+    def _strains(self) -> ShellStrains:
+        return self.formulation.strains(self.plane)
+
+    def rows(self, offsets: bool, coupling: bool) -> Rows:
+        """Strain rows on the grid points."""
+        return nodal_rows(self._strains, self.plane, offsets, coupling)
+
+    def shares(self, consistent: bool, point: int | None = None) -> Reals:
+        """Integrals of products of the shape functions, or their row sums."""
+        shares = self.formulation.shares(self.plane.corners)
+        return shares if consistent else lumped(shares)
+
+    def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
+        """Cosine and sine of a uniaxial row's direction in material axes."""
+        x, y = self._strains.along[own, number - 1].T
+        c, s = self.plane.material[own].T
+        return c * x + s * y, c * y - s * x
+
+
+def placed_pieces(
+    batch: ElementBatch,
+    structure: Structure,
+    terms: list[ShellTerm],
+    mass: ShellMass,
+    place: Callable[[slice], PlacedShells],
+    chunk: int = CHUNK,
+) -> Iterator[list[Contribution]]:
+    """Stiffness by its terms and mass, `chunk` elements at a time, of shells that `place` puts where they are."""
+    for part in _chunks(len(batch), chunk):
+        placed = place(part)
+        yield [*_stiffness(batch, structure, terms, placed, part), *mass.contributions(placed, structure, part)]
+
+
+def _chunks(count: int, size: int) -> Iterator[slice]:
+    return (slice(i, min(i + size, count)) for i in range(0, count, size))
+
+
+def _stiffness(
+    batch: ElementBatch, structure: Structure, terms: list[ShellTerm], placed: PlacedShells, part: slice
+) -> Iterator[Contribution]:
+    rows = placed.rows(bool(batch.facts["offset_given"][part].any()), bool(couples(batch)[part].any()))
+    for name in [name for name in rows if name.startswith("drill")]:
+        rows[name] = rows[name] * np.sqrt(DRILLING * structure.drilling)
+    for term in terms:
+        lo, hi = np.searchsorted(term.at, [part.start, part.stop])
+        if lo < hi:
+            own = term.at[lo:hi] - part.start
+            facts = {name: fact[lo:hi] for name, fact in term.facts.items()}
+            if term.direction:
+                facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, own)))
+            matrices = _squares(rows, term, own)
+            yield Contribution(
+                "stiffness", term.label, term.at[lo:hi], matrices, term.roles, term.coefficient, facts, term.loss
+            )
+
+
+def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64]) -> Reals:
+    """LᵀL or LᵀR + RᵀL, exactly symmetric."""
+    left = _together(rows, term.left, term.point, own)
+    # LᵀL is half of itself twice, so that both cases are one pass
+    right = _together(rows, term.right, term.point, own) if term.right else 0.5 * left
+    half = np.swapaxes(left, 1, 2) @ right
+    return np.asarray(half + np.swapaxes(half, 1, 2))
+
+
+def _together(rows: Rows, names: tuple[str, ...], point: int | None, own: NDArray[np.int64]) -> Reals:
+    """Rows of several names one after the other, of some elements of the chunk."""
+    places = slice(None) if point is None else slice(point, point + 1)
+    whole = np.concatenate([rows[name][:, places] for name in names], axis=1)
+    return whole if len(own) == len(whole) else whole[own]
+
+
+SHELL_QUAD = ElementKind(
+    "shell-quad",
+    shell_quad,
+    shell_quad_pieces,
+    faces=((0, 1, 2, 3),),
+    children=((0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)),
+    refinable=True,
+    shell=True,
+    papers=("dvorkin1984", "pian1984"),
+)
+SHELL_TRI = ElementKind(
+    "shell-tri",
+    shell_tri,
+    shell_tri_pieces,
+    faces=((0, 1, 2, -1),),
+    children=((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    refinable=True,
+    shell=True,
+    papers=("lee2004",),
+)

@@ -1,0 +1,104 @@
+"""Normals that neighbouring shells share at a grid point.
+
+A grid point has no stiffness of its own about the normal. Facets that meet at a small angle, each with its own normal,
+would hand the part of a twisting moment across the fold to that missing stiffness: a fine mesh of a curved shell would
+come out too soft, and the finer the softer. So all corners of shells at a grid point whose normals differ by less than
+FOLD use one mean normal (Nastran: PARAM SNORM, 20 degrees from the mean, which for two facets is the same). Corners
+that meet at larger angles, as in a box, keep their own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.fem.elements.kind import KINDS
+from femtune.fem.elements.shells.curved_surface import CurvedNodes, CurvedShape
+from femtune.fem.structure import ElementBatch, NodeTable, Structure
+
+# facets that differ by less are one smooth surface
+FOLD = np.radians(40.0)
+
+
+def shared_normals(batch: ElementBatch, structure: Structure) -> Reals:
+    """(e, n, 3) unit normals at the nodes of a batch of shells, in the basic frame, on its positive side.
+
+    Those of mid-side nodes that are left out are zero.
+    """
+    shells = [b for b in structure.batches if KINDS[b.kind].shell and b is not batch]
+    normals, nodes = zip(*(_of_batch(b, structure) for b in (batch, *shells)))
+    given = batch.nodes >= 0
+    out = np.zeros((*batch.nodes.shape, 3))
+    out[given] = smoothed(np.concatenate(normals), np.concatenate(nodes))[: given.sum()]
+    return out
+
+
+def _of_batch(batch: ElementBatch, structure: Structure) -> tuple[Reals, NDArray[np.int64]]:
+    """Normals (c, 3), as long as the corner's angle, and the grid points they stand on."""
+    given = batch.nodes >= 0
+    xyz = np.where(given[:, :, None], structure.nodes.xyz[batch.nodes], 0.0)
+    surface = KINDS[batch.kind].surface
+    normals = corner_normals(xyz) if surface is None else _curved_normals(surface, xyz, given)
+    return normals[given], batch.nodes[given]
+
+
+def corner_normals(xyz: Reals) -> Reals:
+    """(e, n, 3) normals of the bilinear or flat surface at its corners, as long as the corner's angle in radians."""
+    ahead, back = np.roll(xyz, -1, axis=1) - xyz, np.roll(xyz, 1, axis=1) - xyz
+    cross = np.cross(ahead, back)
+    size = np.linalg.norm(cross, axis=2)
+    angle = np.arctan2(size, np.sum(ahead * back, axis=2))
+    return np.asarray(np.divide(angle, size, out=np.zeros_like(size), where=size > 0.0)[:, :, None] * cross)
+
+
+def smoothed(normals: Reals, nodes: NDArray[np.int64]) -> Reals:
+    """(c, 3) unit normals: of each corner, the sum over those at its grid point that differ by less than FOLD.
+
+    Elements whose corners run the other way around count with their normal turned over.
+    """
+    one, other = _pairs(nodes)
+    size = np.linalg.norm(normals, axis=1)
+    unit = normals / np.where(size > 0.0, size, 1.0)[:, None]
+    cosine = np.sum(unit[one] * unit[other], axis=1)
+    close = np.abs(cosine) > np.cos(FOLD)
+    one, added = one[close], normals[other[close]] * np.sign(cosine[close])[:, None]
+    out = np.stack([np.bincount(one, added[:, k], len(nodes)) for k in range(3)], axis=1)
+    length = np.linalg.norm(out, axis=1)
+    return np.asarray(out / np.where(length > 0.0, length, 1.0)[:, None])
+
+
+def _pairs(nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """All ordered pairs of corners at one grid point, each corner with itself too."""
+    order = np.argsort(nodes, kind="stable")
+    _, start, count = np.unique(nodes[order], return_index=True, return_counts=True)
+    each = np.repeat(count, count)
+    one = np.repeat(np.arange(len(nodes)), each)
+    first = np.repeat(np.repeat(start, count), each)
+    local = np.arange(len(one)) - np.repeat(np.cumsum(each) - each, each)
+    return order[one], order[first + local]
+
+
+def _curved_normals(shape: CurvedShape, xyz: Reals, given: NDArray[np.bool_]) -> Reals:
+    """Of the quadratic surface at its nodes, as long as the angle between the sides there."""
+    sides = CurvedNodes(shape, xyz, np.zeros_like(xyz), ~given).sides()
+    cross = np.cross(sides[:, :, 0], sides[:, :, 1])
+    size = np.linalg.norm(cross, axis=2)
+    angle = np.arctan2(size, np.sum(sides[:, :, 0] * sides[:, :, 1], axis=2))
+    return np.asarray(np.divide(angle, size, out=np.zeros_like(size), where=size > 0.0)[:, :, None] * cross)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Areas of shells and shear panels, for mass that is spread over them.
+
+
+def areas(nodes: NodeTable, batch: ElementBatch) -> Reals:
+    """(e,) areas: of a curved surface its own, of a warped quadrilateral that in its mean plane."""
+    missing = batch.nodes < 0
+    xyz = np.where(missing[:, :, None], 0.0, nodes.xyz[batch.nodes])
+    shape = KINDS[batch.kind].surface
+    if shape is not None:
+        surface = CurvedNodes(shape, xyz, np.zeros_like(xyz), missing).surface(shape.points)
+        return np.asarray(surface.area @ shape.weights)
+    one, other = xyz[:, 2] - xyz[:, 0], xyz[:, -1 if xyz.shape[1] > 3 else 0] - xyz[:, 1]
+    return 0.5 * np.asarray(np.linalg.norm(np.cross(one, other), axis=1))

@@ -1,0 +1,191 @@
+"""The three-node shell: constant strains, tied shear with residual bending flexibility, drilling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.fem.contribution import Coefficient
+from femtune.fem.elements.placement import cross_matrix, nominal
+from femtune.fem.elements.shells.placement import ShellPlane
+from femtune.fem.elements.shells.quad import inverse
+from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
+from femtune.fem.structure import ElementBatch, Structure
+from femtune.parameters.jet import Jet
+
+# ----------------------------------------------------------------------------------------------------
+# Membrane of a flat triangle: constant strains, and the turn about the normal; its geometry and its mass.
+
+
+MIDDLES = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
+"""The corners' functions at the middles of the sides 12, 23 and 31; a mean over these is exact for products of two."""
+
+ROOT_3 = np.sqrt(3.0)
+
+
+def tri_area(corners: Reals) -> Reals:
+    """(m,) areas of triangles with corners (m, 3, 2)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.asarray(0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+
+
+def mean_square_side(corners: Reals) -> Reals:
+    """(m,) means of the squared lengths of the sides; corners (m, 3, 2) or (m, 3, 3)."""
+    return np.asarray(((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2)) / 3.0)
+
+
+def tri_gradient(corners: Reals) -> Reals:
+    """(m, 2, 3) derivatives of the corners' functions by x and y."""
+    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    turned = np.stack([-opposite[:, :, 1], opposite[:, :, 0]], axis=1)
+    return np.asarray(turned / (2.0 * tri_area(corners))[:, None, None])
+
+
+def tri_shares(corners: Reals) -> Reals:
+    """(m, 3, 3) integrals of Nᵢ Nⱼ over the area."""
+    return np.asarray(tri_area(corners)[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0)
+
+
+def membrane_rows(corners: Reals) -> Reals:
+    """(m, 1, 3, 3, 2) strains from (u, v), times the root of the area."""
+    bx, by = np.moveaxis(tri_gradient(corners) * np.sqrt(tri_area(corners))[:, None, None], 1, 0)
+    zero = np.zeros_like(bx)
+    pairs = [[bx, zero], [zero, by], [by, bx]]
+    return np.stack([np.stack(pair, axis=-1) for pair in pairs], axis=1)[:, None]
+
+
+def drilling_rows(corners: Reals, normals: Reals) -> Reals:
+    """(m, 3, 3, 6) turn about the shared normal less that of the triangle, at the middles of the sides.
+
+    The triangle turns by w,y about x, by −w,x about y, and by ½(v,x − u,y) about z.
+    """
+    bx, by = np.moveaxis(tri_gradient(corners)[:, :, None], 1, 0)
+    n = MIDDLES @ normals
+    x, y, z = np.moveaxis(n[:, :, None], 3, 0)
+    out = np.empty((len(corners), 3, 3, 6))
+    out[..., 0], out[..., 1], out[..., 2] = 0.5 * z * by, -0.5 * z * bx, y * bx - x * by
+    out[..., 3:] = MIDDLES[:, :, None] * n[:, :, None]
+    return np.asarray(out * (np.sqrt(tri_area(corners)) / ROOT_3)[:, None, None, None])
+
+
+# ----------------------------------------------------------------------------------------------------
+# Bending and transverse shear of a flat triangle: linear rotations, shear tied along the sides.
+#
+# Source: Lee and Bathe, Computers and Structures 82 (2004) 945-962 (MITC3). The mean shear along each side is that of
+# linear displacements; the shear between is linear, and its component along a side is constant on that side. Each
+# corner has a director n, the normal that the element shares with its neighbours; it moves by θ × n.
+
+
+def bending_rows(corners: Reals, normals: Reals) -> Reals:
+    """(m, 1, 3, 3, 6) curvatures, times the root of the area.
+
+    With b = θ × n: xx is b_x,x + u,x·n,x and xy is b_x,y + b_y,x + u,x·n,y + u,y·n,x. All of it is constant, and a
+    rigid motion has none.
+    """
+    bx, by = np.moveaxis(tri_gradient(corners)[..., None], 1, 0)
+    turn_x, turn_y = np.moveaxis(director_moves(normals)[:, :, :2], 2, 0)
+    nx, ny = ((b * normals).sum(axis=1)[:, None] for b in (bx, by))
+    moved = np.stack([bx * nx, by * ny, bx * ny + by * nx], axis=1)
+    turned = np.stack([bx * turn_x, by * turn_y, by * turn_x + bx * turn_y], axis=1)
+    rows = np.concatenate([moved, turned], axis=-1)
+    return np.asarray(rows * np.sqrt(tri_area(corners))[:, None, None, None])[:, None]
+
+
+def director_moves(normals: Reals) -> Reals:
+    """(m, 3, 3, 3) motion θ × n of the director of each corner, from θ of the corner."""
+    return -cross_matrix(normals.reshape(-1, 3)).reshape(-1, 3, 3, 3)
+
+
+def shear_rows(corners: Reals, normals: Reals) -> Reals:
+    """(m, 3, 2, 3, 6) transverse shear at the middles of the sides, times the root of the weight.
+
+    With r along side 12 and s along side 13 the covariant shears are g₁₂ + c s and g₁₃ − c r; c = −(g₁₂ + g₂₃ + g₃₁)
+    makes the shear along side 23 constant and equal to g₂₃.
+    """
+    g = side_shears(corners, normals)
+    c = -g.sum(axis=1)
+    bases = corners[:, 1:] - corners[:, :1]
+    weight = np.sqrt(tri_area(corners)) / ROOT_3
+    turn = inverse(bases) * weight[:, None, None]
+    r, s = MIDDLES[:, 1], MIDDLES[:, 2]
+    covariant = np.stack([[g[:, 0] + c * sk, -g[:, 2] - c * rk] for rk, sk in zip(r, s)])
+    return np.einsum("mij,kjmac->mkiac", turn, covariant)
+
+
+def side_shears(corners: Reals, normals: Reals) -> Reals:
+    """(m, 3, 3, 6) integrals of the shear along the sides 12, 23 and 31: means of b along, and of n on the stretch."""
+    out, moves = np.zeros((len(corners), 3, 3, 6)), director_moves(normals)[:, :, :2]
+    for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
+        side = corners[:, j] - corners[:, i]
+        mean = 0.5 * (normals[:, i] + normals[:, j])
+        out[:, k, i, :3], out[:, k, j, :3] = -mean, mean
+        for corner in (i, j):
+            out[:, k, corner, 3:] = 0.5 * np.einsum("mi,mij->mj", side, moves[:, corner])
+    return out
+
+
+# h²/15D of shear flexibility stands for the bending that linear rotations cannot show; MacNeal's beam has h²/12D.
+# Chosen by measurement: docs/theory/shell-triangles.md
+RESIDUAL = 12.0 / 15.0
+
+
+def tri_strains(plane: ShellPlane) -> ShellStrains:
+    """Strain rows of flat triangles."""
+    corners, normals = plane.corners, plane.normals
+    return ShellStrains(
+        placed(membrane_rows(corners), IN_PLANE),
+        np.zeros((len(corners), 0, 3, 6)),
+        np.zeros((len(corners), 0, 2)),
+        drilling_rows(corners, normals),
+        bending_rows(corners, normals),
+        shear_rows(corners, normals),
+        np.sqrt(tri_area(corners))[:, None],
+    )
+
+
+def tri_residual(xyz: Reals) -> Reals:
+    """(e,) 12h²/15 of triangles with corners `xyz` (e, 3, 3); h² is the mean of the squared sides, in classes.
+
+    The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient; their
+    limits are where no h² of a regular refinement falls.
+    """
+    squares = mean_square_side(xyz)
+    largest = squares.max(initial=0.0)
+    steps = np.floor(2.0 * np.log2(largest / squares) + 0.37)
+    return np.asarray(RESIDUAL * largest * 2.0 ** (-0.5 * steps))
+
+
+TRI = ShellFormulation(0, tri_strains, tri_shares, tri_residual)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Transverse shear with residual bending flexibility: what keeps a three-node shell from locking.
+#
+# A plate whose shear stiffness an area is 𝒮 = S·t·TS and whose bending stiffness is D = B·t³·RI/12 gets the shear
+# flexibility 1/𝒮 + h²/(15 D): the second part is the bending within an element of size h that linear rotations cannot
+# show. Elements of one h² share the coefficient, which stays an exact function of all values. Source: MacNeal,
+# Computers and Structures 8 (1978) 175-183, residual bending flexibility.
+
+
+SOFTENERS = ("S11", "S22", "TS", "B11", "B22", "RI", "t")
+"""Values that a softened shear needs besides its own entry of the law."""
+
+
+def bends(batch: ElementBatch, structure: Structure) -> NDArray[np.bool_]:
+    """(e,) True where there is a bending stiffness that can be in series with the shear."""
+    b11, b22, inertia = (nominal(batch, structure, role) for role in ("B11", "B22", "RI"))
+    return np.asarray((b11 + b22) * inertia != 0.0)
+
+
+def softened_shear(entry: str) -> Coefficient:
+    """S·t·TS / (1 + h²𝒮/15D), 𝒮 and D means of both directions; fact "residual" is 12h²/15."""
+
+    def stiffness(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        bending = (values["B11"] + values["B22"]) * values["RI"] * values["t"] * values["t"]
+        shear = (values["S11"] + values["S22"]) * values["TS"] * facts["residual"]
+        return values[entry] * values["t"] * values["TS"] * bending / (bending + shear)
+
+    return stiffness

@@ -1,0 +1,1 @@
+"""Solids with and without mid-side nodes."""

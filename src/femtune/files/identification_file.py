@@ -1,0 +1,152 @@
+"""Read an identification file; all problems at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError
+
+from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable, Units
+from femtune.files.study_file.problems import problems
+from femtune.files.study_file.reading import toml_data, toml_text
+from femtune.files.study_file.source import StudyLines, line_numbers, table, texts
+from femtune.files.study_file.step_tables import OutputTable
+
+# ----------------------------------------------------------------------------------------------------
+# Tables of an identification file; docs/identify-file.md explains every key.
+
+
+KNOWN_INPUT = ("N4SID", "pLSCF")
+OUTPUT_ONLY = ("SSI-cov", "SSI-data", "ERA", "FDD", "TFIE")
+MethodWord = Literal["N4SID", "pLSCF", "SSI-cov", "SSI-data", "ERA", "FDD", "TFIE"]
+Hertz = Annotated[float, Field(ge=0, le=1e12)]
+
+
+class IdentifyTable(TomlTable):
+    """[identify]: what was measured, and how modes are looked for."""
+
+    title: Text | None = None
+    record: Text | None = None
+    frfs: Text | None = None
+    units: Units = "m-kg-s"
+    format: Literal["text", "numpy", "matlab", "hdf5", "wav", "uff"] | None = None
+    variable: Text | None = None
+    sampling_hz: Positive | None = None
+    band_hz: tuple[Hertz, Hertz] | None = None
+    largest_order: Annotated[int, Field(ge=4, le=200)] | None = None
+    methods: Annotated[tuple[MethodWord, ...], Field(min_length=1)] | None = None
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+    resolution_hz: Positive | None = None
+    period_s: Positive | None = None
+    fragments: Annotated[int, Field(ge=1, le=1000)] = 1
+    real: bool = True
+    take_hz: tuple[Positive, ...] = ()
+    drop_hz: tuple[Positive, ...] = ()
+
+
+class ChannelEntry(TomlTable):
+    """[[channel]]: what one column of the record measures."""
+
+    column: Annotated[int, Field(ge=1)] | Text
+    dof: DofLabel
+    quantity: Literal[
+        "displacement", "velocity", "acceleration", "force", "strain", "pressure", "voltage", "unknown"
+    ] = "acceleration"
+    role: Literal["response", "reference", "input"] = "response"
+    unit: str = ""
+    factor: float = 1.0
+
+
+class IdentifyFile(TomlTable):
+    """The whole file; names of files are relative to it."""
+
+    identify: IdentifyTable
+    channel: tuple[ChannelEntry, ...] = ()
+    output: OutputTable = Field(default_factory=lambda: OutputTable(folder="identified"))
+
+    _path: Path = PrivateAttr(default=Path("identify.toml"))
+    _source: StudyLines = PrivateAttr(default=StudyLines("identify.toml"))
+
+    @property
+    def path(self) -> Path:
+        """The file itself."""
+        return self._path
+
+    @property
+    def measured_path(self) -> Path:
+        """The record or the functions."""
+        return self._path.parent / (self.identify.record or self.identify.frfs or "")
+
+    @property
+    def output_folder(self) -> Path:
+        """Where results go."""
+        return self._path.parent / self.output.folder
+
+    def where(self, *place: str | int) -> Where:
+        """File and line of a key."""
+        return self._source.where(place)
+
+
+PAGE = "docs/identify-file.md"
+
+
+def is_identification_file(path: str | Path) -> bool:
+    """True for a path that names an identification file rather than what was measured."""
+    return Path(path).suffix.lower() == ".toml"
+
+
+def read_identify_file(path: str | Path) -> IdentifyFile:
+    """The identification file at `path`.
+
+    Raises
+    ------
+    FemtuneError : ``study.missing-file``, ``study.syntax``
+    FemtuneErrors : all that is wrong with its content: ``study.unknown-key``, ``study.type``, ``identify.source``,
+        ``identify.output-only`` and others
+    """
+    file = Path(path)
+    text = toml_text(file)
+    data = toml_data(text, file)
+    source = StudyLines(str(file), line_numbers(text), PAGE)
+    errors = [*_rules(data, source)]
+    try:
+        found = IdentifyFile.model_validate(data)
+    except ValidationError as findings:
+        errors = [*problems(findings, source, IdentifyFile), *errors]
+    ErrorCollector(sorted(errors, key=lambda e: (e.where and e.where.line) or 0)).raise_if_any()
+    found._path, found._source = file, source
+    return found
+
+
+def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    asked = table(data, "identify")
+    if "identify" in data and ("record" in asked) == ("frfs" in asked):
+        hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
+        yield source.error(("identify",), "identify.source", {}, hint=hint)
+    yield from _methods(asked, source)
+    band = asked.get("band_hz")
+    if (
+        isinstance(band, tuple)
+        and len(band) == 2
+        and all(isinstance(b, int | float) for b in band)
+        and band[0] >= band[1]
+    ):
+        hint = "give the lower end first: band_hz = [2.0, 40.0]"
+        yield source.error(("identify", "band_hz"), "study.value/rules", {"band_hz": band}, hint=hint)
+
+
+def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Methods must suit what was measured; with measured forces in a record those for FRFs do too."""
+    known = KNOWN_INPUT if "frfs" in asked else (*KNOWN_INPUT, *OUTPUT_ONLY)
+    for word in texts(asked.get("methods")):
+        if word not in known and word in OUTPUT_ONLY:
+            yield source.error(
+                ("identify", "methods"),
+                "identify.output-only/methods",
+                {"methods": word},
+                word=word,
+                known=", ".join(known),
+            )

@@ -1,0 +1,27 @@
+"""Errors of kernels and constraints, which know an element's number only, with the place of its card in the deck."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from femtune.errors import FemtuneError, FemtuneErrors
+from femtune.files.nastran.build import BuiltModel
+
+
+@contextmanager
+def errors_at_cards(built: BuiltModel) -> Iterator[None]:
+    """Errors raised inside the block that name an element, but no file, get file and line of its card."""
+    try:
+        yield
+    except FemtuneErrors as several:
+        raise FemtuneErrors(_placed(error, built) for error in several.errors) from several
+    except FemtuneError as error:
+        raise _placed(error, built) from error
+
+
+def _placed(error: FemtuneError, built: BuiltModel) -> FemtuneError:
+    at = built.element_cards.get(error.facts.get("element", -1))
+    if at is None or (error.where is not None and error.where.file):
+        return error
+    return error.at(built.deck.cards[at].where())

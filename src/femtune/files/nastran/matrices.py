@@ -1,0 +1,213 @@
+"""DMIG cards: entries of a matrix by grid point and component."""
+
+from __future__ import annotations
+
+import cmath
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Where
+from femtune.fem import AssembledMatrix, FieldRef
+from femtune.fem.fields import MatrixKind
+from femtune.files.matrices.read_matrix import Entries, matrix_from, no_such_matrix
+from femtune.files.nastran.building import Building
+from femtune.files.nastran.card import Card
+from femtune.files.nastran.case_control import CaseCommand
+from femtune.files.nastran.control import real_param
+from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.grids import Grids
+from femtune.files.nastran.lines import parse_real
+from femtune.parameters.jet import Jet
+
+_SQUARE, _SYMMETRIC = 1, 6
+_COMPLEX = (3, 4)
+_FIRST, _GROUP = 4, 4
+
+
+@dataclass(frozen=True)
+class DmigHeader:
+    """Form (1 square, 6 symmetric, 2 and 9 rectangular), type of the numbers, magnitude and phase or not, columns."""
+
+    name: str
+    form: int
+    type: int
+    polar: bool
+    columns: int | None
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class Dmig:
+    """Entries of one DMIG matrix: `row` and `col` (m, 2) node and component, `cards` (m,) the card of each."""
+
+    header: DmigHeader
+    row: NDArray[np.int64]
+    col: NDArray[np.int64]
+    value: NDArray
+    cards: tuple[Card, ...]
+
+
+def dmig_names(deck: Deck) -> list[str]:
+    """Names of all matrices of a deck, in order."""
+    return [card.text(0) for card in deck.by_name("DMIG") if card.integer(1) == 0]
+
+
+def dmig_matrix(deck: Deck, name: str | None) -> Dmig:
+    """Entries of a DMIG matrix of a deck; the first one where no name is asked for.
+
+    Raises
+    ------
+    FemtuneError : ``matrices.no-such-matrix``, ``matrices.dmig``, ``matrices.not-square``, ``deck.*``
+    """
+    names = dmig_names(deck)
+    wanted = (name or (names[0] if names else "")).upper()
+    if wanted not in names:
+        raise no_such_matrix(deck.path, name, names)
+    cards = [card for card in deck.by_name("DMIG") if card.text(0) == wanted]
+    headers = [card for card in cards if card.integer(1) == 0]
+    if len(headers) > 1:
+        raise _error(headers[1], "matrices.dmig", wanted=wanted, place=headers[0].where())
+    header = _header(headers[0])
+    return _entries(header, [card for card in cards if card.integer(1) != 0])
+
+
+def _header(card: Card) -> DmigHeader:
+    form, kind = card.integer(2), card.integer(3)
+    if form not in (1, 2, 6, 9) or kind not in (1, 2, 3, 4):
+        raise _error(card, "matrices.dmig/header", form=form, kind=kind)
+    if form not in (_SQUARE, _SYMMETRIC):
+        raise FemtuneError("matrices.not-square", where=card.where(), text=card.text(0), form=form)
+    return DmigHeader(card.text(0), form, kind, card.integer(5, 0) == 1, card.integer(7, None), card)
+
+
+def _entries(header: DmigHeader, cards: list[Card]) -> Dmig:
+    row, col, value, owners = [], [], [], []
+    for card in cards:
+        column = _dof(card, 1)
+        for at in range(_FIRST, len(card.fields), _GROUP):
+            if not card.blank(at):
+                row.append(_dof(card, at))
+                col.append(column)
+                value.append(_value(header, card, at + 2))
+                owners.append(card)
+    if not value:
+        raise _error(header.card, "matrices.dmig/entries", header_name=header.name)
+    _check_columns(header, col)
+    return Dmig(header, np.array(row), np.array(col), np.array(value), tuple(owners))
+
+
+def _dof(card: Card, at: int) -> tuple[int, int]:
+    return card.integer(at), card.integer(at + 1, 0)
+
+
+def _value(header: DmigHeader, card: Card, at: int) -> complex | float:
+    real = card.real(at)
+    if header.type not in _COMPLEX:
+        return real
+    other = card.real(at + 1, 0.0)
+    return cmath.rect(real, np.radians(other)) if header.polar else complex(real, other)
+
+
+def _check_columns(header: DmigHeader, col: list[tuple[int, int]]) -> None:
+    if header.columns is not None and len(set(col)) > header.columns:
+        raise _error(
+            header.card,
+            "matrices.dmig/check-columns",
+            header_name=header.name,
+            n_col=len(set(col)),
+            columns=header.columns,
+        )
+
+
+def check_one_triangle(found: Dmig, row: NDArray, col: NDArray) -> None:
+    """A symmetric DMIG gives each pair once, in either order."""
+    if found.header.form != _SYMMETRIC:
+        return
+    low, high = np.minimum(row, col), np.maximum(row, col)
+    _, first, count = np.unique(low * (row.max(initial=0) + col.max(initial=0) + 1) + high, return_index=True,
+                                return_counts=True)  # fmt: skip
+    if (count > 1).any():
+        card = found.cards[int(first[int(np.argmax(count > 1))])]
+        raise FemtuneError(
+            "matrices.duplicate",
+            where=card.where(),
+            values={"pairs": int((count > 1).sum())},
+            header_name=found.header.name,
+        )
+
+
+def _error(card: Card, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=card.where(), **facts)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Matrices that case control adds to those of the elements: K2GG, M2GG, B2GG, K42GG with their DMIG cards.
+
+
+KINDS: dict[str, tuple[MatrixKind, str]] = {
+    "K2GG": ("stiffness", "CK2"),
+    "M2GG": ("mass", "CM2"),
+    "B2GG": ("viscous", "CB2"),
+    "K42GG": ("hysteretic", "CK42"),
+}
+"""Commands with the matrix that they add to and the PARAM that scales them; PARAM WTMASS does not scale M2GG."""
+
+_PART = re.compile(r"(?:([^*,\s]+)\s*\*\s*)?([A-Z][A-Z0-9]{0,7})", re.IGNORECASE)
+
+
+def read_direct_matrices(building: Building, grids: Grids) -> tuple[AssembledMatrix, ...]:
+    """The matrices that case control selects; each has a factor in the value table, ``MATRIX STIFF``."""
+    found: list[AssembledMatrix] = []
+    commands = {c.name: c for c in building.deck.case_control.others if c.name in KINDS}
+    for command in commands.values():
+        with building.errors.catch():
+            found += [_matrix(building, grids, command, *part) for part in _parts(command)]
+    return tuple(found)
+
+
+def _parts(command: CaseCommand) -> Iterator[tuple[float, str]]:
+    """Factor and name of each matrix: ``1.25*KA, KB``."""
+    for text in filter(None, (part.strip() for part in command.value.split(","))):
+        match = _PART.fullmatch(text)
+        factor = 1.0 if match is None or match[1] is None else _number(match[1])
+        if match is None or factor is None:
+            raise FemtuneError("deck.case-control/parts", where=command.where, command_name=command.name, text=text)
+        yield factor, match[2].upper()
+
+
+def _number(text: str) -> float | None:
+    """A real; case control lets whole numbers pass for one."""
+    return float(text) if text.lstrip("+-").isdecimal() else parse_real(text)
+
+
+def _matrix(building: Building, grids: Grids, command: CaseCommand, factor: float, name: str) -> AssembledMatrix:
+    kind, param = KINDS[command.name]
+    found = dmig_matrix(building.deck, name)
+    upper = _upper(found, grids) * real_param(building, param, 1.0)
+    position = building.values.add(FieldRef("MATRIX", 0, name), factor)
+    return AssembledMatrix(kind, f"{command.name} {name}", upper, {"FACTOR": position}, _factor)
+
+
+def _upper(found: Dmig, grids: Grids) -> sp.csr_array:
+    row, col = _dofs(found, found.row, grids), _dofs(found, found.col, grids)
+    check_one_triangle(found, row, col)
+    n = grids.table.n_dofs
+    names = np.array([[d.node, d.component] for d in map(grids.table.describe, range(n))], np.int64).reshape(-1, 2)
+    entries = Entries(row, col, found.value, (n, n), names, lambda i: found.cards[i].where())
+    where = Where(found.header.card.where().file, found.header.card.where().line, f"DMIG {found.header.name}")
+    return matrix_from(entries, found.header.name, where).upper
+
+
+def _dofs(found: Dmig, at: NDArray[np.int64], grids: Grids) -> NDArray[np.int64]:
+    table = grids.table
+    return np.array([table.dof(int(n), int(c), card.where()) for (n, c), card in zip(at, found.cards)], np.int64)
+
+
+def _factor(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+    return values["FACTOR"]

@@ -1,0 +1,100 @@
+"""Time records of Universal Files: data sets 58 of function type 1, ASCII and binary."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from femtune.dofs import Dof
+from femtune.files.records.table import RecordTable, problem
+from femtune.files.uff.measured_functions import MeasuredFunction, dof_of, read_functions
+from femtune.files.uff.scan import scan_uff
+
+_TIME_RESPONSE, _TIME = 1, 17
+_QUANTITIES = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force", 15: "pressure", 2: "strain"}
+
+
+@dataclass(frozen=True)
+class UffChannel:
+    """What a Universal File says of one column; None for a DOF that it does not name."""
+
+    dof: Dof | None
+    quantity: str
+    unit: str
+
+
+def read_uff_time(path: Path) -> tuple[RecordTable, tuple[UffChannel, ...]]:
+    """All time records of a file, which must share one clock.
+
+    Raises
+    ------
+    FemtuneError : ``record.file`` where there are none, or where lengths or steps differ; ``uff.*``
+    """
+    functions, _ = read_functions(scan_uff(path))
+    times = [f for f in functions if _is_time(f)]
+    if not times:
+        kinds = sorted({f.header.function_type for f in functions})
+        raise problem(path, "record.file/read-uff-time", values={"function_types": kinds})
+    _check_clock(path, times)
+    first = times[0]
+    channels = tuple(_channel(f) for f in times)
+    names = tuple(str(c.dof or "") for c in channels)
+    rate = 1.0 / first.header.step if first.header.even and first.header.step > 0.0 else None
+    table = RecordTable(np.array([f.values for f in times]), names, rate, None if rate else first.x, str(path))
+    return table, channels
+
+
+def _is_time(function: MeasuredFunction) -> bool:
+    header = function.header
+    return (
+        header.function_type == _TIME_RESPONSE
+        and header.kinds[0] in (0, _TIME)
+        and not np.iscomplexobj(function.values)
+    )
+
+
+def _check_clock(path: Path, times: Sequence[MeasuredFunction]) -> None:
+    first = times[0]
+    for other in times[1:]:
+        if len(other.x) != len(first.x) or not np.allclose(other.x, first.x, rtol=1e-6, atol=0.0):
+            one, two = f"{len(first.x)} samples", f"{len(other.x)} samples at {other.where}"
+            raise problem(path, "record.file/check-clock", values={"first": one, "other": two})
+
+
+def _channel(function: MeasuredFunction) -> UffChannel:
+    header = function.header
+    return UffChannel(dof_of(*header.response), _QUANTITIES.get(header.kinds[1], "unknown"), header.unit_labels[1])
+
+
+# ----------------------------------------------------------------------------------------------------
+# Records as sound: WAV files of any number of channels; whole numbers become fractions of full scale.
+
+
+def read_wav(path: Path) -> RecordTable:
+    """Channels and sampling rate of a WAV file.
+
+    Raises
+    ------
+    FemtuneError : ``record.file`` for a file that is cut short or no WAV file
+    """
+    from scipy.io import wavfile  # noqa: PLC0415  as in the reader of MATLAB files
+
+    try:
+        with warnings.catch_warnings():
+            # scipy warns of a file that ends too early, and of chunks that nobody needs
+            warnings.filterwarnings("error", message=".*prematurely.*")
+            warnings.filterwarnings("ignore")
+            warnings.filterwarnings("error", message=".*prematurely.*")
+            rate, data = wavfile.read(path)
+    except (ValueError, EOFError, OSError, struct.error, LookupError, wavfile.WavFileWarning) as bad:
+        raise problem(path, "record.file/read-wav", bad=str(bad)[:120]) from bad
+    values = np.atleast_2d(data.T).astype(float)
+    if data.dtype.kind in "iu":
+        middle = 128.0 if data.dtype == np.uint8 else 0.0
+        values = (values - middle) / (128.0 if middle else -float(np.iinfo(data.dtype).min))
+    return RecordTable(values, ("",) * len(values), float(rate), None, str(path))

@@ -1,0 +1,156 @@
+"""Tables of a study file that say how the steps are done; docs/study-file.md explains every key."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from femtune.dofs import DIRECTIONS, Dof, parse_dof
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    NotNegative,
+    Number,
+    Positive,
+    Text,
+    TomlTable,
+    Units,
+    Vector,
+    Weight,
+)
+from femtune.units import UnitSystem, unit_system
+
+Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
+
+DEFAULT_MODE_COUNT = 10
+
+
+class StudyTable(TomlTable):
+    """[study]: what it is about."""
+
+    title: Text
+    deck: Text | None = None
+    units: Units
+    allow_ignored: tuple[Text, ...] = ()
+    journal: bool = True
+    journal_gib: Annotated[float, Field(gt=0, le=1e6)] = 10.0
+
+    @property
+    def unit_system(self) -> UnitSystem:
+        """The system of the deck and of every number in the study."""
+        return unit_system(self.units)
+
+
+class ModesTable(TomlTable):
+    """[modes]: how many modes are computed; by number or up to a frequency, never both."""
+
+    count: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    max_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
+
+    @property
+    def wanted(self) -> int | None:
+        """Number of modes, None where `max_hz` limits them."""
+        return DEFAULT_MODE_COUNT if self.count is None and self.max_hz is None else self.count
+
+
+def _numbers(value: object) -> object:
+    """Keys of a TOML table are text: those that are whole numbers become numbers."""
+    if not isinstance(value, dict):
+        return value
+    return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
+
+
+class SensorsTable(TomlTable):
+    """[sensors]: how the nodes of a test find the grid points of the model."""
+
+    tolerance: Positive | None = None
+    by_id: bool = False
+    nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
+
+
+class SensorTerm(TomlTable):
+    """One model DOF in a generalised sensor."""
+
+    node: Number
+    component: Literal["S", "X", "Y", "Z", "RX", "RY", "RZ"]
+    factor: float = 1.0
+
+
+class SensorEntry(TomlTable):
+    """[[sensor]]: a sensor that is a combination of model DOFs."""
+
+    name: DofLabel
+    terms: Annotated[tuple[SensorTerm, ...], Field(min_length=1)]
+
+    @property
+    def label(self) -> Dof:
+        """The DOF of the test that it stands for."""
+        return parse_dof(self.name)
+
+
+class RigidFloorEntry(TomlTable):
+    """[[rigid_floor]]: least-squares rigid motion of a floor's nodes, as sensors of one test node."""
+
+    test_node: Number
+    nodes: Annotated[tuple[Number, ...], Field(min_length=1)]
+    origin: Vector
+    components: Annotated[tuple[Component, ...], Field(min_length=1)] = ("X", "Y", "RZ")
+
+    @property
+    def digits(self) -> str:
+        """The components as Nastran writes them: "126"."""
+        return "".join(str(DIRECTIONS.index(component)) for component in self.components)
+
+
+class CorrelateTable(TomlTable):
+    """[correlate]: which modes may be paired, and which are compared as one subspace."""
+
+    frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
+    mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
+    cluster_gap: NotNegative = 0.01
+
+
+class CorrelationEntry(TomlTable):
+    """An entry of [update] correlations: two parameters that the prior ties loosely."""
+
+    one: Text
+    other: Text
+    value: Annotated[float, Field(gt=-1, lt=1)]
+
+
+class UpdateTable(TomlTable):
+    """[update]: when the iteration ends, and what is added where the data do not suffice."""
+
+    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
+    regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
+    weight: Weight = 0.0
+    adapt: bool = False
+    identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
+    correlations: tuple[CorrelationEntry, ...] = ()
+    tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
+    search: Literal["levenberg-marquardt", "line-search", "gauss-newton"] = "levenberg-marquardt"
+    starts: Annotated[int, Field(ge=1, le=100_000)] = 1
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    hops: Annotated[int, Field(ge=0, le=1000)] = 0
+    first: Literal["none", "equation-error"] = "none"
+
+
+class ReductionTable(TomlTable):
+    """[reduction]: the update searches on reduced models and is certified on the full one."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=0.1)] = 1e-4
+    full_solutions: Annotated[int, Field(ge=4, le=10_000)] = 20
+    order: Annotated[int, Field(ge=10, le=20_000)] = 600
+
+
+class WriteTable(TomlTable):
+    """[write]: how values go back into the deck."""
+
+    wide: bool = False
+    split: bool = False
+
+
+class OutputTable(TomlTable):
+    """[output]: the run folder, beside the study file where it is not absolute."""
+
+    folder: Text = "run"

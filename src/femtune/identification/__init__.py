@@ -1,0 +1,116 @@
+"""From records and frequency response functions to modes and state-space models, with error bars."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.identification.averaging import Averaging, InputOutputSpectra, input_output_spectra, undo_exponential
+    from femtune.identification.choice import (
+        Candidate,
+        Limits,
+        Rule,
+        change_choice,
+        choose,
+        chosen_poles,
+        cluster,
+        possible,
+        stable,
+    )
+    from femtune.identification.estimators import FrfEstimate, estimate_frfs
+    from femtune.identification.frf_checks import (
+        Levels,
+        Reciprocity,
+        apparent_mass,
+        check_frfs,
+        check_mass,
+        compare_levels,
+        exchanged,
+        levels_notice,
+        power_in,
+        reciprocity,
+    )
+    from femtune.identification.input_known import FRF_METHODS, IdentifiedModes, InputKnown, identify_frfs
+    from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band, join_frfs
+    from femtune.identification.modal_fit import ModalFit, fit_modes
+    from femtune.identification.n4sid import Subspace, n4sid_poles, subspace, subspace_poles
+    from femtune.identification.periodic import PeriodicFrfs, periodic_frfs, stepped_frfs
+    from femtune.identification.plscf import normal_equations, plscf_poles, residue_shapes
+    from femtune.identification.pole_table import PoleTable, join_tables, table_of
+    from femtune.identification.record_checks import check_record
+    from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
+    from femtune.identification.shapes import (
+        DrivingPoint,
+        ScaledShapes,
+        as_modes,
+        driving_points,
+        fit_notices,
+        scaled_shapes,
+    )
+    from femtune.identification.state_space_fit import fit_system, residual_poles, stable_poles
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "FRF_METHODS",
+    "Averaging",
+    "Candidate",
+    "DrivingPoint",
+    "FitQuality",
+    "FrfEstimate",
+    "IdentifiedModes",
+    "InputKnown",
+    "InputOutputSpectra",
+    "Levels",
+    "Limits",
+    "ModalFit",
+    "PeriodicFrfs",
+    "PoleTable",
+    "Reciprocity",
+    "Rule",
+    "ScaledShapes",
+    "Subspace",
+    "apparent_mass",
+    "as_modes",
+    "change_choice",
+    "check_frfs",
+    "check_mass",
+    "check_record",
+    "choose",
+    "chosen_poles",
+    "cluster",
+    "compare_levels",
+    "complete_lines",
+    "driving_points",
+    "estimate_frfs",
+    "exchanged",
+    "fit_modes",
+    "fit_notices",
+    "fit_quality",
+    "fit_system",
+    "identify_frfs",
+    "in_band",
+    "input_output_spectra",
+    "join_frfs",
+    "join_tables",
+    "levels_notice",
+    "n4sid_poles",
+    "normal_equations",
+    "periodic_frfs",
+    "plscf_poles",
+    "possible",
+    "power_in",
+    "reciprocity",
+    "residual_poles",
+    "residue_shapes",
+    "scaled_shapes",
+    "stable",
+    "stable_poles",
+    "stepped_frfs",
+    "subspace",
+    "subspace_poles",
+    "table_of",
+    "undo_exponential",
+    "with_rigid_body",
+    "without_rigid_body",
+]

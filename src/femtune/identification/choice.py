@@ -1,0 +1,270 @@
+"""The modes among the poles: chosen by how often they come back, in a table that can be changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import squareform
+
+from femtune.arrays import Flags, Reals
+from femtune.errors import FemtuneError
+from femtune.identification.pole_table import PoleTable
+from femtune.modal.shape_criteria import mac_where_defined
+from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
+
+# ----------------------------------------------------------------------------------------------------
+# Which poles come back from order to order, and which of them belong together.
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a pole counts as the one of the order before, and which poles can be of a structure.
+
+    Parameters
+    ----------
+    freq : relative change of frequency
+    damping : relative change of the damping ratio; changes below .001 of critical count as none
+    mac : of the two shapes
+    largest_damping : ratio above which a pole is not looked at; those that do not decay never are
+    band_hz : frequencies that are looked at
+    """
+
+    freq: float = 0.01
+    damping: float = 0.1
+    mac: float = 0.9
+    largest_damping: float = 0.2
+    band_hz: tuple[float, float] = (0.0, np.inf)
+
+
+def possible(table: PoleTable, limits: Limits) -> Flags:
+    """(p,) true for poles that decay, with damping and frequency within the limits."""
+    freq, damping = table.freq_hz, table.damping_ratio
+    low, high = limits.band_hz
+    return (damping > 0.0) & (damping <= limits.largest_damping) & (freq >= low) & (freq <= high)
+
+
+def stable(table: PoleTable, limits: Limits) -> Flags:
+    """(p,) true for possible poles that the next lower order of their method has too."""
+    found = np.zeros(len(table), bool)
+    may = possible(table, limits)
+    for now, before in _neighbouring_orders(table):
+        here, there = now[may[now]], before[may[before]]
+        if len(here) and len(there):
+            found[here] = _matches(table, here, there, limits).any(axis=1)
+    return found
+
+
+def _neighbouring_orders(table: PoleTable) -> Iterator[tuple[NDArray, NDArray]]:
+    methods = np.array(table.method)
+    for method in dict.fromkeys(table.method):
+        own = np.flatnonzero(methods == method)
+        orders = np.unique(table.order[own])
+        for low, high in pairwise(orders):
+            yield own[table.order[own] == high], own[table.order[own] == low]
+
+
+def _matches(table: PoleTable, here: NDArray, there: NDArray, limits: Limits) -> Flags:
+    f, g = table.freq_hz[here][:, None], table.freq_hz[there][None, :]
+    z, y = table.damping_ratio[here][:, None], table.damping_ratio[there][None, :]
+    near = np.abs(f - g) <= limits.freq * np.maximum(f, g)
+    near &= np.abs(z - y) <= np.maximum(limits.damping * np.maximum(z, y), 1e-3)
+    if len(table.dofs) > 1:
+        near &= mac_where_defined(table.shapes[:, here], table.shapes[:, there]) >= limits.mac
+    return near
+
+
+def cluster(table: PoleTable, farthest: float = 0.05) -> list[NDArray[np.int64]]:
+    """Positions of poles that are the same one in other orders and methods, by ascending frequency.
+
+    The distance of two poles is |λ_i − λ_j| / max(|λ_i|, |λ_j|) + 1 − MAC, clustered by average linkage; with one
+    response the MAC says nothing and is left out.
+
+    Parameters
+    ----------
+    farthest : mean distance within which clusters are joined
+
+    Source: E. Reynders, J. Houbrechts, G. De Roeck (2012), Fully automated (operational) modal analysis, Mechanical
+    Systems and Signal Processing 29.
+    """
+    if not len(table):
+        return []
+    order = np.argsort(table.freq_hz, kind="stable")
+    apart = np.diff(table.freq_hz[order]) > farthest * table.freq_hz[order][1:]
+    chains = np.split(order, np.flatnonzero(apart) + 1)
+    groups = [group for chain in chains for group in _joined(table, chain, farthest)]
+    return sorted(groups, key=lambda group: float(np.median(table.freq_hz[group])))
+
+
+def _joined(table: PoleTable, chain: NDArray, farthest: float) -> list[NDArray[np.int64]]:
+    if len(chain) == 1:
+        return [chain]
+    poles = table.poles[chain]
+    size = np.maximum(np.abs(poles)[:, None], np.abs(poles)[None, :])
+    distance = np.abs(poles[:, None] - poles[None, :]) / size
+    if len(table.dofs) > 1:
+        distance += 1.0 - np.nan_to_num(mac_where_defined(table.shapes[:, chain], table.shapes[:, chain]))
+    distance = np.clip(0.5 * (distance + distance.T), 0.0, None)
+    np.fill_diagonal(distance, 0.0)
+    return [chain[group] for group in joined_by_average(distance, farthest)]
+
+
+def joined_by_average(distance: Reals, farthest: float) -> list[NDArray[np.int64]]:
+    """Groups of positions whose mean distance (n, n), symmetric with n ≥ 2, is within a limit."""
+    labels = fcluster(linkage(squareform(distance, checks=False), "average"), farthest, "distance")
+    return [np.flatnonzero(labels == label) for label in np.unique(labels)]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One cluster of stable poles.
+
+    Parameters
+    ----------
+    freq_hz, damping_ratio : medians of the cluster
+    freq_scatter_hz, damping_scatter : standard deviations over orders and methods, which tell how firm the cluster
+        is and are no error bars
+    share : of each method, the part of its orders that has the pole
+    collinearity, phase_deviation_deg : of the shape; 1 and 0 for a real mode
+    members : positions of its poles in the table
+    at : position of the pole nearest to the medians
+    chosen : whether it is taken as a mode
+    reason : why, in words
+    """
+
+    freq_hz: float
+    damping_ratio: float
+    freq_scatter_hz: float
+    damping_scatter: float
+    share: dict[str, float]
+    collinearity: float
+    phase_deviation_deg: float
+    members: NDArray[np.int64]
+    at: int
+    chosen: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a cluster needs to be a mode.
+
+    Parameters
+    ----------
+    share : smallest part of a method's orders that have the pole, in the method that has it most, where another has it
+        in half of that
+    alone : share that is enough where one method alone has it
+    collinearity : smallest phase collinearity of the shape
+    same : of two clusters whose frequencies differ by less than this fraction and whose shapes have a MAC above .8
+        one is a mode, that of the larger share
+    """
+
+    share: float = 0.3
+    alone: float = 0.5
+    collinearity: float = 0.0
+    same: float = 0.003
+
+
+def choose(table: PoleTable, limits: Limits = Limits(), rule: Rule = Rule()) -> tuple[Candidate, ...]:
+    """Clusters of the stable poles, by ascending frequency, each with the choice and its reason.
+
+    Parameters
+    ----------
+    table : poles of several orders, of one or several methods
+    """
+    firm = np.flatnonzero(stable(table, limits))
+    groups = [firm[group] for group in cluster(table.select(firm))]
+    orders = _orders(table)
+    found = [_candidate(table, group, orders, rule) for group in groups]
+    return tuple(_without_duplicates(found, table, rule))
+
+
+def change_choice(
+    candidates: Sequence[Candidate], take: Sequence[float] = (), drop: Sequence[float] = (), within: float = 0.01
+) -> tuple[Candidate, ...]:
+    """The table with other choices: candidates nearest to frequencies in Hz are taken or dropped.
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-candidate`` where none lies within that relative distance of a frequency
+    """
+    changed = list(candidates)
+    for freq, chosen in (*((f, True) for f in take), *((f, False) for f in drop)):
+        i = _nearest(changed, freq, within)
+        changed[i] = replace(changed[i], chosen=chosen, reason="by hand")
+    return tuple(changed)
+
+
+def has_candidate(candidates: Sequence[Candidate], freq: float, within: float = 0.01) -> bool:
+    """True where a candidate lies within that relative distance of a frequency in Hz."""
+    return any(abs(c.freq_hz - freq) <= within * freq for c in candidates)
+
+
+def chosen_poles(candidates: Sequence[Candidate], table: PoleTable) -> PoleTable:
+    """The representative poles of the chosen candidates."""
+    return table.select([c.at for c in candidates if c.chosen])
+
+
+def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule) -> list[Candidate]:
+    """Clusters that a method's bias or scatter split are one mode."""
+    kept: list[Candidate] = []
+    result = list(found)
+    for i in sorted(range(len(found)), key=lambda i: -len(found[i].members)):
+        twin = next((c for c in kept if _same(c, found[i], table, rule)), None)
+        if found[i].chosen and twin is not None:
+            result[i] = replace(found[i], chosen=False, reason=f"the same mode as the one at {twin.freq_hz:.4g} Hz")
+        elif found[i].chosen:
+            kept.append(found[i])
+    return result
+
+
+def _same(a: Candidate, b: Candidate, table: PoleTable, rule: Rule) -> bool:
+    if abs(a.freq_hz - b.freq_hz) > rule.same * max(a.freq_hz, b.freq_hz):
+        return False
+    return len(table.dofs) == 1 or bool(mac_where_defined(table.shapes[:, [a.at]], table.shapes[:, [b.at]])[0, 0] > 0.8)
+
+
+def _nearest(candidates: Sequence[Candidate], freq: float, within: float) -> int:
+    distances = [abs(c.freq_hz - freq) for c in candidates]
+    if not distances or min(distances) > within * freq:
+        near = f"{candidates[int(np.argmin(distances))].freq_hz:.4g} Hz" if distances else "there are none"
+        raise FemtuneError("identify.no-candidate", values={"nearest": near}, freq=freq)
+    return int(np.argmin(distances))
+
+
+def _orders(table: PoleTable) -> dict[str, int]:
+    """How many orders each method was tried at: from where it first has stable poles would flatter it."""
+    methods = np.array(table.method)
+    return {name: len(np.unique(table.order[methods == name])) for name in dict.fromkeys(table.method)}
+
+
+def _candidate(table: PoleTable, group: NDArray, orders: dict[str, int], rule: Rule) -> Candidate:
+    freq, damping = table.freq_hz[group], table.damping_ratio[group]
+    middle = float(np.median(freq)), float(np.median(damping))
+    spread = float(freq.std()), float(damping.std())
+    away = np.abs(freq - middle[0]) / max(spread[0], 1e-12 * middle[0]) + np.abs(damping - middle[1]) / max(
+        spread[1], 1e-12
+    )
+    at = int(group[np.argmin(away)])
+    methods = np.array(table.method)[group]
+    share = {name: len(np.unique(table.order[group][methods == name])) / count for name, count in orders.items()}
+    collinearity = phase_collinearity(table.shapes[:, at])
+    chosen, reason = _verdict(share, collinearity, rule)
+    deviation = mean_phase_deviation_deg(table.shapes[:, at])
+    return Candidate(*middle, *spread, share, collinearity, deviation, group, at, chosen, reason)
+
+
+def _verdict(share: dict[str, float], collinearity: float, rule: Rule) -> tuple[bool, str]:
+    best = max(share.values())
+    several = sum(value >= 0.5 * rule.share for value in share.values())
+    if best < rule.share:
+        return False, f"in {best:.0%} of the orders only"
+    if several < 2 and best < rule.alone:
+        return False, f"in {best:.0%} of the orders of one method only"
+    if collinearity < rule.collinearity:
+        return False, f"its shape is complex (phase collinearity {collinearity:.2f})"
+    return True, f"in {best:.0%} of the orders"

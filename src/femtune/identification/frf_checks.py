@@ -1,0 +1,223 @@
+"""Are these functions of a structure? Driving points, kinds, units, reciprocity, exchanged channels, levels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError, Notice
+from femtune.identification.shapes import DrivingPoint, driving_points
+from femtune.modal import FrfSet, as_kind
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.frf_set import KINDS
+
+POWER_IN = 0.95
+"""Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
+RECIPROCAL = 0.25
+"""Relative difference of H_ij and H_ji that is told."""
+KNOWN_FACTORS = {
+    "g in place of m/s²": 9.80665,
+    "mm in place of m": 1000.0,
+    "lbf in place of N": 4.4482216,
+    "in in place of m": 39.3700787,
+    "kN in place of N": 1000.0,
+}
+
+
+@dataclass(frozen=True)
+class Reciprocity:
+    """Difference of two functions that should be one: |H_ij − H_ji| over their mean, norms over the lines."""
+
+    first: str
+    second: str
+    difference: float
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Functions at several levels of force against those of the first.
+
+    Parameters
+    ----------
+    change : (levels, n, u) |H − H_first|/|H_first|, norms over the lines
+    significant : (levels, n, u) part of the lines at which the change is beyond three standard deviations; NaN where no
+        deviations are known
+    linear : whether all changes are noise (or below 5 % where noise is not known)
+    """
+
+    change: Reals
+    significant: Reals
+    linear: bool
+
+
+def check_frfs(frfs: FrfSet) -> tuple[Notice, ...]:
+    """What is wrong with a set of functions, as far as they tell themselves.
+
+    Returns
+    -------
+    ``frf.kind-contradicts``, ``frf.driving-point``, ``frf.not-reciprocal``, ``frf.dead``
+    """
+    return (*_dead(frfs), *_driving(frfs), *_not_reciprocal(frfs))
+
+
+def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> float:
+    """Part of Σ|Re Y||Y| that is positive, Y the mobility at a driving point: 1 for a passive structure.
+
+    Weighted by |Y|, so that resonances count and noise between them does not.
+
+    Parameters
+    ----------
+    kind : read the values as this kind in place of the stated one
+    """
+    i_omega = 2j * np.pi * frfs.freq_hz
+    used = frfs.freq_hz > 0.0
+    power = 1 - KINDS.index(kind or frfs.kind)
+    mobility = point.sign * frfs.values[point.response, point.reference, used] * i_omega[used] ** power
+    mobility = mobility[np.isfinite(mobility)]
+    inward = mobility.real * np.abs(mobility)
+    total = np.abs(inward).sum()
+    return float(np.clip(inward, 0.0, None).sum() / total) if total else float("nan")
+
+
+def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
+    """Every pair of DOFs that are both responses and references."""
+    points = driving_points(frfs)
+    found = []
+    for a, p in enumerate(points):
+        for q in points[a + 1 :]:
+            one = frfs.values[p.response, q.reference] * p.sign
+            other = frfs.values[q.response, p.reference] * q.sign
+            known = np.isfinite(one) & np.isfinite(other)
+            size = np.linalg.norm(one[known]) + np.linalg.norm(other[known])
+            gap = float(2.0 * np.linalg.norm(one[known] - other[known]) / size) if size else float("nan")
+            found.append(Reciprocity(str(frfs.references[p.reference]), str(frfs.references[q.reference]), gap))
+    return tuple(found)
+
+
+def apparent_mass(frfs: FrfSet, to_hz: float) -> Reals:
+    """Mass (u,) that each driving point shows below a frequency, of a free structure below its first elastic mode.
+
+    The median of Re(force/acceleration); NaN for references without response or lines.
+    """
+    acceleration = as_kind(frfs, "accelerance").values
+    masses = np.full(len(frfs.references), np.nan)
+    lines = (frfs.freq_hz > 0.0) & (frfs.freq_hz <= to_hz)
+    for p in driving_points(frfs):
+        values = p.sign * acceleration[p.response, p.reference, lines]
+        values = values[np.isfinite(values) & (values != 0.0)]
+        masses[p.reference] = float(np.median((1.0 / values).real)) if len(values) else np.nan
+    return masses
+
+
+def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
+    """``frf.mass-line`` where driving points show another mass than a scale: a hint of wrong units.
+
+    Parameters
+    ----------
+    mass : that of the structure, where the driving points act through its centre of mass; else a lower one shows
+    """
+    found = []
+    for dof, seen in zip(frfs.references, apparent_mass(frfs, to_hz)):
+        ratio = mass / seen if seen else np.inf
+        if np.isfinite(seen) and not 0.5 < ratio < 5.0 / 3.0:
+            near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1 / f) if abs(np.log(abs(ratio) * r)) < 0.2]
+            guess = f"; is it {' or '.join(near)}?" if near else ""
+            found.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, seen=seen, mass=mass, guess=guess))
+    return tuple(found)
+
+
+def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice, ...]:
+    """``frf.exchanged`` and ``frf.inverted`` against another measurement or a model of the same structure.
+
+    Responses are matched to those of the other set by their correlation over all references and lines; one that fits
+    another label better by a margin was exchanged.
+
+    Raises
+    ------
+    FemtuneError : ``identify.lines-differ`` where the sets have other lines or labels
+    """
+    if frfs.responses != other.responses or frfs.values.shape != other.values.shape:
+        raise FemtuneError("identify.lines-differ", values={"one": frfs.values.shape, "other": other.values.shape})
+    a, b = (np.nan_to_num(f.values).reshape(len(f.responses), -1) for f in (frfs, other))
+    inner = _unit(a) @ _unit(b).conj().T
+    rows, columns = linear_sum_assignment(-np.abs(inner))
+    labels = frfs.responses.labels()
+    found = []
+    for i, j in zip(rows, columns):
+        if i != j and abs(inner[i, j]) > abs(inner[i, i]) + margin:
+            found.append(Notice("frf.exchanged", labels=labels[i], labels_2=labels[j]))
+        if abs(inner[i, j]) > 0.5 and inner[i, j].real < -0.5 * abs(inner[i, j]):
+            found.append(Notice("frf.inverted", labels=labels[i]))
+    return tuple(found)
+
+
+def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) -> Levels:
+    """Functions measured at several levels of force: those of a linear structure are the same.
+
+    Parameters
+    ----------
+    levels : same lines, responses and references; the first is what the others are compared with
+    sd : of each, (n, u, k)
+
+    Raises
+    ------
+    FemtuneError : ``identify.lines-differ``
+    """
+    first = levels[0]
+    if any(f.values.shape != first.values.shape or not np.array_equal(f.freq_hz, first.freq_hz) for f in levels):
+        sizes = {"levels": ", ".join(str(f.values.shape) for f in levels)}
+        raise FemtuneError("identify.lines-differ/compare-levels", values=sizes)
+    size = np.linalg.norm(np.nan_to_num(first.values), axis=2)
+    size = np.where(size > 0.0, size, np.nan)
+    gaps = np.array([f.values - first.values for f in levels])
+    change = np.linalg.norm(np.nan_to_num(gaps), axis=3) / size
+    if sd is None:
+        return Levels(change, np.full(change.shape, np.nan), bool(np.nanmax(change) < 0.05))
+    beyond = np.array([np.abs(g) > 3.0 * np.hypot(s, sd[0]) for g, s in zip(gaps, sd)])
+    significant = beyond.mean(axis=3)
+    # of complex normal errors e^{-9} = .0001 lie beyond three √E|error|²
+    return Levels(change, significant, bool(significant[1:].max(initial=0.0) < 0.01))
+
+
+def levels_notice(found: Levels, names: Sequence[str]) -> tuple[Notice, ...]:
+    """``frf.not-linear`` naming the level that changes most."""
+    if found.linear:
+        return ()
+    worst = int(np.nanargmax(np.nanmax(found.change, axis=(1, 2))))
+    difference = float(np.nanmax(found.change[worst]))
+    return (Notice("frf.not-linear", level_name=names[worst], first_level=names[0], difference=difference),)
+
+
+def _unit(rows: Complexes) -> Complexes:
+    size = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(rows / np.where(size > 0.0, size, 1.0))
+
+
+def _dead(frfs: FrfSet) -> Iterator[Notice]:
+    size = np.sqrt(np.nanmean(np.abs(np.nan_to_num(frfs.values)) ** 2, axis=(1, 2)))
+    dead = np.flatnonzero(size <= 1e-6 * np.median(size))
+    if len(dead):
+        names = ", ".join(frfs.responses.labels()[i] for i in dead)
+        yield Notice("frf.dead", n_dead=len(dead), names=names)
+
+
+def _driving(frfs: FrfSet) -> Iterator[Notice]:
+    for p in driving_points(frfs):
+        shares = {kind: power_in(frfs, p, kind) for kind in KINDS}
+        own, label = shares[frfs.kind], frfs.references[p.reference]
+        if own >= POWER_IN or not np.isfinite(own):
+            continue
+        better = [kind for kind, share in shares.items() if share >= POWER_IN]
+        if better:
+            yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), frfs_kind=frfs.kind)
+        else:
+            yield Notice("frf.driving-point", label=label, own=own)
+
+
+def _not_reciprocal(frfs: FrfSet) -> Iterator[Notice]:
+    for pair in reciprocity(frfs):
+        if pair.difference > RECIPROCAL:
+            yield Notice("frf.not-reciprocal", first=pair.first, second=pair.second, difference=pair.difference)

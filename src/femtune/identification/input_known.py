@@ -1,0 +1,155 @@
+"""From functions to modes and a state-space model in one step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Notice
+from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
+from femtune.identification.frf_checks import check_frfs
+from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
+from femtune.identification.modal_fit import ModalFit, fit_modes
+from femtune.identification.modal_solve import OUT_OF_BAND
+from femtune.identification.n4sid import n4sid_poles, subspace
+from femtune.identification.plscf import normal_equations, plscf_poles
+from femtune.identification.pole_table import PoleTable, join_tables
+from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
+from femtune.identification.shapes import as_modes, driving_points, fit_notices, scaled_shapes
+from femtune.identification.state_space_fit import fit_system, residual_poles
+from femtune.modal import FrfSet, ModeSet, StateSpace
+
+FRF_METHODS = ("N4SID", "pLSCF")
+
+
+@dataclass(frozen=True)
+class InputKnown:
+    """Settings of identification from functions.
+
+    Parameters
+    ----------
+    band_hz : where modes are looked for; all lines where None
+    largest_order : of N4SID, in steps of two; polynomials of pLSCF go to half of it
+    methods : out of FRF_METHODS
+    limits, rule : of stable poles and of modes among them
+    take, drop : frequencies in Hz of candidates that are modes, or none, whatever the rule says
+    rigid : mass-normalised rigid-body modes whose motion is taken away first and put back into the system
+    low, high : residual modes below and above the band that the system gets
+    reciprocal : whether the system is reciprocal
+    real : real shapes
+    """
+
+    band_hz: tuple[float, float] | None = None
+    largest_order: int = 60
+    methods: tuple[str, ...] = FRF_METHODS
+    limits: Limits = field(default_factory=Limits)
+    rule: Rule = field(default_factory=Rule)
+    take: tuple[float, ...] = ()
+    drop: tuple[float, ...] = ()
+    rigid: ModeSet | None = None
+    low: int = 1
+    high: int = 2
+    reciprocal: bool = False
+    real: bool = True
+
+    def __post_init__(self) -> None:
+        unknown = set(self.methods) - set(FRF_METHODS)
+        if unknown or not self.methods:
+            method = ", ".join(sorted(unknown))
+            raise FemtuneError("identify.method/functions", method=method, methods=", ".join(FRF_METHODS))
+        if self.largest_order < 4:
+            raise FemtuneError("identify.method/order", order=self.largest_order)
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModes:
+    """What functions tell.
+
+    Parameters
+    ----------
+    modes : with standard deviations, covariance and, where a driving point was measured, modal scale
+    system : state-space model of the modes and residual modes
+    table, candidates : every pole of every order and method, and their clusters with choice and reason
+    fit : the modal model
+    quality : of the system, function by function
+    measured : the functions that were used
+    notices : what a user should know
+    """
+
+    modes: ModeSet
+    system: StateSpace
+    table: PoleTable
+    candidates: tuple[Candidate, ...]
+    fit: ModalFit
+    quality: FitQuality
+    measured: FrfSet
+    notices: tuple[Notice, ...]
+
+
+def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None) -> IdentifiedModes:
+    """Poles of all orders by every method, modes among them, their fit, and the system.
+
+    Parameters
+    ----------
+    sd : (n, u, k) standard deviations of the functions, as an estimate of functions gives them, or None
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-poles`` where no cluster is a mode, ``identify.few-lines``, ``identify.band``,
+        ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
+        ``identify.no-driving-point``
+    """
+    whole, errors = _used(frfs, asked, sd)
+    elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid)
+    table = join_tables([_poles(elastic, method, asked.largest_order, errors) for method in asked.methods])
+    band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
+    candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
+    candidates = change_choice(candidates, asked.take, asked.drop)
+    fit = fit_modes(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
+    system = _system(elastic, fit, band, asked)
+    quality = fit_quality(system.frf(whole.freq_hz), whole)
+    notices = (
+        *check_frfs(frfs),
+        *fit_notices(fit, scaled_shapes(fit, driving_points(elastic))),
+        *_ends(fit, candidates),
+    )
+    return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices)
+
+
+def _used(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> tuple[FrfSet, NDArray[np.float64] | None]:
+    used = complete_lines(frfs if asked.band_hz is None else in_band(frfs, *asked.band_hz))
+    if sd is None:
+        return used, None
+    kept = sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
+    return used, kept if np.isfinite(kept).all() and (kept > 0.0).all() else None
+
+
+def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None) -> PoleTable:
+    if method == "N4SID":
+        return n4sid_poles(subspace(frfs, order, sd=sd), range(2, order + 1, 2))
+    return plscf_poles(normal_equations(frfs, order // 2, sd), range(2, order // 2 + 1))
+
+
+def _terms(asked: InputKnown) -> tuple[str, ...]:
+    """Without rigid-body motion below the band there is no mass left there; with it the term stands for that."""
+    return OUT_OF_BAND if asked.rigid is None else ("upper",)
+
+
+def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> StateSpace:
+    poles = np.concatenate([fit.poles, residual_poles(band, asked.low, asked.high)])
+    system = fit_system(elastic, poles, reciprocal=asked.reciprocal)
+    return system if asked.rigid is None else with_rigid_body(system, asked.rigid)
+
+
+def _ends(fit: ModalFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
+    """How the iteration ended, and candidates that came near to being modes."""
+    found = []
+    if not fit.converged:
+        found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
+    near = [c for c in candidates if not c.chosen and max(c.share.values()) >= 0.25 and "same mode" not in c.reason]
+    if near:
+        names = ", ".join(f"{c.freq_hz:.4g} Hz ({c.reason})" for c in near[:5])
+        found.append(Notice("identify.near-miss", level="info", names=names))
+    return tuple(found)

@@ -1,0 +1,200 @@
+"""Poles and residues of most likelihood: the modal model fitted to all functions at once, and its covariance.
+
+The residues enter linearly and are eliminated (variable projection); the poles take Gauss-Newton steps. At the solution
+the same matrices give the Cramér-Rao covariance of poles and residues. The noise is what its standard deviations
+say or, where they are not known, one level for each function, estimated from what the fit leaves.
+
+Sources: G. Golub, V. Pereyra (1973), The differentiation of pseudo-inverses and nonlinear least squares problems whose
+variables separate, SIAM J. Numerical Analysis 10; M. El-Kafafy, P. Guillaume, B. Peeters (2013), Modal parameter
+estimation by combining stochastic and deterministic frequency-domain approaches, Mechanical Systems and Signal
+Processing 35; R. T. Birge (1932), The calculation of errors by the method of least squares, Physical Review 40.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError
+from femtune.identification.join import complete_lines
+from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues
+from femtune.modal import FrfSet
+
+MOST_STEPS = 30
+SMALL = 1e-9
+"""Steps of all poles below this fraction of their modulus end the iteration."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalFit:
+    """The modal model of a band; functions are counted response by response, each with all its references.
+
+    Parameters
+    ----------
+    poles : (m,) rad/s, by ascending modulus
+    residues : (n, u, m) complex, of receptances
+    terms : (n, u, t) real, of the terms for what lies outside
+    pole_covariance : (2m, 2m) of Re λ of every mode, then Im λ
+    own_covariance : (n, u, m, 2, 2) of (Re R, Im R), without what errors of the poles add
+    pole_effect : (n, u, m, 2, 2m) change of (Re R, Im R) with the poles
+    sd : (n, u) noise of each function, √E|error|², at a mean line
+    misfit : mean square of the weighted errors by its expectation: 1 where noise of the standard deviations given is
+        all that is left; above it the covariances have been raised by it. NaN where no standard deviations were given
+    spread : (m,) by how much the functions disagree on each pole, over what their noise explains: 1 where noise
+        explains it; above it the covariance of that pole has been raised by it
+    synthesised : the model at the lines that were used
+    measured : the functions there
+    steps : Gauss-Newton steps that were taken
+    converged : whether they ended by themselves
+    """
+
+    poles: Complexes
+    residues: Complexes
+    terms: Reals
+    pole_covariance: Reals
+    own_covariance: Reals
+    pole_effect: Reals
+    sd: Reals
+    misfit: float
+    spread: Reals
+    synthesised: FrfSet
+    measured: FrfSet
+    steps: int
+    converged: bool
+
+
+def fit_modes(
+    frfs: FrfSet,
+    start: Complexes,
+    sd: Reals | None = None,
+    terms: tuple[str, ...] = OUT_OF_BAND,
+    most_steps: int = MOST_STEPS,
+) -> ModalFit:
+    """Refine poles on all functions.
+
+    Parameters
+    ----------
+    frfs : (n, u, k), at the lines of the band
+    start : (m,) poles in rad/s, upper half plane
+    sd : (n, u, k) standard deviations √E|error|² of the functions, or None
+    terms : real terms for what lies outside of the band, out of ``"lower"``, ``"upper"``
+    most_steps : 0 keeps the poles, and fits residues only
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-poles``, ``identify.few-lines``, ``identify.missing-pair``, ``identify.missing-lines``
+    """
+    used = complete_lines(frfs)
+    poles = np.asarray(start, complex)
+    _check_start(poles, used, terms)
+    kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
+    problem = _Problem(used, kept, terms)
+    found, now, steps, converged = _iterate(problem, poles[np.argsort(np.abs(poles))], most_steps)
+    order = np.argsort(np.abs(found))
+    if (np.diff(order) < 0).any():
+        # close poles may have changed places on their way
+        found, now = found[order], problem.solve(found[order])
+    return _as_fit(problem, found, now, steps, converged)
+
+
+def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
+    if not len(poles):
+        raise FemtuneError("identify.no-poles")
+    unknowns = 2 * len(poles) + len(terms)
+    if 2 * len(frfs.freq_hz) <= unknowns:
+        values = {"equations a function": 2 * len(frfs.freq_hz), "unknowns": unknowns}
+        raise FemtuneError(
+            "identify.few-lines/check-start", values=values, n_freq_hz=len(frfs.freq_hz), n_poles=len(poles)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    frfs: FrfSet
+    sd: Reals | None
+    terms: tuple[str, ...]
+
+    def solve(self, poles: Complexes) -> Solved:
+        values = self.frfs.values.reshape(-1, len(self.frfs.freq_hz))
+        # a standard deviation of a complex number is √2 times that of each part
+        weights = None if self.sd is None else np.sqrt(2.0) / self.sd.reshape(values.shape)
+        return solve_residues(values, modal_basis(self.frfs.freq_hz, poles, self.frfs.kind, self.terms), weights)
+
+
+def _iterate(problem: _Problem, poles: Complexes, most_steps: int) -> tuple[Complexes, Solved, int, bool]:
+    now = problem.solve(poles)
+    for step in range(most_steps):
+        move = np.linalg.lstsq(now.normal, now.gradient, rcond=1e-13)[0]
+        delta = move[: len(poles)] + 1j * move[len(poles) :]
+        poles, now, length = _shortened(problem, poles, delta, now)
+        if length * np.max(np.abs(delta) / np.abs(poles)) < SMALL:
+            return poles, now, step + 1, True
+    return poles, now, most_steps, not most_steps
+
+
+def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solved) -> tuple[Complexes, Solved, float]:
+    """The step, halved until the poles decay and the weighted errors do not grow; length 0 where none does."""
+    length = 1.0
+    while length > 1e-3:
+        trial = poles + length * delta
+        if (trial.real < 0.0).all() and (trial.imag > 0.0).all():
+            after = problem.solve(trial)
+            if np.sum(after.squares / now.variance) <= np.sum(now.squares / now.variance) * (1.0 + 1e-12):
+                return trial, after, length
+        length *= 0.5
+    return poles, now, 0.0
+
+
+def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool) -> ModalFit:
+    frfs, m = problem.frfs, len(poles)
+    n, u, k = frfs.values.shape
+    misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
+    raised = max(misfit, 1.0) if np.isfinite(misfit) else 1.0
+    spread = _spread(now.shares, n * u)
+    columns = modal_basis(frfs.freq_hz, poles, frfs.kind, problem.terms).columns
+    values = (now.coefficients @ columns.T).reshape(n, u, k)
+    c = now.coefficients
+    square = 2.0 * now.variance.reshape(n, u) if problem.sd is None else np.mean(problem.sd**2, axis=2)
+    return ModalFit(
+        poles,
+        (c[:, :m] + 1j * c[:, m : 2 * m]).reshape(n, u, m),
+        c[:, 2 * m :].reshape(n, u, -1),
+        raised * _widened(np.linalg.pinv(now.normal, hermitian=True), spread),
+        raised * (now.own * now.variance[:, None, None, None]).reshape(n, u, m, 2, 2),
+        now.pole_effect.reshape(n, u, m, 2, 2 * m),
+        np.asarray(np.sqrt(square), float),
+        misfit,
+        spread,
+        replace(frfs, values=values, coherence=None, source="modal model"),
+        frfs,
+        steps,
+        converged,
+    )
+
+
+def _misfit(now: Solved, lines: int, modes: int) -> float:
+    """χ² by its degrees of freedom; values that chance explains count as 1."""
+    functions, q = now.coefficients.shape
+    freedom = functions * (2 * lines - q) - 2 * modes
+    ratio = float(np.sum(now.squares / now.variance)) / max(freedom, 1)
+    return 1.0 if abs(ratio - 1.0) < 4.0 * np.sqrt(2.0 / max(freedom, 1)) else ratio
+
+
+def _spread(shares: Reals, functions: int) -> Reals:
+    """Birge's ratio: χ² of the steps that each function alone would take, by its degrees of freedom.
+
+    Values that chance explains (to about one in a thousand) count as 1.
+    """
+    freedom = max(2 * (functions - 1), 1)
+    ratio = shares / freedom
+    limit = chdtri(freedom, 0.001) / freedom
+    return np.asarray(np.where((ratio > limit) & (functions > 1), ratio, 1.0), dtype=float)
+
+
+def _widened(covariance: NDArray, spread: Reals) -> Reals:
+    factor = np.sqrt(np.tile(spread, 2))
+    return covariance * np.outer(factor, factor)

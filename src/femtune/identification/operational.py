@@ -1,0 +1,232 @@
+"""Modes of records whose excitation nobody measured, each method from a record to a ModeSet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from femtune.arrays import Reals
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.identification.averaging import cross_spectra, no_lost_samples
+from femtune.identification.choice import Candidate, Limits, Rule, choose
+from femtune.identification.fdd import decompose, enhanced, peaks
+from femtune.identification.pole_table import PoleTable, table_of
+from femtune.identification.realisation import Observability, correlations, era
+from femtune.identification.ssi import CovarianceModel, PoleScatter, covariance_driven, data_driven, scatter_of_order
+from femtune.identification.tfie import mode_at, phase_scatter, steady_lines
+from femtune.modal import ModeSet, TimeSeries
+from femtune.modal.shape_criteria import turn_to_real_axis
+
+_LEAST_SEGMENTS = 8
+_NOTHING = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
+
+
+@dataclass(frozen=True)
+class Operational:
+    """Settings of output-only methods.
+
+    Parameters
+    ----------
+    band_hz : where modes are looked for; records are resampled to a little above its end
+    largest_order : of state-space models; orders go up to it in steps of two
+    pieces : that the scatter of correlations is taken from
+    resolution_hz : of spectra; None: a four-hundredth of the lower end of the band, or what the record allows
+    references : DOFs whose past is used; None: all responses
+    block_rows : of Hankel matrices; None: one and a half periods of the lowest frequency, 40 at most
+    limits, rule : of stable poles and of modes among them
+    """
+
+    band_hz: tuple[float, float]
+    largest_order: int = 40
+    pieces: int = 20
+    resolution_hz: float | None = None
+    references: DofSet | None = None
+    block_rows: int | None = None
+    limits: Limits = field(default_factory=Limits)
+    rule: Rule = field(default_factory=Rule)
+
+    def reference_rows(self, record: TimeSeries) -> Sequence[int]:
+        """Positions of the channels whose past is used."""
+        if self.references is not None:
+            wanted = {(d.node, d.direction) for d in self.references}
+            return [i for i, c in enumerate(record.channels) if (c.dof.node, c.dof.direction) in wanted]
+        return record.positions("reference") or range(len(record))
+
+    def rows(self, record: TimeSeries) -> int:
+        """Block rows: as asked, else one and a half periods of the lowest frequency; always enough for the order."""
+        of_period = ceil(1.5 * record.even_hz / self.band_hz[0])
+        of_order = ceil(1.2 * self.largest_order / len(self.reference_rows(record)))
+        return max(self.block_rows or min(of_period, 40), of_order, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class OperationalModes:
+    """What a method found.
+
+    Parameters
+    ----------
+    method : its name
+    modes : real shapes of unit norm
+    table, candidates : every pole with its order, and their clusters; empty for methods without a model order
+    model : what standard deviations are from, SSI-cov only
+    """
+
+    method: str
+    modes: ModeSet
+    table: PoleTable | None = None
+    candidates: tuple[Candidate, ...] = ()
+    model: CovarianceModel | None = field(default=None, repr=False)
+
+
+def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
+    """The responses without mean and trend, resampled to 2.5 times the end of the band or a little more.
+
+    Raises
+    ------
+    FemtuneError : ``record.uneven``, ``record.lost-samples`` where samples are NaN, ``identify.record-band`` where
+        the record does not reach the band
+    """
+    record = record.select_channels([*record.positions("reference"), *record.positions("response")])
+    rate, high = record.even_hz, asked.band_hz[1]
+    no_lost_samples(record)
+    if not 0.0 < asked.band_hz[0] < high <= 0.5 * rate:
+        values = {"band": f"{asked.band_hz[0]:g} to {high:g} Hz", "half the sampling rate": f"{0.5 * rate:g} Hz"}
+        empty = asked.band_hz[0] >= high
+        raise FemtuneError("identify.record-band/empty" if empty else "identify.record-band", values=values)
+    values = signal.detrend(record.values, axis=1)
+    factor = int(rate // (2.5 * high))
+    if factor > 1:
+        values = signal.decimate(values, factor, ftype="fir", axis=1)
+        return replace(record, values=values, sampling_hz=rate / factor)
+    return replace(record, values=values)
+
+
+def by_covariances(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """SSI-cov, with standard deviations of frequencies, damping and shapes."""
+    record = prepared(record, asked)
+    model = covariance_driven(
+        record.values, 1.0 / record.even_hz, asked.reference_rows(record), asked.rows(record), asked.largest_order,
+        asked.pieces,
+    )  # fmt: skip
+    table, candidates = _chosen(model.observability, record, asked, "SSI-cov")
+    found = OperationalModes("SSI-cov", _NOTHING, table, candidates, model)
+    return chosen_modes(found, candidates)
+
+
+def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> OperationalModes:
+    """The same poles with another choice among their clusters; SSI-cov with its standard deviations."""
+    assert found.table is not None
+    table, moved = found.table, dict[int, PoleScatter]()
+    for c in candidates:
+        order = int(table.order[c.at])
+        if c.chosen and found.model is not None and order not in moved:
+            moved[order] = scatter_of_order(found.model, order)
+    return replace(found, modes=_modes(table, candidates, moved), candidates=candidates)
+
+
+def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """SSI-data."""
+    record = prepared(record, asked)
+    rows = max(ceil(asked.rows(record) / 2), ceil(asked.largest_order / len(record)) + 1)
+    seen = data_driven(record.values, 1.0 / record.even_hz, asked.reference_rows(record), rows, asked.largest_order)
+    table, candidates = _chosen(seen, record, asked, "SSI-data")
+    return OperationalModes("SSI-data", _modes(table, candidates, {}), table, candidates)
+
+
+def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """ERA on the correlation functions (NExT)."""
+    record = prepared(record, asked)
+    references, rows = asked.reference_rows(record), 2 * asked.rows(record)
+    decays = correlations(record.values, references, 2 * rows)
+    seen = era(decays, 1.0 / record.even_hz, rows, rows, asked.largest_order)
+    table, candidates = _chosen(seen, record, asked, "ERA")
+    return OperationalModes("ERA", _modes(table, candidates, {}), table, candidates)
+
+
+def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """FDD peaks with the frequency and damping of their bells (EFDD)."""
+    record = prepared(record, asked)
+    spectra = cross_spectra(record.values, record.even_hz, segment_of(record, asked))
+    found = decompose(spectra)
+    bells = [enhanced(spectra, found, line) for line in peaks(found, asked.band_hz)]
+    freq, ratio = np.array([b.freq_hz for b in bells]), np.array([b.damping_ratio for b in bells])
+    shapes = [real_shape(b.shape) for b in bells]
+    return OperationalModes("FDD", _mode_set(record, freq, ratio, shapes, "FDD"))
+
+
+def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
+    """TFIE; no damping."""
+    record = prepared(record, asked)
+    found = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
+    modes = [mode_at(found, line) for line in steady_lines(found, asked.band_hz)]
+    return OperationalModes(
+        "TFIE", _mode_set(record, np.array([f for f, _ in modes]), None, [s for _, s in modes], "TFIE")
+    )
+
+
+METHODS: dict[str, Callable[[TimeSeries, Operational], OperationalModes]] = {
+    "SSI-cov": by_covariances,
+    "SSI-data": by_data,
+    "ERA": by_era,
+    "FDD": by_decomposition,
+    "TFIE": by_steady_phases,
+}
+
+
+def segment_of(record: TimeSeries, asked: Operational) -> int:
+    """Samples of a segment of spectra: a power of two where the record is long enough, eight in a record at least."""
+    step = asked.resolution_hz or asked.band_hz[0] / 400.0
+    wanted = 2 ** round(np.log2(record.even_hz / step))
+    return int(min(wanted, 2 * (record.samples // (2 * _LEAST_SEGMENTS))))
+
+
+def real_shape(shape: NDArray) -> Reals:
+    """Unit norm, turned so that the imaginary part is as small as it can be, largest entry positive."""
+    real = (shape * turn_to_real_axis(shape)).real
+    real = real / np.linalg.norm(real)
+    return np.asarray(real * (np.sign(real[np.abs(real).argmax()]) or 1.0))
+
+
+def _chosen(
+    seen: Observability, record: TimeSeries, asked: Operational, method: str
+) -> tuple[PoleTable, tuple[Candidate, ...]]:
+    orders = range(2, min(asked.largest_order, seen.matrix.shape[1]) + 1, 2)
+    found = list(seen.poles(orders))
+    dofs = DofSet(c.dof for c in record.channels)
+    table = table_of([p.poles for p in found], [p.shapes for p in found], list(orders), method, dofs)
+    return table, choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
+
+
+def _modes(table: PoleTable, candidates: Sequence[Candidate], moved: dict[int, PoleScatter]) -> ModeSet:
+    at = [c.at for c in candidates if c.chosen]
+    shapes = [real_shape(table.shapes[:, i]) for i in at]
+    sd = [_deviations(table, i, moved) for i in at] if moved else []
+    return ModeSet(
+        table.freq_hz[at],
+        np.stack(shapes, axis=1) if at else np.zeros((len(table.dofs), 0)),
+        table.dofs,
+        damping_ratio=table.damping_ratio[at],
+        normalisation="unit-norm",
+        freq_sd_hz=np.array([s[0] for s in sd]) if sd else None,
+        damping_sd=np.array([s[1] for s in sd]) if sd else None,
+        shapes_sd=np.stack([s[2] for s in sd], axis=1) if sd else None,
+        source=", ".join(dict.fromkeys(table.method)),
+    )
+
+
+def _deviations(table: PoleTable, i: int, moved: dict[int, PoleScatter]) -> tuple[float, float, Reals]:
+    scatter = moved[int(table.order[i])]
+    j = int(np.argmin(np.abs(scatter.found.poles - table.poles[i])))
+    return float(scatter.freq_sd_hz[j]), float(scatter.damping_sd[j]), scatter.shapes_sd[:, j]
+
+
+def _mode_set(record: TimeSeries, freq: Reals, ratio: Reals | None, shapes: Sequence[Reals], method: str) -> ModeSet:
+    dofs = DofSet(c.dof for c in record.channels)
+    columns = np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0))
+    return ModeSet(freq, columns, dofs, damping_ratio=ratio, normalisation="unit-norm", source=method)

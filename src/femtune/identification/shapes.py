@@ -1,0 +1,251 @@
+"""A modal fit as a ModeSet, with the covariance of what it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Complexes, Reals
+from femtune.dofs import DofSet
+from femtune.errors import Notice
+from femtune.identification.modal_fit import ModalFit
+from femtune.modal import FrfSet, ModeSet, freq_and_damping
+from femtune.modal.shape_criteria import turn_to_real_axis
+from femtune.modal.subspace import mostly_real
+from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
+
+# ----------------------------------------------------------------------------------------------------
+# Shapes out of residues: one vector a mode, real if wanted, scaled by driving points, with standard deviations.
+
+
+@dataclass(frozen=True)
+class DrivingPoint:
+    """A reference whose motion is measured too: positions of response and reference, and the product of their signs."""
+
+    response: int
+    reference: int
+    sign: float
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledShapes:
+    """Shapes of a fit.
+
+    Parameters
+    ----------
+    shapes : (n, m) real or complex
+    sd : (n, m) √E|error|²
+    mass_normalised : whether driving points gave the scale; else the largest entry of each shape is 1
+    mass_sign : (m,) real part of R_dd·2iω_d over its modulus, at the driving points: 1 for a real mode, negative where
+        force and motion have opposite signs; NaN without a driving point
+    rank_share : (m,) share of a residue matrix that one shape explains, 1 for one reference
+    """
+
+    shapes: NDArray
+    sd: Reals
+    mass_normalised: bool
+    mass_sign: Reals
+    rank_share: Reals
+
+
+def driving_points(frfs: FrfSet) -> tuple[DrivingPoint, ...]:
+    """Every reference whose DOF is among the responses."""
+    found = []
+    for j, dof in enumerate(frfs.references):
+        if dof in frfs.responses:
+            at, sign = DofSet([dof]).align(frfs.responses)
+            found.append(DrivingPoint(int(at[0]), j, float(sign[0])))
+    return tuple(found)
+
+
+def scaled_shapes(fit: ModalFit, points: Sequence[DrivingPoint] = (), real: bool = True) -> ScaledShapes:
+    """Shapes of every mode of a fit.
+
+    A residue matrix is R = ψ ψ_refᵀ / a. Its leading singular vector is ψ but for a factor α; a = 2iω_d, which is the
+    scale of a real mode of unit modal mass, asks that α² u u_refᵀ = 2iω_d R, and α² is its least-squares solution over
+    all responses and the references that are driving points.
+
+    Parameters
+    ----------
+    points : driving points; without any the largest entry is scaled to 1
+    real : turn each shape to the phase in which it is most nearly real, and keep the real part
+    """
+    m = len(fit.poles)
+    made = [_scaled(fit.residues[:, :, r], fit.poles[r], points, real) for r in range(m)]
+    sd = [_sd(fit, r, points, real) for r in range(m)]
+    return ScaledShapes(
+        np.column_stack(made),
+        np.column_stack(sd),
+        bool(points),
+        np.array([_mass_sign(fit.residues[:, :, r], fit.poles[r], points) for r in range(m)]),
+        np.array([_rank_share(fit.residues[:, :, r]) for r in range(m)]),
+    )
+
+
+def _scaled(residue: Complexes, pole: complex, points: Sequence[DrivingPoint], real: bool) -> NDArray:
+    u = np.linalg.svd(residue, full_matrices=False)[0][:, 0]
+    u = mostly_real(u) if real else u * turn_to_real_axis(u)
+    if not points:
+        return u / u[np.argmax(np.abs(u))]
+    square = _square_of_scale(u, residue, pole, points)
+    scale = np.sqrt(abs(square.real)) if real else np.sqrt(square)
+    return scale * u * np.sign(u[np.argmax(np.abs(u))].real or 1.0)
+
+
+def _square_of_scale(u: NDArray, residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> complex:
+    """α² of least squares of α² u_i u_d = 2iω_d R_id."""
+    model = np.concatenate([u * u[p.response] * p.sign for p in points])
+    wanted = np.concatenate([2j * pole.imag * residue[:, p.reference] for p in points])
+    return complex(np.vdot(model, wanted) / np.vdot(model, model).real)
+
+
+def _mass_sign(residue: Complexes, pole: complex, points: Sequence[DrivingPoint]) -> float:
+    own = [2j * pole.imag * residue[p.response, p.reference] * p.sign for p in points]
+    size = sum(abs(x) for x in own)
+    return float(sum(x.real for x in own) / size) if size else float("nan")
+
+
+def _rank_share(residue: Complexes) -> float:
+    s = np.linalg.svd(residue, compute_uv=False)
+    return float(s[0] ** 2 / np.sum(s**2)) if s[0] else float("nan")
+
+
+def _sd(fit: ModalFit, r: int, points: Sequence[DrivingPoint], real: bool) -> Reals:
+    """First order: errors of residues that each function has of its own, and of the poles, which all share."""
+    by_residue, by_pole = _slopes(fit.residues[:, :, r], fit.poles[r], points, real)
+    m = len(fit.poles)
+    own = np.einsum("ncap,cpq,ncaq->n", by_residue, _flat(fit.own_covariance[:, :, r]), by_residue, optimize=True)
+    shared = np.einsum("ncap,cpx->nax", by_residue, _flat(fit.pole_effect[:, :, r]), optimize=True)
+    shared[:, :, [r, m + r]] += by_pole
+    return np.sqrt(own + np.einsum("nax,xy,nay->n", shared, fit.pole_covariance, shared, optimize=True))
+
+
+def _flat(array: Reals) -> Reals:
+    return array.reshape(-1, *array.shape[2:])
+
+
+def _slopes(residue: Complexes, pole: complex, points: Sequence[DrivingPoint], real: bool) -> tuple[Reals, Reals]:
+    """Derivatives of a shape by (Re R, Im R) of each function, (n, functions, 2, 2), and by (Re λ, Im λ), (n, 2, 2).
+
+    Central differences; the second last axis is real and imaginary part of the shape.
+    """
+    base = _scaled(residue, pole, points, real)
+    n, u = residue.shape
+    step = 1e-6 * np.abs(residue).max()
+    by_residue = np.zeros((n, n * u, 2, 2))
+    for c in range(n * u):
+        for part, unit in enumerate((1.0, 1j)):
+            change = np.zeros((n, u), complex)
+            change.flat[c] = step * unit
+            by_residue[:, c, :, part] = _difference(base, residue, change, pole, 0.0, points, real) / (2.0 * step)
+    by_pole = np.zeros((n, 2, 2))
+    for part, unit in enumerate((1.0, 1j)):
+        move = 1e-6 * abs(pole) * unit
+        none = np.zeros_like(residue)
+        by_pole[:, :, part] = _difference(base, residue, none, pole, move, points, real) / (2e-6 * abs(pole))
+    return by_residue, by_pole
+
+
+def _difference(
+    base: NDArray,
+    residue: Complexes,
+    change: Complexes,
+    pole: complex,
+    move: complex,
+    points: Sequence[DrivingPoint],
+    real: bool,
+) -> Reals:
+    """Difference of the two sides, real and imaginary parts, with the sign of the shape in the middle."""
+    sides = [_scaled(residue + s * change, pole + s * move, points, real) for s in (1.0, -1.0)]
+    if points:
+        sides = [side * np.sign(np.vdot(base, side).real) for side in sides]
+    else:
+        # the largest entry stays 1, even where another one is as large
+        largest = np.argmax(np.abs(base))
+        sides = [side / side[largest] for side in sides]
+    gap = sides[0] - sides[1]
+    return np.column_stack([gap.real, gap.imag])
+
+
+NOT_ONE_SHAPE = 0.95
+"""Residues of several references that one shape explains to less than this share are more than one mode, or wrong."""
+
+
+LARGE_SPREAD = 4.0
+"""Spread of a pole between the functions above which it is told."""
+
+
+def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> ModeSet:
+    """Frequencies, damping ratios, shapes and modal scale, with their covariance.
+
+    Parameters
+    ----------
+    real : real shapes; complex ones where false
+    labels : names of the modes, else they are counted
+
+    Returns
+    -------
+    mass-normalised where a reference is among the responses (``modal_a`` is 2iω_d then), else scaled to 1 at the
+    largest entry, without ``modal_a``
+    """
+    made = scaled_shapes(fit, driving_points(fit.measured), real)
+    freq, damping = freq_and_damping(fit.poles)
+    covariance = freq_damping_covariance(fit)
+    sd = np.sqrt(np.diag(covariance))
+    m = len(freq)
+    modal_a = np.asarray(2j * fit.poles.imag, dtype=complex)
+    # a response that is zero throughout was not measured: no shape, and above all no shape without error
+    dead = ~np.any(fit.measured.values != 0.0, axis=(1, 2))
+    shapes, shapes_sd = (np.where(dead[:, None], np.nan, x) for x in (made.shapes, made.sd))
+    return ModeSet(
+        freq,
+        shapes,
+        fit.measured.responses,
+        labels,
+        damping,
+        "mass" if made.mass_normalised else "unit-max",
+        freq_sd_hz=sd[:m],
+        shapes_sd=shapes_sd,
+        source=fit.measured.source,
+        damping_sd=sd[m:],
+        covariance=covariance,
+        modal_a=modal_a if made.mass_normalised else None,
+    )
+
+
+def freq_damping_covariance(fit: ModalFit) -> Reals:
+    """(2m, 2m) of |λ|/2π and −Re λ/|λ|, to first order."""
+    x, y, size = fit.poles.real, fit.poles.imag, np.abs(fit.poles)
+    slopes = np.block(
+        [
+            [np.diag(x / size), np.diag(y / size)],
+            [np.diag(-(y**2) / size**3), np.diag(x * y / size**3)],
+        ]
+    )
+    slopes[: len(x)] /= 2.0 * np.pi
+    covariance = slopes @ fit.pole_covariance @ slopes.T
+    return 0.5 * (covariance + covariance.T)
+
+
+def fit_notices(fit: ModalFit, made: ScaledShapes, low_collinearity: float = 0.9) -> tuple[Notice, ...]:
+    """What a user should know of the modes: complex shapes, wrong signs, functions that disagree."""
+    found = []
+    for r, freq in enumerate(freq_and_damping(fit.poles)[0]):
+        shape = np.linalg.svd(fit.residues[:, :, r], full_matrices=False)[0][:, 0]
+        value = phase_collinearity(shape)
+        if value < low_collinearity:
+            facts: dict[str, Any] = {"collinearity": value, "deviation_deg": mean_phase_deviation_deg(shape)}
+            found.append(Notice("identify.complex-mode", frequency_hz=float(freq), **facts))
+        if made.mass_sign[r] < 0.0:
+            found.append(Notice("identify.driving-point-sign", frequency_hz=float(freq)))
+        if made.rank_share[r] < NOT_ONE_SHAPE:
+            share = float(made.rank_share[r])
+            found.append(Notice("identify.references-disagree", frequency_hz=float(freq), share=share))
+        if fit.spread[r] > LARGE_SPREAD:
+            times = float(np.sqrt(fit.spread[r]))
+            found.append(Notice("identify.functions-disagree", frequency_hz=float(freq), times=times))
+    return tuple(found)

@@ -1,0 +1,199 @@
+"""Stochastic subspace identification, driven by covariances or by data (Van Overschee and De Moor 1996).
+
+Responses to noise that nobody measured: x(t+1) = A x + w, y = C x + v. Frequencies, damping and shapes come with their
+standard deviations (covariance-driven form) from the scatter of the correlations over pieces of the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from femtune.arrays import Complexes, Reals
+from femtune.identification.realisation import Observability, Poles, block_hankel, correlations_by_block
+from femtune.modal.shape_criteria import turn_to_real_axis
+
+_CHUNK = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class CovarianceModel:
+    """Covariance-driven subspace model.
+
+    Parameters
+    ----------
+    observability : O of the largest order
+    left, singular_values, right : all of the Hankel matrix H = U diag(s) Vᵀ
+    scatter : (blocks, rows, columns) deviations of the blocks' Hankel matrices from their mean, over √(b(b−1)): the
+        covariance of H is the sum of their outer products
+    """
+
+    observability: Observability
+    left: Reals
+    singular_values: Reals
+    right: Reals
+    scatter: Reals
+
+    @cached_property
+    def images(self) -> tuple[Reals, Reals]:
+        """UᵀδH V (blocks, k, k) of each movement, and what δH V (blocks, rows, k) has outside of the span of U."""
+        moved = self.scatter @ self.right
+        within = self.left.T @ moved
+        return within, moved - self.left @ within
+
+
+def covariance_driven(
+    values: Reals, step_s: float, references: Sequence[int], rows: int, order: int, blocks: int = 20
+) -> CovarianceModel:
+    """SSI-cov with reference channels (Peeters and De Roeck 1999).
+
+    Parameters
+    ----------
+    values : (s, n) responses without mean
+    references : channels whose past is used
+    rows : block rows and columns of the Hankel matrix
+    order : largest model order, at most rows times the number of references
+    blocks : pieces of the record for the standard deviations
+    """
+    pieces = correlations_by_block(values, references, 2 * rows, blocks)
+    mean = block_hankel(pieces.mean(axis=0), rows + 1, rows)
+    u, s, vt = np.linalg.svd(mean, full_matrices=False)
+    deviations = np.stack([block_hankel(p, rows + 1, rows) - mean for p in pieces])
+    scatter = deviations / np.sqrt(blocks * (blocks - 1.0))
+    seen = Observability(u[:, :order] * np.sqrt(s[:order]), len(values), step_s)
+    return CovarianceModel(seen, u, s, vt.T, scatter)
+
+
+def data_driven(values: Reals, step_s: float, references: Sequence[int], rows: int, order: int) -> Observability:
+    """SSI-data with reference channels, unweighted principal components: the projection of the future on the past.
+
+    The block Hankel matrix of the data is never formed: its triangular factor is brought up to date piece by piece.
+    """
+    factor = _triangular_factor(values, references, rows)
+    past = len(references) * rows
+    # rows: past, future; lower triangular L: the projection of the future on the past is L21 Q1
+    u, s, _ = np.linalg.svd(factor[past:, :past], full_matrices=False)
+    return Observability(u[:, :order] * s[:order], len(values), step_s)
+
+
+def _triangular_factor(values: Reals, references: Sequence[int], rows: int) -> Reals:
+    """L (lower) of the Hankel matrix [past references; future responses] = L Q, by QR of its transpose in pieces."""
+    n = values.shape[1] - 2 * rows
+    size = rows * len(references) + (rows + 1) * len(values)
+    r: Reals = np.zeros((0, size))
+    step = max(_CHUNK, 4 * size)
+    for begin in range(0, n, step):
+        piece = _data_rows(values, references, rows, begin, min(begin + step, n))
+        r = np.asarray(np.linalg.qr(np.vstack([r, piece]), mode="r"))
+    return np.asarray(r.T / np.sqrt(n))
+
+
+def _data_rows(values: Reals, references: Sequence[int], rows: int, begin: int, end: int) -> Reals:
+    """(end − begin, size) samples of the past references and the future responses at each instant."""
+    at = np.arange(begin, end)
+    past = [values[list(references)][:, at + i].T for i in range(rows)]
+    future = [values[:, at + rows + i].T for i in range(rows + 1)]
+    return np.hstack([*past, *future])
+
+
+# ----------------------------------------------------------------------------------------------------
+# Standard deviations of modes from covariance-driven subspace identification, by first-order perturbation.
+#
+# The scatter of the correlations over pieces of the record moves the Hankel matrix, that its singular vectors, these
+# the state matrix, and this the poles and shapes. Sources: E. Reynders, R. Pintelon, G. De Roeck (2008), Mechanical
+# Systems and Signal Processing 22; M. Döhler, L. Mevel (2013), Mechanical Systems and Signal Processing 38.
+
+
+@dataclass(frozen=True, eq=False)
+class PoleScatter:
+    """How poles and shapes of one order move with each piece of the record; squares add up to variances.
+
+    Parameters
+    ----------
+    found : the poles themselves
+    poles : (b, m) movements of λ, rad/s
+    shapes : (b, s, m) movements of the shapes as they are scaled in `found`
+    """
+
+    found: Poles
+    poles: Complexes
+    shapes: Complexes
+
+    @property
+    def freq_sd_hz(self) -> Reals:
+        """(m,) standard deviations of the frequencies."""
+        unit = self.found.poles / np.abs(self.found.poles)
+        return _root_sum((unit.conj() * self.poles).real / (2.0 * np.pi))
+
+    @property
+    def damping_sd(self) -> Reals:
+        """(m,) standard deviations of the damping ratios."""
+        pole, size = self.found.poles, np.abs(self.found.poles)
+        growth = (pole.conj() * self.poles).real / size**2
+        return _root_sum(-self.poles.real / size - self.found.damping_ratio * growth)
+
+    @property
+    def shapes_sd(self) -> Reals:
+        """(s, m) standard deviations of the real shapes of unit norm that belong to the complex ones."""
+        turned, moved = _real_parts(self.found.shapes, self.shapes)
+        along = np.einsum("sm,bsm->bm", turned, moved)
+        return _root_sum(moved - turned[None] * along[:, None])
+
+
+def _root_sum(moves: Reals) -> Reals:
+    return np.asarray(np.sqrt((moves**2).sum(axis=0)))
+
+
+def _real_parts(shapes: Complexes, moves: Complexes) -> tuple[Reals, Reals]:
+    """Real parts, unit norm, of shapes turned to the real axis, and their movements."""
+    phase = turn_to_real_axis(shapes)
+    real = (shapes * phase).real
+    length = np.linalg.norm(real, axis=0)
+    return real / length, (moves * phase).real / length
+
+
+def scatter_of_order(model: CovarianceModel, order: int) -> PoleScatter:
+    """Poles of one order with their movements under the scatter of the record's pieces."""
+    seen = model.observability
+    basis = model.left[:, :order]
+    moved = _moved_basis(model, order)
+    s = seen.channels
+    upper, lower = basis[:-s], basis[s:]
+    inverse = np.linalg.pinv(upper)
+    a = inverse @ lower
+    rest = lower - upper @ a
+    gram = inverse @ inverse.T
+    moved_a = inverse @ (moved[:, s:] - moved[:, :-s] @ a) + gram @ (np.swapaxes(moved[:, :-s], 1, 2) @ rest)
+    return _of_state_matrix(order, a, moved_a, basis[:s], moved[:, :s], seen.step_s)
+
+
+def _moved_basis(model: CovarianceModel, order: int) -> Reals:
+    """(b, rows, n) first-order movements of the leading left singular vectors out of their own span.
+
+    Movements inside the span change the coordinates of the states and no mode.
+    """
+    u, s = model.left, model.singular_values
+    within, outside = model.images
+    ahead, behind = s[None, :order], s[order:, None]
+    gap = ahead**2 - behind**2
+    turned = (ahead * within[:, order:, :order] + behind * np.swapaxes(within[:, :order, order:], 1, 2)) / gap
+    return np.asarray(u[:, order:] @ turned + outside[:, :, :order] / s[:order])
+
+
+def _of_state_matrix(order: int, a: Reals, moved_a: Reals, c: Reals, moved_c: Reals, step_s: float) -> PoleScatter:
+    discrete, right = np.linalg.eig(a)
+    left = np.linalg.inv(right)
+    coupled = left @ moved_a @ right
+    keep = np.flatnonzero(discrete.imag > 1e-12 * np.abs(discrete))
+    continuous = np.log(discrete[keep]) / step_s
+    keep = keep[np.argsort(np.abs(continuous))]
+    gaps = discrete[None, :] - discrete[:, None]
+    np.fill_diagonal(gaps, np.inf)
+    turned = right @ (coupled / gaps)[:, :, keep]
+    poles = np.diagonal(coupled, axis1=1, axis2=2)[:, keep] / (discrete[keep] * step_s)
+    shapes = c @ turned + moved_c @ right[:, keep]
+    found = Poles(order, np.log(discrete[keep]) / step_s, c @ right[:, keep])
+    return PoleScatter(found, np.asarray(poles), np.asarray(shapes))

@@ -1,0 +1,217 @@
+"""A state-space model with given poles: B, C and D by linear least squares on functions of any bands and channels.
+
+Each pole has one shape ψ and one participation l: H = Σ ψ lᵀ/(iω − λ) + conjugates + D. With one reference that is
+linear; with several, ψ for given l and l for given ψ are solved in turn, from the leading singular vectors of free
+residues.
+
+Source: the re-estimation of B and C with residual modes, as after T. McKelvey, H. Akcay, L. Ljung (1996), IEEE Trans.
+Automatic Control 41(7), section on B and D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError
+from femtune.identification.modal_solve import LineSums, line_sums, real_rows
+from femtune.identification.shapes import DrivingPoint, driving_points
+from femtune.modal import FrfSet, StateSpace
+
+MOST_TURNS = 50
+ENOUGH = 1e-8
+"""Relative change of the sum of squares that ends the turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """shapes (n, m), participations (m, u), direct (n, u)."""
+
+    shapes: Complexes
+    participations: Complexes
+    direct: Reals
+
+
+def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: bool = False) -> StateSpace:
+    """A real state-space model of order 2m.
+
+    Parameters
+    ----------
+    frfs : (n, u, k); NaN where a function was not measured at a line, so that bands and channels may differ
+        (`join_frfs` puts sets together)
+    poles : (m,) rad/s of the upper half plane that decay: those identified, and `residual_poles` for what lies outside
+    direct : with a direct term D, which accelerance needs
+    reciprocal : participations in proportion to the shapes at the driving points; D stays free
+
+    Raises
+    ------
+    FemtuneError : ``identify.no-poles``, ``identify.unstable-poles``, ``identify.few-lines``,
+        ``identify.no-driving-point`` where reciprocity is asked for and a reference is not among the responses
+    """
+    poles = np.asarray(poles, complex)
+    _check_poles(poles)
+    points = _points(frfs) if reciprocal else ()
+    near = _near(frfs, poles)
+    parts = _turns(frfs, near, _start(frfs, near, direct), direct, points)
+    A, B, C = _real_form(poles, parts)
+    return StateSpace(
+        A, B, C, parts.direct, frfs.responses, frfs.references, frfs.kind, source=f"fit of {len(poles)} modes"
+    )
+
+
+def stable_poles(poles: Complexes) -> Complexes:
+    """Those of the upper half plane that decay, by ascending modulus."""
+    kept = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
+    return kept[np.argsort(np.abs(kept))]
+
+
+def residual_poles(band_hz: tuple[float, float], low: int = 1, high: int = 2, damping_ratio: float = 1e-3) -> Complexes:
+    """Poles below and above a band that stand for what lies there, of very low damping.
+
+    Below: 1/3, 1/9, … of the lower end; above: 1.5, 2.25, … times the upper end.
+    """
+    below = band_hz[0] / 3.0 ** np.arange(low, 0, -1)
+    above = band_hz[1] * 1.5 ** np.arange(1, high + 1)
+    omega = 2.0 * np.pi * np.concatenate([below, above])
+    return np.asarray(omega * (-damping_ratio + 1j * np.sqrt(1.0 - damping_ratio**2)), dtype=complex)
+
+
+def _check_poles(poles: Complexes) -> None:
+    if not len(poles):
+        raise FemtuneError("identify.no-poles/check-poles")
+    growing = poles[(poles.real >= 0.0) | (poles.imag <= 0.0)]
+    if len(growing):
+        raise FemtuneError(
+            "identify.unstable-poles",
+            values={"first": f"{growing[0]:.6g} rad/s"},
+            n_growing=len(growing),
+            n_poles=len(poles),
+        )
+
+
+def _points(frfs: FrfSet) -> tuple[DrivingPoint, ...]:
+    points = driving_points(frfs)
+    lacking = set(range(len(frfs.references))) - {p.reference for p in points}
+    if lacking:
+        names = ", ".join(str(frfs.references[j]) for j in sorted(lacking))
+        raise FemtuneError("identify.no-driving-point", values={"references without response": names})
+    return points
+
+
+def _near(frfs: FrfSet, poles: Complexes) -> Complexes:
+    """(k, 2m): 1/(iω − λ), then 1/(iω − λ̄)."""
+    i_omega = 2j * np.pi * frfs.freq_hz[:, None]
+    return np.hstack([1.0 / (i_omega - poles), 1.0 / (i_omega - poles.conj())])
+
+
+def _columns(near: Complexes, factors: Complexes) -> Complexes:
+    """Columns of the real and of the imaginary part of a number x in x·f/(iω − λ) + conjugates, f given; (k, 2m)."""
+    m = near.shape[1] // 2
+    up, down = near[:, :m] * factors, near[:, m:] * factors.conj()
+    return np.hstack([up + down, 1j * (up - down)])
+
+
+def _start(frfs: FrfSet, near: Complexes, direct: bool) -> _Parts:
+    """Free residues of every function, and their leading singular vectors."""
+    n, u, k = frfs.values.shape
+    m = near.shape[1] // 2
+    basis = _with_direct(_columns(near, np.ones(m)), direct)
+    x = _least_squares(basis, frfs.values.reshape(n * u, k))
+    residues = (x[:, :m] + 1j * x[:, m : 2 * m]).reshape(n, u, m).transpose(2, 0, 1)
+    left, s, right = np.linalg.svd(residues, full_matrices=False)
+    root = np.sqrt(s[:, 0])
+    D = x[:, 2 * m].reshape(n, u) if direct else np.zeros((n, u))
+    return _Parts((left[:, :, 0] * root[:, None]).T, right[:, 0] * root[:, None], D)
+
+
+def _with_direct(columns: Complexes, direct: bool) -> Complexes:
+    return np.hstack([columns, np.ones((len(columns), 1))]) if direct else columns
+
+
+def _least_squares(basis: Complexes, values: Complexes) -> Reals:
+    """(F, q) coefficients of each row of values, at its own lines; rows of the same lines go together."""
+    found = np.empty((len(values), basis.shape[1]))
+    for known, rows in _patterns(values):
+        if 2 * known.sum() < basis.shape[1]:
+            raise FemtuneError("identify.few-lines/least-squares", known=int(known.sum()), basis_shape=basis.shape[1])
+        left = real_rows(basis[known])
+        size = np.linalg.norm(left, axis=0)
+        right = real_rows(values[rows][:, known].T)
+        Q, R = qr(left / size, mode="economic", check_finite=False)
+        # by singular values, since residual modes and the direct term may be nearly dependent
+        found[rows] = (np.linalg.lstsq(R, Q.T @ right, rcond=1e-13)[0] / size[:, None]).T
+    return found
+
+
+def _patterns(values: Complexes) -> Iterator[tuple[NDArray[np.bool_], list[int]]]:
+    """Lines that functions have, and the functions that have just these."""
+    groups: dict[bytes, list[int]] = {}
+    known = np.isfinite(values)
+    for i, row in enumerate(known):
+        groups.setdefault(row.tobytes(), []).append(i)
+    for rows in groups.values():
+        yield known[rows[0]], rows
+
+
+def _turns(frfs: FrfSet, near: Complexes, parts: _Parts, direct: bool, points: Sequence[DrivingPoint]) -> _Parts:
+    if len(frfs.references) == 1 and not points:
+        return parts
+    sums, before = line_sums(frfs, near), np.inf
+    for _ in range(MOST_TURNS):
+        parts = _refit_participations(sums, parts, points)
+        parts = _quick_shapes(sums, parts, direct)
+        now = sums.squares(parts.shapes, parts.participations, parts.direct)
+        if before - now <= ENOUGH * now:
+            break
+        before = now
+    parts = _refit_shapes(frfs, near, parts, direct)
+    # the last word is the participations', which makes a model that has to be reciprocal exactly so
+    return _refit_participations(sums, parts, points) if points else parts
+
+
+def _refit_shapes(frfs: FrfSet, near: Complexes, parts: _Parts, direct: bool) -> _Parts:
+    """ψ and D of each response, from all its references."""
+    n, u, k = frfs.values.shape
+    m = near.shape[1] // 2
+    rows = [_columns(near, parts.participations[:, j]) for j in range(u)]
+    own = np.kron(np.eye(u), np.ones((k, 1)))
+    basis = np.hstack([np.vstack(rows), own]) if direct else np.vstack(rows)
+    x = _least_squares(basis, frfs.values.reshape(n, u * k))
+    D = x[:, 2 * m :] if direct else np.zeros((n, u))
+    return _Parts(x[:, :m] + 1j * x[:, m : 2 * m], parts.participations, D)
+
+
+def _quick_shapes(sums: LineSums, parts: _Parts, direct: bool) -> _Parts:
+    """The same by normal equations, within the turns."""
+    found = [sums.shape_of(i, parts.participations, direct) for i in range(sums.responses)]
+    return _Parts(np.array([x for x, _ in found]), parts.participations, np.array([d for _, d in found]))
+
+
+def _refit_participations(sums: LineSums, parts: _Parts, points: Sequence[DrivingPoint]) -> _Parts:
+    """l of each reference from all responses, each weighted by its size; with reciprocity one factor a mode."""
+    if points:
+        ends = np.array([parts.shapes[p.response] * p.sign for p in sorted(points, key=lambda p: p.reference)])
+        factor = sums.factor_of(range(len(points)), parts.shapes, ends, parts.direct)
+        return _Parts(parts.shapes, (ends * factor).T, parts.direct)
+    ones = np.ones((sums.references, parts.shapes.shape[1]), complex)
+    found = [sums.factor_of([j], parts.shapes, ones, parts.direct) for j in range(sums.references)]
+    return _Parts(parts.shapes, np.array(found).T, parts.direct)
+
+
+def _real_form(poles: Complexes, parts: _Parts) -> tuple[Reals, Reals, Reals]:
+    """State x = (Re ξ, Im ξ) of ξ̇ = λξ + lᵀu, y = 2 Re ψξ."""
+    m = len(poles)
+    A = np.zeros((2 * m, 2 * m))
+    even, odd = np.arange(0, 2 * m, 2), np.arange(1, 2 * m, 2)
+    A[even, even] = A[odd, odd] = poles.real
+    A[even, odd], A[odd, even] = -poles.imag, poles.imag
+    B = np.zeros((2 * m, parts.participations.shape[1]))
+    B[even], B[odd] = parts.participations.real, parts.participations.imag
+    C = np.zeros((len(parts.shapes), 2 * m))
+    C[:, even], C[:, odd] = 2.0 * parts.shapes.real, -2.0 * parts.shapes.imag
+    return A, B, C

@@ -1,0 +1,82 @@
+"""Time-frequency instantaneous estimators (Bonato, Ceravolo, De Stefano and Molinari 2000).
+
+Two channels of a structure that vibrates in one mode keep their phase difference whatever the excitation does. So in
+the cross distribution D_ij(t, f) of the channels the scatter of arg D_ij over time falls to nearly nothing where a mode
+is, and there the mean of D_ij/D_jj is the ratio of the shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from femtune.arrays import Complexes, Reals
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseScatter:
+    """How steady phases are.
+
+    Parameters
+    ----------
+    freq_hz : (k,) lines
+    sd_rad : (k,) scatter over time of the phase differences of all channels to the strongest one at each line,
+        weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
+    strength : (k,) mean square amplitude of all channels in units of their medians
+    ratios : (k, s) mean of D_ij/D_jj with j the strongest channel: real parts are shapes
+    """
+
+    freq_hz: Reals
+    sd_rad: Reals
+    strength: Reals
+    ratios: Complexes
+
+
+def phase_scatter(
+    values: Reals, rate_hz: float, segment: int, overlap: float = 0.75, window: str = "hann"
+) -> PhaseScatter:
+    """Scatter of the phase differences over all instants of the short-time transforms of channels (s, n)."""
+    freq, _, z = signal.stft(
+        values, rate_hz, window, segment, int(segment * overlap), boundary=None, padded=False, detrend="constant"
+    )
+    power = (np.abs(z) ** 2).mean(axis=2)
+    # channels may have different units: what counts is how far each stands out of its own level
+    power = power / np.median(power, axis=1, keepdims=True)
+    strongest = power.argmax(axis=0)
+    reference = z[strongest, np.arange(len(freq))]
+    cross = z * reference.conj()
+    steady = np.abs(_mean_direction(cross))
+    others = np.sqrt(power)
+    others[strongest, np.arange(len(freq))] = 0.0
+    mean = (others * steady).sum(axis=0) / np.maximum(others.sum(axis=0), np.finfo(float).tiny)
+    scatter = np.sqrt(-2.0 * np.log(np.clip(mean, 0.2, 1.0)))
+    ratios = cross.mean(axis=2) / np.maximum((np.abs(reference) ** 2).mean(axis=1), np.finfo(float).tiny)
+    return PhaseScatter(freq, scatter, power.sum(axis=0), ratios.T)
+
+
+def _mean_direction(cross: Complexes) -> Complexes:
+    """(s, k) mean over time of e^{2i arg D}: twice the phase, so that opposition counts like agreement."""
+    size = np.abs(cross)
+    unit = np.divide(cross, size, out=np.zeros_like(cross), where=size > 0.0)
+    return np.asarray((unit**2 * size).sum(axis=2) / np.maximum(size.sum(axis=2), np.finfo(float).tiny))
+
+
+def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: float = 0.7) -> list[int]:
+    """Lines of the band where the scatter has a minimum below `most_rad`."""
+    inside = (found.freq_hz >= band_hz[0]) & (found.freq_hz <= band_hz[1])
+    depth = np.where(inside, -found.sd_rad, -2.0)
+    at, _ = signal.find_peaks(depth, height=-most_rad, prominence=0.15)
+    return [int(i) for i in at]
+
+
+def mode_at(found: PhaseScatter, line: int, reach: int = 3) -> tuple[float, Reals]:
+    """Frequency and real shape (s,) of unit norm at a steady line.
+
+    The frequency is the centre of gravity of the steady lines around it, weighted by their strength.
+    """
+    near = slice(max(line - reach, 0), line + reach + 1)
+    weights = found.strength[near] * (found.sd_rad[near] <= 2.0 * found.sd_rad[line] + 0.05)
+    shape = found.ratios[line].real
+    return float(np.average(found.freq_hz[near], weights=weights)), np.asarray(shape / np.linalg.norm(shape))

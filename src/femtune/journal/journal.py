@@ -1,0 +1,188 @@
+"""The journal of a run folder: every solution of the full model, kept by what it depends on.
+
+One file a solution, ``<kind>-<key>.npz``, that appears whole. Nothing is changed or removed while a run goes on, so
+that a run that was interrupted finds what the earlier one had solved.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from femtune.errors import Notice, Where
+from femtune.journal.entry import DamagedEntryError, Entry, read_entry, write_entry
+
+JOURNAL_FOLDER = "journal"
+SCHEMA = 1
+"""Rises when entries of an earlier femtune must not be used any more."""
+
+T = TypeVar("T")
+# entries, and with a dot before it what was being written when a run was killed
+_OWN = re.compile(r"[a-z]+-[^.]+\.npz|\.[a-z]+-[^.]+\..+")
+_FLUSHED_S = 0.1
+"""What was solved quicker is not worth waiting for the disk."""
+
+
+@dataclass(frozen=True)
+class Form(Generic[T]):
+    """How one kind of solution becomes an entry of the journal and is made of one again.
+
+    `unpack` raises ValueError, KeyError or TypeError where the entry is not such a solution.
+    """
+
+    kind: str
+    pack: Callable[[T], Entry]
+    unpack: Callable[[Entry], T]
+
+
+@dataclass
+class Journal:
+    """Solutions on disk; `writes` is False for steps that only look up. Make it with `open_journal`."""
+
+    folder: Path
+    most_bytes: int
+    writes: bool = True
+    solved: Counter[str] = field(default_factory=Counter)
+    recalled: Counter[str] = field(default_factory=Counter)
+    stopped: Notice | None = None
+    _damaged: list[tuple[Path, str]] = field(default_factory=list)
+    _kept: set[Path] = field(default_factory=set)
+    _recalled: set[Path] = field(default_factory=set)
+    _used: int = 0
+
+    def path(self, kind: str, key: str) -> Path:
+        """The file of a solution."""
+        return self.folder / f"{kind}-{key}.npz"
+
+    def obtain(self, form: Form[T], key: str, solve: Callable[[], T]) -> T:
+        """The solution of a key: from the journal, or solved and kept."""
+        known = self.recall(form.kind, key)
+        if known is not None:
+            try:
+                found = form.unpack(known)
+            except (ValueError, KeyError, TypeError) as error:
+                self._damaged.append((self.path(form.kind, key), str(error)))
+            else:
+                self._count_recalled(form.kind, self.path(form.kind, key))
+                return found
+        begin = time.perf_counter()
+        found = solve()
+        self.solved[form.kind] += 1
+        if self.writes:
+            self.keep(form.kind, key, form.pack(found), time.perf_counter() - begin > _FLUSHED_S)
+        return found
+
+    def _count_recalled(self, kind: str, path: Path) -> None:
+        """Each solution once; what this run has solved itself is not recalled."""
+        self.recalled[kind] += path not in self._kept and path not in self._recalled
+        self._recalled.add(path)
+
+    def recall(self, kind: str, key: str) -> Entry | None:
+        """The entry of a key, None where there is none that can be used."""
+        path = self.path(kind, key)
+        try:
+            entry = read_entry(path, self.most_bytes)
+            if entry is not None and (entry.facts.get("kind"), entry.facts.get("key")) != (kind, key):
+                raise DamagedEntryError("it belongs to something else")
+        except DamagedEntryError as error:
+            self._damaged.append((path, str(error)))
+            return None
+        return entry
+
+    def keep(self, kind: str, key: str, entry: Entry, flush: bool = True) -> None:
+        """Write an entry; where that fails the run goes on without the journal, with a notice.
+
+        Without `flush` a loss of power may damage it, which is noticed when it is recalled.
+        """
+        if self.stopped is not None:
+            return
+        if self._used + entry.n_bytes > self.most_bytes:
+            self.stopped = _full(self.folder, self.most_bytes)
+            return
+        path = self.path(kind, key)
+        try:
+            write_entry(path, Entry(entry.arrays, {**entry.facts, "kind": kind, "key": key}), flush)
+        except OSError as error:
+            self.stopped = _unwritable(self.folder, error)
+            return
+        self._used += entry.n_bytes
+        self._kept.add(path)
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What the user should know: damaged entries, and why nothing more is kept."""
+        damaged = (_damage(self._damaged),) if self._damaged else ()
+        return damaged if self.stopped is None else (*damaged, self.stopped)
+
+    @property
+    def sentence(self) -> str:
+        """How much came from an earlier run; "" where nothing did."""
+        known = self.recalled.total()
+        return from_journal(known, self.solved.total()) if known else ""
+
+
+def from_journal(recalled: int, solved: int) -> str:
+    """How much of a run came from an earlier one, in words."""
+    return f"{recalled} of {recalled + solved} solutions from the journal of an earlier run"
+
+
+def open_journal(run_folder: Path, most_gib: float, *, writes: bool = True, fresh: bool = False) -> Journal:
+    """The journal of a run folder; `fresh` removes what is in it.
+
+    What cannot be made or cleared is a notice of the journal, and the run goes on without.
+    """
+    journal = Journal(run_folder / JOURNAL_FOLDER, int(most_gib * 2**30), writes)
+    if writes:
+        try:
+            _prepare(journal, fresh)
+        except OSError as error:
+            journal.stopped = _unwritable(journal.folder, error)
+    return journal
+
+
+def _prepare(journal: Journal, fresh: bool) -> None:
+    """Make the folder, remove what an interrupted run left half-written, and sum up what is there."""
+    if os.path.islink(journal.folder):
+        raise OSError("it is a link to another place")
+    journal.folder.mkdir(parents=True, exist_ok=True)
+    for file in _files(journal.folder):
+        if file.name.startswith(".") or fresh:
+            os.unlink(file.path)
+        else:
+            journal._used += file.stat(follow_symlinks=False).st_size
+
+
+def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
+    """Files that look like the journal's own, half-written ones too; links are named, never followed."""
+    with os.scandir(folder) as found:
+        for file in found:
+            if _OWN.fullmatch(file.name) and not file.is_dir(follow_symlinks=False):
+                yield file
+
+
+def _damage(damaged: list[tuple[Path, str]]) -> Notice:
+    first = f"{damaged[0][0].name}: {damaged[0][1]}"
+    several = len(damaged) > 1
+    count = f"{len(damaged)} entries of the journal were" if several else "an entry of the journal was"
+    return Notice(
+        "journal.damaged",
+        where=Where(str(damaged[0][0].parent)),
+        count=count,
+        words="have" if several else "has",
+        several="the first, " * several,
+        first=first,
+    )
+
+
+def _unwritable(folder: Path, error: OSError) -> Notice:
+    return Notice("journal.unwritable", where=Where(str(folder)), strerror=error.strerror or error)
+
+
+def _full(folder: Path, most_bytes: int) -> Notice:
+    return Notice("journal.full", where=Where(str(folder)), most_bytes=most_bytes / 2**30)

@@ -1,0 +1,244 @@
+"""Modal assurance criterion and its kin; complex shapes are conjugated, NaN entries left out pair by pair."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arguments import checked
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.modal.mode_set import ModeSet
+
+STILL = 1e-12
+"""Motion below this fraction of a shape's largest entry is round-off, not motion."""
+
+
+@checked
+def mac(a: NDArray | ModeSet, b: NDArray | ModeSet, weight: NDArray | None = None) -> Reals:
+    """MAC_ij = |a_iᴴ W b_j|² / (a_iᴴ W a_i · b_jᴴ W b_j) over the entries that both shapes have.
+
+    Parameters
+    ----------
+    a, b : (n, p) and (n, q) real or complex, NaN marks an entry that was not measured; or two `ModeSet`, of which the
+        common DOFs are taken, with their signs
+    weight : (n, n) Hermitian positive weighting (a mass matrix), or None for the identity
+
+    Returns
+    -------
+    (p, q) in 0 … 1; NaN where two shapes have no moving entry in common
+
+    Raises
+    ------
+    FemtuneError : ``modal.zero-shape`` for a column without motion, ``modal.rows-differ``
+
+    Source: Allemang and Brown (1982).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import femtune as ft
+    >>> ft.mac(np.array([[1.0, 1.0], [2.0, -1.0]]), np.array([[1.0], [1.0]]))
+    array([[0.9],
+           [0. ]])
+    """
+    if isinstance(a, ModeSet) and isinstance(b, ModeSet):
+        common = a.dofs.common(b.dofs)
+        a, b = a.select_dofs(common).shapes, b.select_dofs(common).shapes
+    first, second = (one.shapes if isinstance(one, ModeSet) else one for one in (a, b))
+    check_rows(first, second)
+    check_shapes(first, "the first set")
+    check_shapes(second, "the second set")
+    return mac_where_defined(first, second, weight)
+
+
+def mac_where_defined(a: NDArray, b: NDArray, weight: NDArray | None = None) -> Reals:
+    """Like `mac`, but a column without motion gives NaN instead of an error."""
+    check_rows(a, b)
+    a, b = _unit_largest(a), _unit_largest(b)
+    inner, norm_a, norm_b = _products(a, b) if weight is None else _weighted_products(a, b, weight)
+    still = (norm_a <= STILL**2) | (norm_b <= STILL**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        value = np.abs(inner) ** 2 / (norm_a * norm_b)
+    return np.where(still, np.nan, np.minimum(value, 1.0))
+
+
+def auto_mac(shapes: NDArray, weight: NDArray | None = None) -> Reals:
+    """MAC of a set with itself, (m, m)."""
+    return mac(shapes, shapes, weight)
+
+
+def modal_scale_factor(a: NDArray, b: NDArray) -> NDArray:
+    """Factors c, one a column, that bring c·b nearest to a: c = bᴴa / bᴴb over common entries.
+
+    Parameters
+    ----------
+    a, b : (n, m) paired columns
+
+    Returns
+    -------
+    (m,), complex if a or b is
+
+    Raises
+    ------
+    FemtuneError : ``modal.zero-shape``, ``modal.rows-differ``
+    """
+    check_rows(a, b)
+    known = ~(np.isnan(a) | np.isnan(b))
+    a, b = np.where(known, a, 0.0), np.where(known, b, 0.0)
+    check_shapes(b, "the reference shapes")
+    return np.sum(b.conj() * a, axis=0) / np.sum(np.abs(b) ** 2, axis=0)
+
+
+def comac(test: NDArray, model: NDArray) -> Reals:
+    """Coordinate MAC of each DOF over paired modes: |Σ_r a_kr b*_kr|² / (Σ_r |a_kr|² Σ_r |b_kr|²).
+
+    Each pair is brought to unit norm and to one phase first, so that no mode outweighs the others by its scaling;
+    so the modulus can be taken of the sum (Allemang 2003), and a DOF that agrees in size and not in sign from mode
+    to mode is not called good, as it is with the modulus of each product (Lieven and Ewins 1988).
+
+    Parameters
+    ----------
+    test, model : (n, m) paired columns
+
+    Returns
+    -------
+    (n,) in 0 … 1; 0 where only one side moves, NaN where neither does (or nothing was measured)
+
+    Raises
+    ------
+    FemtuneError : ``modal.zero-shape``, ``modal.rows-differ``
+
+    Source: Lieven and Ewins (1988); Allemang (2003), Sound and Vibration 37(8).
+    """
+    a, b = _paired_units(test, model)
+    return _squared_ratio(np.abs(np.sum(a * b.conj(), axis=1)) ** 2, a, b)
+
+
+def motion_agreement(test: NDArray, model: NDArray) -> Reals:
+    """Signed companion of `comac`, (n,) in −1 … 1: near −1 where a DOF moves against the model in every mode."""
+    a, b = _paired_units(test, model)
+    inner = np.sum(a * b.conj(), axis=1).real
+    return np.sign(inner) * np.sqrt(_squared_ratio(inner**2, a, b))
+
+
+def cross_orthogonality(test: NDArray, model: NDArray, mass: NDArray) -> Reals:
+    """|ψ_iᴴ M φ_j| with ψ and φ scaled to ψᴴMψ = φᴴMφ = 1, so that 1 is full agreement.
+
+    Parameters
+    ----------
+    test, model : (n, t) and (n, m) at the DOFs of the mass matrix, complete
+    mass : (n, n) symmetric
+
+    Returns
+    -------
+    (t, m) in 0 … 1; cross_orthogonality(test, test, mass) is the test's self-orthogonality
+
+    Raises
+    ------
+    FemtuneError : ``modal.missing-entries`` for NaN (a mass matrix cannot be cut to fewer DOFs afterwards),
+        ``modal.mass-not-positive``, ``modal.zero-shape``, ``modal.rows-differ``
+    """
+    check_rows(test, model)
+    check_rows(mass, model)
+    psi, phi = _mass_normalised(test, mass, "test"), _mass_normalised(model, mass, "model")
+    return np.minimum(np.abs(psi.conj().T @ mass @ phi), 1.0)
+
+
+def check_shapes(shapes: NDArray, whose: str) -> None:
+    """Raise ``modal.zero-shape`` for columns without a measured, moving entry."""
+    size = np.max(np.where(np.isnan(shapes), 0.0, np.abs(shapes)), axis=0, initial=0.0)
+    still = np.flatnonzero(size == 0.0)
+    if len(still):
+        raise FemtuneError(
+            "modal.zero-shape",
+            values={"columns (from 1)": ", ".join(str(i + 1) for i in still[:10])},
+            n_still=len(still),
+            shapes_shape=shapes.shape[1],
+            whose=whose,
+        )
+
+
+def check_rows(a: NDArray, b: NDArray) -> None:
+    """Raise ``modal.rows-differ`` unless both are matrices of numbers with equally many rows."""
+    numbers = a.dtype.kind in "biufc" and b.dtype.kind in "biufc"
+    if not numbers or a.ndim != 2 or b.ndim != 2 or a.shape[0] != b.shape[0]:
+        raise FemtuneError("modal.rows-differ", values={"shape of the first": a.shape, "shape of the second": b.shape})
+
+
+def _unit_largest(shapes: NDArray) -> NDArray:
+    """Columns with largest entry 1, so that squares neither overflow nor vanish."""
+    size = np.max(np.where(np.isnan(shapes), 0.0, np.abs(shapes)), axis=0, initial=0.0)
+    return shapes / np.where(size > 0.0, size, 1.0)
+
+
+def _products(a: NDArray, b: NDArray) -> tuple[NDArray, Reals, Reals]:
+    known_a, known_b = ~np.isnan(a), ~np.isnan(b)
+    a, b = np.where(known_a, a, 0.0), np.where(known_b, b, 0.0)
+    norm_a = (np.abs(a) ** 2).T @ known_b.astype(float)
+    norm_b = known_a.astype(float).T @ np.abs(b) ** 2
+    return a.conj().T @ b, norm_a, norm_b
+
+
+def _weighted_products(a: NDArray, b: NDArray, weight: NDArray) -> tuple[NDArray, Reals, Reals]:
+    check_rows(weight, a)
+    shape = (a.shape[1], b.shape[1])
+    if not (np.isnan(a).any() or np.isnan(b).any()):
+        own_a, own_b = (np.einsum("ij,ij->j", s.conj(), weight @ s).real for s in (a, b))
+        return a.conj().T @ (weight @ b), np.broadcast_to(own_a[:, None], shape), np.broadcast_to(own_b, shape)
+    inner, norm_a, norm_b = np.empty(shape, complex), np.empty(shape), np.empty(shape)
+    for at in np.ndindex(shape):
+        x, y = a[:, at[0]], b[:, at[1]]
+        known = ~(np.isnan(x) | np.isnan(y))
+        W, x, y = weight[np.ix_(known, known)], x[known], y[known]
+        inner[at], norm_a[at], norm_b[at] = x.conj() @ W @ y, (x.conj() @ W @ x).real, (y.conj() @ W @ y).real
+    return inner, norm_a, norm_b
+
+
+def _paired_units(test: NDArray, model: NDArray) -> tuple[NDArray, NDArray]:
+    """Paired columns of unit norm over common entries (0 elsewhere), the model's turned to the test's phase."""
+    factor = modal_scale_factor(test, model)
+    known = ~(np.isnan(test) | np.isnan(model))
+    a, b = np.where(known, test, 0.0), np.where(known, model, 0.0)
+    check_shapes(a, "the test")
+    phase = np.where(factor == 0, 1.0, factor) / np.where(factor == 0, 1.0, np.abs(factor))
+    return a / np.linalg.norm(a, axis=0), phase * b / np.linalg.norm(b, axis=0)
+
+
+def _squared_ratio(top: Reals, a: NDArray, b: NDArray) -> Reals:
+    moved_a, moved_b = np.sum(np.abs(a) ** 2, axis=1), np.sum(np.abs(b) ** 2, axis=1)
+    still = (moved_a <= STILL**2) & (moved_b <= STILL**2)
+    product = moved_a * moved_b
+    ratio = np.minimum(top / np.where(product > 0.0, product, 1.0), 1.0)
+    one_side = (moved_a <= STILL**2) | (moved_b <= STILL**2)
+    return np.where(still, np.nan, np.where(one_side, 0.0, ratio))
+
+
+def _mass_normalised(shapes: NDArray, mass: NDArray, whose: str) -> NDArray:
+    if np.isnan(shapes).any():
+        raise FemtuneError("modal.missing-entries", any=int(np.isnan(shapes).any(axis=1).sum()), whose=whose)
+    check_shapes(shapes, f"the {whose}")
+    modal_mass = np.einsum("ij,ik,kj->j", shapes.conj(), mass, shapes).real
+    if (modal_mass <= 0.0).any():
+        raise FemtuneError(
+            "modal.mass-not-positive",
+            values={"column (from 1)": int(np.argmin(modal_mass)) + 1, "modal mass": float(modal_mass.min())},
+            whose=whose,
+        )
+    return shapes / np.sqrt(modal_mass)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The phase of a complex shape: what turns it as near to the real axis as it can be.
+
+
+def turn_to_real_axis(shapes: NDArray) -> NDArray[np.complex128]:
+    """Factors of modulus one, one a shape, that make the imaginary part of each shape smallest.
+
+    The phase is half the argument of Σ φ², the least-squares line through the entries.
+
+    Parameters
+    ----------
+    shapes : (n,) or (n, m); NaN entries count nothing
+    """
+    return np.asarray(np.exp(-0.5j * np.angle(np.nansum(shapes**2, axis=0))), dtype=complex)

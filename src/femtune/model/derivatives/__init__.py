@@ -1,0 +1,1 @@
+"""Exact derivatives of modes with respect to the parameters."""

@@ -1,0 +1,340 @@
+"""Vectors in which responses at a few sensors can be found for any force: powers of (K − σM)⁻¹M on unit forces there.
+
+They span what lies outside the known modes, so that K − σM is positive definite on them wherever σ lies among these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil, log10
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from femtune.arrays import Reals
+from femtune.model.derivatives.modes import SubspaceDerivative, deflated_factor, inverse_gaps, pencil_of
+from femtune.model.digests import digest
+from femtune.model.eigen.krylov import column_products
+from femtune.model.eigen.pencil import pieces
+from femtune.model.eigen.solution import EigenSolution
+from femtune.model.linear.dense_products import transposed_times, turn
+from femtune.model.linear.memory import require_memory
+from femtune.model.linear.sparse_products import column_major
+from femtune.model.products import derivative_projections
+
+_UNSEEN, _ROUNDING, _DEPENDENT = 1e-12, 1e-20, 1e-11
+_ROWS = 1 << 13
+
+
+class DualBasis:
+    """V (n, k) with VᵀMΦ = 0, Vᵀ(K − σM)V = 1 and T = VᵀMV, and what the sensors C see of it.
+
+    Parameters
+    ----------
+    vectors : arrays (n, at least as many as `used`), Φ in the first columns of the first one, and V after them
+    sizes : number of vectors of V after each block
+    solves : number of vectors that were solved for
+    """
+
+    def __init__(self, solution: EigenSolution, rows: sp.csr_array, blocks: int) -> None:
+        self.shift, self._factor = deflated_factor(solution)
+        self._pencil, self._phi, self.rows = pencil_of(solution.point), solution.shapes, rows
+        self.T, self.seen = np.zeros((0, 0)), np.zeros((rows.shape[0], 0))
+        self.sizes: list[int] = []
+        self.solves = 0
+        self._arrays: list[Reals] = []
+        self._ends: list[int] = []
+        self._open(solution.shapes, blocks * rows.shape[0])
+        self._force = self._free_of_modes(rows.T.toarray(order="F"))
+        for _ in range(blocks):
+            self.grow()
+
+    def _open(self, begin: Reals, columns: int) -> None:
+        """A further array; by rows, since single rows are what products with terms take from it."""
+        size = begin.shape[1] + columns
+        require_memory(8 * size * len(begin), "model.memory/derivatives", sensors=self.rows.shape[0])
+        array = np.empty((len(begin), size))
+        array[:, : begin.shape[1]] = begin
+        self._arrays.append(array)
+        self._ends.append(begin.shape[1])
+
+    @property
+    def is_exhausted(self) -> bool:
+        """True where the last block brought nothing: the space is invariant, and what is found in it exact."""
+        return len(self.sizes) > 1 and self.sizes[-1] == self.sizes[-2]
+
+    @property
+    def parts(self) -> list[Reals]:
+        """[Φ, V] in pieces."""
+        return [array[:, :end] for array, end in zip(self._arrays, self._ends)]
+
+    def extend(self) -> None:
+        """One block more, in a piece of its own."""
+        self._open(self._phi[:, :0], self.rows.shape[0])
+        self.grow()
+
+    def grow(self) -> None:
+        """Solve for the next block, and make it orthonormal."""
+        if not self._force.shape[1]:
+            self.sizes.append(len(self.T))
+            return
+        W, energy = self._solved()
+        G, C = self._energies(W)
+        R = _orthonormal(G - C.T @ C, energy)
+        self._subtract(W, C)
+        self._append(turn(W, R))
+
+    def _solved(self) -> tuple[Reals, Reals]:
+        """W = (K − σM)⁻¹b for the next forces b, without V and Φ but for rounding, and the energies Wᵀb of its columns.
+
+        The part in the modes is their inaccuracy: it would grow from block to block.
+        """
+        b = self._force
+        W, inside = np.empty(b.shape, order="F"), self._along(b)
+        for some in pieces(0, b.shape[1]):
+            W[:, some] = self._factor.solve(b[:, some])
+        self.solves += b.shape[1]
+        energy = column_products(W, b)
+        self._subtract(W, inside)
+        subtract_by_rows(W, self._phi, self._in_modes(W))
+        return W, energy
+
+    def _energies(self, W: Reals) -> tuple[Reals, Reals]:
+        """Wᵀ(K − σM)W and Vᵀ(K − σM)W, some columns at a time."""
+        G, C = np.empty((W.shape[1], W.shape[1])), np.empty((len(self.T), W.shape[1]))
+        for some in pieces(0, W.shape[1]):
+            b = self._pencil.stiffness @ W[:, some]
+            b -= self.shift * (self._pencil.mass @ W[:, some])
+            G[:, some], C[:, some] = transposed_times(W, b), self._along(b)
+        return G, C
+
+    def _in_modes(self, W: Reals) -> Reals:
+        """ΦᵀMW, some columns at a time."""
+        out = np.empty((self._phi.shape[1], W.shape[1]))
+        for some in pieces(0, W.shape[1]):
+            out[:, some] = self._phi.T @ (self._pencil.mass @ W[:, some])
+        return out
+
+    @property
+    def _own(self) -> list[Reals]:
+        """V in pieces."""
+        first = self._phi.shape[1]
+        return [self.parts[0][:, first:], *self.parts[1:]]
+
+    def _along(self, b: Reals) -> Reals:
+        """Vᵀb."""
+        return np.vstack([part.T @ b for part in self._own])
+
+    def _subtract(self, W: Reals, C: Reals) -> None:
+        """W ← W − VC."""
+        at = 0
+        for part in self._own:
+            subtract_by_rows(W, part, C[at : at + part.shape[1]])
+            at += part.shape[1]
+
+    def _append(self, Q: Reals) -> None:
+        """Take a block into V; its forces MQ are the next ones."""
+        subtract_by_rows(Q, self._phi, self._in_modes(Q))
+        force = self._force[:, : Q.shape[1]]
+        for some in pieces(0, Q.shape[1]):
+            force[:, some] = self._pencil.mass @ Q[:, some]
+        array, end = self._arrays[-1], self._ends[-1]
+        for first in range(0, len(Q), _ROWS):
+            array[first : first + _ROWS, end : end + Q.shape[1]] = Q[first : first + _ROWS]
+        self._ends[-1] = end + Q.shape[1]
+        column = self._along(force)
+        k = len(self.T)
+        own = 0.5 * (column[k:] + column[k:].T)
+        self.T = np.block([[self.T, column[:k]], [column[:k].T, own]])
+        self.seen = np.hstack([self.seen, self.rows @ Q])
+        self.sizes.append(len(self.T))
+        self._force = force
+
+    def _free_of_modes(self, forces: Reals) -> Reals:
+        """Forces that move no known mode; those that move nothing else are left out."""
+        size, parts = la.norm(forces, axis=0), self._phi.T @ forces
+        for some in pieces(0, forces.shape[1]):
+            forces[:, some] -= self._pencil.mass @ column_major(self._phi @ parts[:, some])
+        some = la.norm(forces, axis=0) > _UNSEEN * size
+        return forces if some.all() else np.asfortranarray(forces[:, some])
+
+
+def subtract_by_rows(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W − VC in place, a piece of rows at a time, for V of either order."""
+    for first in range(0, len(W), _ROWS):
+        W[first : first + _ROWS] -= V[first : first + _ROWS] @ C
+
+
+def _orthonormal(G: Reals, energy: Reals) -> Reals:
+    """R with RᵀGR = 1; directions that are rounding, or were so of a column's `energy` at first, are left out."""
+    size = np.diag(G)
+    some = size > _ROUNDING * energy
+    scale = np.divide(1.0, np.sqrt(np.abs(size)), out=np.zeros_like(size), where=some)
+    if not some.any():
+        return np.zeros((len(G), 0))
+    values, turn = la.eigh(scale[:, None] * (0.5 * (G + G.T)) * scale)
+    keep = values > _DEPENDENT * values[-1]
+    return np.asarray(scale[:, None] * turn[:, keep] / np.sqrt(values[keep]))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Derivatives of all wanted modes at a few sensors, without solving for one of them: the dual way.
+#
+# S φ′ is superposed of the known modes, and what they miss is S(K − λM)⁻¹f on their M-orthogonal complement, for
+# every mode and parameter another f. Instead of all these f the sensors are solved for, once: (K − σM)⁻¹Sᵀ and its
+# powers span a space V in which the equation is projected.
+
+
+TOLERANCE = 1e-4
+_MOST_BLOCKS = 8
+_NEAR = 0.02
+_SLOWEST, _FASTEST, _SAFETY = 0.9, 0.1, 2.0
+_SMALL, _SMALLEST, _FLOOR = 1e-6, 1e-10, 1e-8
+"""The last one is what the inaccuracy of the further modes may leave."""
+_KEPT: WeakKeyDictionary[EigenSolution, dict[str, SensorDerivatives]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class SensorDerivatives:
+    """What the derivatives of the wanted modes at some sensors are made of; m modes are known, w of them wanted.
+
+    Parameters
+    ----------
+    eigenvalues : (w,)
+    stiffness, mass : (k, m, w) ΦᵀK′φ_j and ΦᵀM′φ_j by every parameter
+    gaps : (m, w) 1/(λ_j − λ_h), zero where they are equal
+    shapes : (rows, m) SΦ
+    rest : (rows, w, k) part of Sφ_j′ outside all known modes
+    missing : (w,) estimated error of `rest`, the largest over sensors and parameters
+    error : (w,) the same relative to the largest entry of each mode's derivative
+    solves : number of vectors that were solved for
+    """
+
+    eigenvalues: Reals
+    stiffness: Reals
+    mass: Reals
+    gaps: Reals
+    shapes: Reals
+    rest: Reals
+    missing: Reals
+    error: Reals
+    solves: int
+
+    def subspace(self, members: Sequence[int]) -> SubspaceDerivative:
+        """Derivative of the subspace of some wanted modes."""
+        chosen = list(members)
+        inside = np.ix_(range(len(self.stiffness)), chosen, chosen)
+        gaps = self.gaps[:, chosen]
+        gaps[chosen] = 0.0
+        outside = _superposed(self, gaps, chosen) + self.rest[:, chosen]
+        mass, shapes = self.mass[inside], self.shapes[:, chosen]
+        size = _largest(outside - 0.5 * np.einsum("ri,kij->rjk", shapes, mass))
+        error = float(np.max(_relative(self.missing[chosen], size, _floor(self.shapes)[chosen]), initial=0.0))
+        return SubspaceDerivative(self.eigenvalues[chosen], self.stiffness[inside], mass, outside, shapes, error)
+
+
+def sensor_derivatives(solution: EigenSolution, rows: sp.csr_array, tolerance: float = TOLERANCE) -> SensorDerivatives:
+    """Derivatives of all wanted modes at some rows, computed once for a solution and its rows.
+
+    Blocks are added until the estimated error is within the tolerance, or does not get there in eight: `error` tells.
+
+    Parameters
+    ----------
+    rows : S (rows, n_free), the combinations of DOFs that are wanted
+    tolerance : error relative to the largest entry of each mode's derivative at these rows
+
+    Raises
+    ------
+    FemtuneError : ``model.memory``
+    """
+    kept = _KEPT.setdefault(solution, {})
+    key = digest(rows, tolerance)
+    if key not in kept:
+        kept[key] = _computed(solution, rows, tolerance)
+    return kept[key]
+
+
+def _computed(solution: EigenSolution, rows: sp.csr_array, tolerance: float) -> SensorDerivatives:
+    """A block brings about one digit."""
+    first = min(max(ceil(-log10(tolerance)), 2), _MOST_BLOCKS)
+    basis = DualBasis(solution, rows, first)
+    forces = _projected(solution, basis.parts[0])
+    while True:
+        found = _from_basis(solution, basis, forces)
+        if len(basis.sizes) >= _MOST_BLOCKS or basis.is_exhausted or found.error.max(initial=0.0) <= tolerance:
+            return found
+        basis.extend()
+        more = _projected(solution, basis.parts[-1])
+        forces = np.concatenate([forces[0], more[0]], axis=1), np.concatenate([forces[1], more[1]], axis=1)
+
+
+def _projected(solution: EigenSolution, left: Reals) -> tuple[Reals, Reals]:
+    """(k, a, w) leftᵀK′φ_j and leftᵀM′φ_j."""
+    point, wanted = solution.point, solution.shapes[:, : solution.wanted]
+    stiffness = derivative_projections(point, "stiffness", left, wanted)
+    return stiffness, derivative_projections(point, "mass", left, wanted)
+
+
+def _from_basis(solution: EigenSolution, basis: DualBasis, forces: tuple[Reals, Reals]) -> SensorDerivatives:
+    m, w = solution.shapes.shape[1], solution.wanted
+    values, (stiffness, mass) = solution.eigenvalues[:w], forces
+    outer = stiffness[:, m:] - mass[:, m:] * values
+    # the difference of the last two orders, and the one before it
+    orders = [_rest(basis, size, values, outer) for size in [0, 0, *basis.sizes][-3:]]
+    missing = _missing(_largest(orders[2] - orders[1]), _largest(orders[1] - orders[0]))
+    gaps = inverse_gaps(solution, [[j] for j in range(w)])
+    shapes = np.asarray(basis.rows @ solution.shapes)
+    made = SensorDerivatives(
+        values, stiffness[:, :m], mass[:, :m], gaps, shapes, orders[2], missing, missing, basis.solves
+    )
+    return replace(made, error=_relative(missing, _sizes(made, solution), _floor(shapes)[:w]))
+
+
+def _rest(basis: DualBasis, size: int, values: Reals, outer: Reals) -> Reals:
+    """(rows, w, k) −SV(1 − (λ_j − σ)T)⁻¹Vᵀ(K′ − λ_jM′)φ_j in the first `size` vectors of V."""
+    theta, turn = la.eigh(basis.T[:size, :size]) if size else (np.zeros(0), np.zeros((0, 0)))
+    amplitude = turn.T @ outer[:, :size] / (1.0 - theta[:, None] * (values - basis.shift))
+    return -np.moveaxis((basis.seen[:, :size] @ turn) @ amplitude, 0, 2)
+
+
+def _missing(last: Reals, before: Reals) -> Reals:
+    """What further orders would add, from the differences of the last ones as of a geometric series."""
+    ratio = np.divide(last, before, out=np.full(len(last), _SLOWEST), where=before > 0.0)
+    ratio = np.clip(ratio, _FASTEST, _SLOWEST)
+    return np.asarray(_SAFETY * last * ratio / (1.0 - ratio))
+
+
+def _sizes(made: SensorDerivatives, solution: EigenSolution) -> Reals:
+    """(w,) largest entries of the derivatives without the part that lies in near modes.
+
+    That part is left out where they are one cluster, which is not known here.
+    """
+    values, w = solution.eigenvalues, solution.wanted
+    near = np.abs(values[:w] - values[:, None]) <= _NEAR * (values[:w] - solution.shift)
+    own = 0.5 * made.shapes[:, :w, None] * np.einsum("kjj->jk", made.mass[:, :w])
+    found = _superposed(made, np.where(near, 0.0, made.gaps), list(range(w))) + made.rest - own
+    return _largest(found)
+
+
+def _relative(missing: Reals, size: Reals, floor: Reals) -> Reals:
+    return np.asarray(_FLOOR + missing / np.maximum(size, floor))
+
+
+def _superposed(made: SensorDerivatives, gaps: Reals, chosen: list[int]) -> Reals:
+    """(rows, c, k) SΦ diag(1/(λ_j − λ_h)) Φᵀ(K′ − λ_jM′)φ_j."""
+    forces = made.stiffness[:, :, chosen] - made.mass[:, :, chosen] * made.eigenvalues[chosen]
+    return np.moveaxis(made.shapes @ (forces * gaps), 0, 2)
+
+
+def _floor(shapes: Reals) -> Reals:
+    """(m,) entries below which a mode's derivative at the sensors is rounding."""
+    own = np.abs(shapes).max(axis=0, initial=0.0)
+    return np.asarray(_SMALL * own + _SMALLEST * own.max(initial=0.0) + np.finfo(float).tiny)
+
+
+def _largest(entries: Reals) -> Reals:
+    """(c,) largest entry of (rows, c, k) of each mode."""
+    return np.asarray(np.abs(entries).max(axis=(0, 2), initial=0.0))

@@ -1,0 +1,1 @@
+"""Natural modes: block Lanczos, proof by Sturm counts, SLEPc over MPI."""

@@ -1,0 +1,151 @@
+"""Modes of a model from those of one nearby, by one factorisation just above them, whose inertia counts them too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from femtune.arrays import Reals
+from femtune.model.eigen.accuracy import SMALL, Above, energy_bound_from_above
+from femtune.model.eigen.krylov import Krylov, KrylovPairs, begin, iterate
+from femtune.model.eigen.pairs import check_negative
+from femtune.model.eigen.pencil import Pencil, pieces
+from femtune.model.eigen.sturm import Count, count_below, cut_above, with_repeats
+from femtune.model.linear.sparse_products import column_major
+from femtune.model.solvers.interface import Factor
+
+_ROOM, _FEW, _FAR, _BLOCK, _SEED = 1.01, 20, 4.0, 12, 5
+_TOLERANCE, _MOST = 3e-9, 3e-10
+"""Of θ for modes near τ; an error weighs the more in the lowest ones, the less energy they have."""
+_APART = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """Modes of another value of the parameters, and what was asked for.
+
+    Parameters
+    ----------
+    values, shapes : (m,) and (n, m) of the model nearby, ascending
+    shift : σ below the spectrum, that they were found with
+    above : a value between the modes wanted there and the others
+    wanted : number of modes
+    """
+
+    values: Reals
+    shapes: Reals
+    shift: float
+    above: float
+    wanted: int
+
+
+@dataclass(frozen=True, eq=False)
+class NearbyModes:
+    """All modes below τ, as many as the inertia counts; `whole` of them are wanted; and the factors of K − τM."""
+
+    values: Reals
+    shapes: Reals
+    whole: int
+    above: Count
+
+
+def modes_nearby(pencil: Pencil, nearby: Nearby, limit: Count | None) -> NearbyModes | None:
+    """The modes, or None where they are not found well in this way and are to be sought from below.
+
+    With τ just above the wanted modes their θ = 1/(λ − τ) are all those below zero, and end at −1/τ where the others
+    begin above zero: one factorisation counts and finds them, with somewhat fewer solves than from below.
+
+    Parameters
+    ----------
+    limit : τ with its count and factors where a limit of frequency gave them
+    """
+    if nearby.shapes.shape[1] < nearby.wanted or not np.isfinite(nearby.shapes).all():
+        return None
+    try:
+        values, vectors = _projected(pencil, nearby.shapes)
+    except la.LinAlgError:  # shapes that are not independent
+        return None
+    if not _is_near(nearby, values):
+        return None
+    count = limit if limit is not None and limit.factor is not None else count_below(pencil, _above(nearby, values))
+    if not _is_usable(count, nearby.wanted):
+        return None
+    return _proven(pencil, nearby, count, _start(nearby.shapes, vectors * np.abs(values - count.value)))
+
+
+def _start(shapes: Reals, vectors: Reals) -> Reals:
+    """(n, b) a block that holds all known shapes."""
+    mixed = np.random.default_rng(_SEED).standard_normal((vectors.shape[1], min(_BLOCK, vectors.shape[1])))
+    return column_major(shapes @ (vectors @ mixed))
+
+
+def _is_near(nearby: Nearby, estimates: Reals) -> bool:
+    """True where the old shapes are no worse a basis than those of a model with a few times the stiffness."""
+    last = nearby.wanted - 1
+    moved = (estimates[last] - nearby.shift) / (nearby.values[last] - nearby.shift)
+    return bool(moved < _FAR)
+
+
+def _projected(pencil: Pencil, shapes: Reals) -> tuple[Reals, Reals]:
+    """Rayleigh and Ritz: the best estimates in the span of known shapes, ascending, and their coefficients."""
+    stiff, heavy = np.empty((2, shapes.shape[1], shapes.shape[1]))
+    for part in pieces(0, shapes.shape[1]):
+        some = column_major(shapes[:, part])
+        stiff[:, part], heavy[:, part] = shapes.T @ (pencil.stiffness @ some), shapes.T @ (pencil.mass @ some)
+    values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
+    return values, vectors
+
+
+def _above(nearby: Nearby, estimates: Reals) -> float:
+    """In the widest gap above the wanted estimates, or as far above them as it was."""
+    cut = cut_above(estimates, nearby.wanted, len(estimates), nearby.shift, False)
+    if cut is not None:
+        return cut[0]
+    last = nearby.wanted - 1
+    moved = nearby.above * float(np.median(estimates[last // 2 : last + 1] / nearby.values[last // 2 : last + 1]))
+    return max(moved, _ROOM * float(estimates[last]))
+
+
+def _is_usable(count: Count, wanted: int) -> bool:
+    """True where the pivots tell the count, and the modes below τ are not many more than wanted."""
+    told = count.below is not None and count.factor is not None
+    return told and count.value > 0.0 and wanted <= (count.below or 0) <= 2 * wanted + _FEW
+
+
+def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> NearbyModes | None:
+    """As many pairs as were counted, if they can be told from those above and are accurate."""
+    assert count.factor is not None
+    tolerance = min(_MOST, _TOLERANCE * float(np.sqrt(abs(nearby.shift) / count.value)))
+    found = _below(pencil, count, start, tolerance)
+    if found is None:
+        return None
+    above = Above(count.factor.solve, count.value, max(-found.least, 0.0))
+    values, shapes = count.value - 1.0 / found.theta[::-1], found.shapes[:, ::-1]
+    if count.value - values[-1] <= _APART * (count.value - nearby.shift):
+        return None
+    check_negative(pencil, values, shapes)
+    if energy_bound_from_above(pencil, above, nearby.shift, values, shapes) > SMALL:
+        return None
+    return NearbyModes(values, shapes, with_repeats(values, nearby.wanted, nearby.shift), count)
+
+
+def _below(pencil: Pencil, count: Count, start: Reals, tolerance: float) -> KrylovPairs | None:
+    """All eigenpairs below τ by −(K − τM)⁻¹M; None where the iteration did not get all."""
+    number = count.below or 0
+    assert count.factor is not None
+    operator = Krylov(_negated(count.factor), pencil.mass, pencil.heavy.size)
+    if 2 * number > operator.rank:
+        return None
+    found = iterate(operator, begin(operator, number, start, _BLOCK), number, number, tolerance)
+    return found if len(found.theta) == number and (found.theta > 0.0).all() else None
+
+
+def _negated(factor: Factor) -> Callable[[Reals], Reals]:
+    def solve(b: Reals) -> Reals:
+        x = factor.solve(b)
+        return np.negative(x, out=x)
+
+    return solve

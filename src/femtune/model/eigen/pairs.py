@@ -1,0 +1,205 @@
+"""The lowest eigenpairs through (K − σM)⁻¹, densely or by block Lanczos, and how accurate they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.model.eigen.accuracy import energy_residuals
+from femtune.model.eigen.krylov import Krylov, KrylovBasis, begin, beside, iterate
+from femtune.model.eigen.pencil import Inverse, Pencil, pieces
+from femtune.model.linear.symmetric import SymmetricMatrix
+
+# ----------------------------------------------------------------------------------------------------
+# The lowest eigenpairs of small problems: densely, or from the flexibility of the DOFs that have mass.
+
+
+_INFINITE = 1e-14
+"""θ below this fraction of the largest are directions without mass."""
+_POLLUTED = 1e-7
+"""θ below this fraction of the largest have lost digits to the large ones."""
+
+
+def dense(pencil: Pencil, shift: float, count: int) -> Pairs:
+    """By the inverse: eigenvalues θ = 1/(λ − σ) of L⁻¹ML⁻ᵀ; M may be singular."""
+    L = la.cholesky(pencil.shifted(shift).full().toarray(), lower=True)
+    half = la.solve_triangular(L, pencil.M.full().toarray(), lower=True)
+    inverse = la.solve_triangular(L, half.T, lower=True)
+    n = pencil.n
+    theta, y = la.eigh(0.5 * (inverse + inverse.T), subset_by_index=[max(0, n - count), n - 1])
+    theta, y = finite(theta, y)
+    shapes = la.solve_triangular(L, y, lower=True, trans="T") / np.sqrt(theta)
+    return _polished(pencil, shift, theta, shapes)
+
+
+def condensed(inverse: Inverse, count: int) -> Pairs:
+    """All modes from the flexibility G of the DOFs with mass: θ of LᵀML with G = LLᵀ."""
+    pencil, heavy = inverse.pencil, inverse.pencil.heavy
+    unit = np.zeros((pencil.n, heavy.size), order="F")
+    unit[heavy, np.arange(heavy.size)] = 1.0
+    X = inverse.solve(unit)
+    G, m = X[heavy], pencil.M.full()[heavy][:, heavy].toarray()
+    L = la.cholesky(0.5 * (G + G.T), lower=True)
+    first = max(0, heavy.size - count)
+    theta, y = finite(*la.eigh(L.T @ m @ L, subset_by_index=[first, heavy.size - 1]))
+    return _polished(pencil, inverse.shift, theta, X @ (m @ (L @ y)) / theta**1.5)
+
+
+def finite(theta: Reals, vectors: Reals) -> Pairs:
+    """θ that are not zero, and their vectors."""
+    some = theta > _INFINITE * theta.max()
+    if some.all():
+        return theta, vectors
+    return theta[some], vectors[:, some]
+
+
+def _polished(pencil: Pencil, shift: float, theta: Reals, shapes: Reals) -> Pairs:
+    """Modes far above the lowest, freed of these and solved once more among themselves."""
+    values, shapes = shift + 1.0 / theta, shapes.copy()
+    high = theta < _POLLUTED * theta.max()
+    if not high.any():
+        return values, shapes
+    good, X = shapes[:, ~high], shapes[:, high]
+    for _ in range(2):
+        X = X - good @ (good.T @ (pencil.mass @ X))
+    values[high], y = la.eigh(X.T @ (pencil.stiffness @ X), X.T @ (pencil.mass @ X))
+    shapes[:, high] = X @ y
+    return values, shapes
+
+
+Pairs = tuple[Reals, Reals]
+
+DENSE_UP_TO = 400
+_MOST_ENTRIES = 20_000_000
+_ACCURACY = 1e-5
+_NEGATIVE = -1e-8
+_FAR = 1e-3
+"""Residuals of an iteration that has stopped short; nearer ones are left to the check of accuracy."""
+
+
+@dataclass(frozen=True, eq=False)
+class EigenSearch:
+    """What is asked of one eigenproblem, and what helps.
+
+    Parameters
+    ----------
+    inverse : (K − σM)⁻¹ for a σ below the spectrum
+    start : (n, c) shapes that are nearly those wanted
+    basis : a basis that was begun with this factor
+    """
+
+    inverse: Inverse
+    start: Reals | None = None
+    basis: KrylovBasis | None = None
+
+    @property
+    def pencil(self) -> Pencil:
+        """K and M."""
+        return self.inverse.pencil
+
+    @property
+    def shift(self) -> float:
+        """σ."""
+        return self.inverse.shift
+
+
+def lowest(search: EigenSearch, count: int, wanted: int, known: Pairs | None = None) -> tuple[Reals, Reals, int]:
+    """At most `count` lowest eigenvalues (ascending) and mass-normalised shapes, and how many of them are accurate.
+
+    Dense for small models, by Lanczos for large ones, condensed where few DOFs have mass or most modes are wanted.
+    `known` are eigenvalues and shapes that were found before: others are sought beside them.
+
+    Raises
+    ------
+    FemtuneError : ``eigen.inaccurate`` where one of the wanted is not, ``eigen.no-convergence``, ``eigen.negative``
+    """
+    try:
+        if search.pencil.n <= DENSE_UP_TO:
+            values, shapes = dense(search.pencil, search.shift, count)
+        elif is_iterative(search.pencil, count):
+            values, shapes = iterative(search, count, wanted, known)
+        else:
+            values, shapes = condensed(search.inverse, count)
+    except la.LinAlgError as broken:
+        raise _indefinite() from broken
+    if (np.diff(values) < 0.0).any():
+        order = np.argsort(values)
+        values, shapes = values[order], shapes[:, order]
+    check_negative(search.pencil, values, shapes)
+    error = energy_residuals(search.inverse, values, shapes, min(wanted, len(values)))
+    bad = np.flatnonzero(~(error <= _ACCURACY))
+    accurate = int(bad[0]) if bad.size else len(values)
+    if accurate < min(wanted, len(values)):
+        raise _inaccurate(accurate, float(values[accurate]), float(error[accurate]))
+    return values, shapes, accurate
+
+
+def method_of(search: EigenSearch, count: int) -> str:
+    """How `lowest` solves for `count` modes, in words, with the sparse solver whose factors it used."""
+    if search.pencil.n <= DENSE_UP_TO:
+        return "dense"
+    way = "block Lanczos" if is_iterative(search.pencil, count) else "dense, condensed to the DOFs with mass"
+    return f"{way}, sparse factors by {search.inverse.solver}"
+
+
+def is_iterative(pencil: Pencil, count: int) -> bool:
+    """True where the iteration is the way."""
+    heavy = pencil.heavy.size
+    few = heavy <= DENSE_UP_TO and pencil.n * heavy <= _MOST_ENTRIES
+    return pencil.n > DENSE_UP_TO and not few and 2 * count < heavy
+
+
+def iterative(search: EigenSearch, count: int, wanted: int, known: Pairs | None = None) -> Pairs:
+    """By block Lanczos on (K − σM)⁻¹M."""
+    operator = krylov_operator(search.inverse)
+    if known is not None:
+        missing = count - len(known[0])
+        basis = beside(operator, count, 1.0 / (known[0] - search.shift), known[1], missing)
+    else:
+        basis = search.basis or begin(operator, count, search.start)
+    found = iterate(operator, basis, count, wanted)
+    left = float(found.error[:wanted].max(initial=0.0))
+    if left > _FAR:
+        raise _not_converged(count, left)
+    theta, shapes = finite(found.theta, found.shapes)
+    return search.shift + 1.0 / theta, shapes
+
+
+def krylov_operator(inverse: Inverse) -> Krylov:
+    """S = (K − σM)⁻¹M."""
+    return Krylov(inverse.solve, inverse.pencil.mass, inverse.pencil.heavy.size)
+
+
+def _not_converged(count: int, error: float) -> FemtuneError:
+    return FemtuneError("eigen.no-convergence", count=count, error=error)
+
+
+def _inaccurate(mode: int, value: float, error: float) -> FemtuneError:
+    return FemtuneError(
+        "eigen.inaccurate",
+        values={"frequency (Hz)": f"{np.sqrt(max(value, 0.0)) / (2 * np.pi):.6g}"},
+        mode=mode + 1,
+        error=error,
+    )
+
+
+def _indefinite() -> FemtuneError:
+    """A matrix that one factorisation found positive definite, another one not."""
+    return FemtuneError("eigen.inaccurate/indefinite")
+
+
+def check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
+    """Refuse modes of negative strain energy; that of a rigid-body mode is rounding of large parts."""
+    below = shapes[:, values < 0.0]
+    if not below.shape[1]:
+        return
+    strain = np.einsum("ij,ij->j", below, pencil.stiffness @ below)
+    K = pencil.K
+    size = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
+    parts = [np.einsum("ij,ij->j", u, size @ u) for u in (np.abs(below[:, p]) for p in pieces(0, below.shape[1]))]
+    if (strain < _NEGATIVE * np.concatenate(parts)).any():
+        raise FemtuneError("eigen.negative", listed=values.min())

@@ -1,0 +1,265 @@
+"""Eigen-solution of K φ = λ M φ with rigid-body modes, checked by the Sturm count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError, Notice
+from femtune.model.configured import ModelPoint
+from femtune.model.eigen.nearby import Nearby, modes_nearby
+from femtune.model.eigen.pairs import DENSE_UP_TO, EigenSearch, Pairs, is_iterative, lowest, method_of
+from femtune.model.eigen.pencil import Pencil, indefinite_mass
+from femtune.model.eigen.shift import first_guess, near_shift, negative_stiffness, spectral_shift
+from femtune.model.eigen.slepc import goes_to_slepc, small_for_slepc, solve_by_slepc
+from femtune.model.eigen.sturm import Count, Cut, count_below, cut_above, missed, not_counted, separates, with_repeats
+from femtune.model.linear.blocks import recycled
+from femtune.model.linear.sparse_products import row_major
+from femtune.model.solvers.factorise import factorise
+from femtune.model.solvers.interface import Factor
+
+__all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
+
+_DEFAULT_COUNT = 10
+_EXTRA_MODES, _MOST_EXTRA = 6, 400
+_LARGEST = 1e90
+_ONE_FACTOR_FROM = 60_000
+"""From this size on, factors are forgotten before others are made: two at a time would fill the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class EigenSolution:
+    """The lowest modes of a model point.
+
+    Parameters
+    ----------
+    eigenvalues : (m,) λ = ω² in rad²/s², ascending
+    shapes : (n_free, m), φᵀMφ = 1
+    wanted : number of modes that were asked for, a repeated one at the end kept whole; the others serve the
+        derivatives
+    shift : σ below the spectrum, at which the eigenproblem was inverted
+    sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,
+        counted from the inertia of K − σM; −1 where it could not be counted
+    sturm_factor : factors of K − σM at `sturm_shift`, kept for large models in place of those at `shift`
+    method : eigen-solver and sparse solver that ran, in words; "" where nobody knows
+    """
+
+    point: ModelPoint = field(repr=False)
+    eigenvalues: NDArray[np.float64]
+    shapes: NDArray[np.float64] = field(repr=False)
+    wanted: int
+    shift: float
+    sturm_shift: float
+    sturm_count: int
+    notices: tuple[Notice, ...] = ()
+    known_factor: Factor | None = field(default=None, repr=False)
+    sturm_factor: Factor | None = field(default=None, repr=False)
+    method: str = ""
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Factors of K − σM, made again where the solution came without them."""
+        if self.known_factor is not None:
+            return self.known_factor
+        return factorise(self.point.symmetric_stiffness.plus(-self.shift, self.point.symmetric_mass))
+
+    def forget_factors(self) -> None:
+        """Give the memory of the factors back; whoever asks for them later gets them made again."""
+        for name in ("known_factor", "sturm_factor"):
+            object.__setattr__(self, name, None)
+        self.__dict__.pop("factor", None)
+
+    @property
+    def freq_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies of the wanted modes; rigid-body modes come out as (nearly) zero."""
+        return np.sqrt(np.maximum(self.eigenvalues[: self.wanted], 0.0)) / (2.0 * np.pi)
+
+
+@recycled()
+def solve_modes(
+    point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
+) -> EigenSolution:
+    """The `count` lowest modes (ten where nothing is said), or all up to `max_hz` but at least one.
+
+    That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
+
+    Parameters
+    ----------
+    start : modes of the same configured model at other values of its parameters; they shorten the way. Where the
+        model is large the factors that it keeps are forgotten first
+
+    Raises
+    ------
+    FemtuneError : ``eigen.mechanism`` (a motion without stiffness and mass, naming the DOFs), ``eigen.no-mass``,
+        ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate``, ``eigen.negative``, ``eigen.no-convergence``,
+        ``eigen.uncounted``, ``eigen.other-start``
+    """
+    _check_start(point, start)
+    pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
+    _check_matrices(point, pencil)
+    if goes_to_slepc(pencil.M, count):
+        return _by_slepc(point, count, max_hz)
+    limit = None if max_hz is None else count_below(pencil, (2.0 * np.pi * max_hz) ** 2)
+    wanted = _wanted(count, limit)
+    known = None if start is None else _from_start(point, pencil, start, wanted, limit)
+    if known is not None:
+        return known
+    if limit is not None:
+        limit = replace(limit, factor=None)
+    search = _search(point, pencil, wanted, start)
+    if limit is not None and limit.below is None:
+        raise _uncounted(max_hz)
+    return _proven(point, search, wanted, limit)
+
+
+def _from_start(
+    point: ModelPoint, pencil: Pencil, start: EigenSolution, wanted: int, limit: Count | None
+) -> EigenSolution | None:
+    """By one factorisation just above the modes, where they are found so."""
+    if pencil.n >= _ONE_FACTOR_FROM:
+        start.forget_factors()
+    if not is_iterative(pencil, wanted):
+        return None
+    nearby = Nearby(start.eigenvalues, start.shapes, start.shift, start.sturm_shift, wanted)
+    found = modes_nearby(pencil, nearby, limit)
+    if found is None:
+        return None
+    above, kept = found.above, row_major(found.shapes)
+    assert above.below is not None
+    factor = above.factor if _is_accurate(above.factor) else None
+    return EigenSolution(
+        point, found.values, kept, found.whole, start.shift, above.value, above.below, sturm_factor=factor
+    )
+
+
+def _search(point: ModelPoint, pencil: Pencil, wanted: int, start: EigenSolution | None) -> EigenSearch:
+    if start is not None:
+        return near_shift(point, pencil, start.eigenvalues, start.shift, start.shapes)
+    return spectral_shift(point, pencil, wanted + _EXTRA_MODES)
+
+
+def _proven(point: ModelPoint, search: EigenSearch, wanted: int, limit: Count | None) -> EigenSolution:
+    """Modes until their number is that of the inertia."""
+    possible, extra = search.pencil.heavy.size, _EXTRA_MODES
+    wanted, known = min(wanted, possible), None
+    while True:
+        asked = min(wanted + extra, possible)
+        values, shapes, accurate = lowest(search, asked, wanted, known)
+        search = replace(search, start=None, basis=None)
+        whole = with_repeats(values, min(wanted, accurate), search.shift)
+        complete = asked == possible or len(values) < asked
+        cut, found = _counted(search, values, (whole, accurate), complete, limit)
+        if cut is not None and found.below in (None, cut[1]):
+            solution = _solution(point, search, values[:accurate], shapes[:, :accurate], (whole, cut, found))
+            return replace(solution, method=method_of(search, asked))
+        if asked == possible or extra > _MOST_EXTRA:
+            raise missed(cut, found.below)
+        known = _to_keep(search, values[:accurate], shapes[:, :accurate], cut, found.below)
+        extra *= 4
+
+
+def _counted(
+    search: EigenSearch, values: NDArray, sizes: tuple[int, int], complete: bool, limit: Count | None
+) -> tuple[Cut | None, Count]:
+    """Where to count, and the count: that at the limit of frequency where it serves, to spare a factorisation."""
+    whole, accurate = sizes
+    if limit is not None and separates(values, whole, accurate, search.shift, limit):
+        return (limit.value, whole), limit
+    cut = cut_above(values, whole, accurate, search.shift, complete)
+    if cut is None:
+        return None, Count(0.0, None)
+    if search.pencil.n >= _ONE_FACTOR_FROM:
+        search.inverse.forget()
+    return cut, count_below(search.pencil, cut[0])
+
+
+def _to_keep(search: EigenSearch, values: NDArray, shapes: NDArray, cut: Cut | None, below: int | None) -> Pairs | None:
+    """The pairs beside which missing ones are sought; none where there are too many."""
+    too_many = cut is not None and below is not None and below < cut[1]
+    return None if too_many or not is_iterative(search.pencil, len(values) + 1) else (values, shapes)
+
+
+def _solution(
+    point: ModelPoint, search: EigenSearch, values: NDArray, shapes: NDArray, proof: tuple[int, Cut, Count]
+) -> EigenSolution:
+    whole, cut, found = proof
+    notices = (*((not_counted(),) if found.below is None else ()), *small_for_slepc(search.pencil.M))
+    counted = -1 if found.below is None else found.below
+    # one order in memory, so that what follows is the same to the last bit whoever computed or kept the shapes
+    kept = row_major(shapes)
+    own = search.inverse.at_hand
+    sturm = found.factor if own is None and _is_accurate(found.factor) else None
+    return EigenSolution(point, values, kept, whole, search.shift, cut[0], counted, notices, own, sturm)
+
+
+def _is_accurate(factor: Factor | None) -> bool:
+    """False for what exchanges no pivots, where the matrix is indefinite."""
+    return factor is not None and factor.name != "SuperLU"
+
+
+def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+    number = _DEFAULT_COUNT if count is None else count
+    found = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, number, max_hz, _end)
+    notices = (not_counted(),) if found.sturm_count < 0 else ()
+    return EigenSolution(
+        point,
+        found.values,
+        np.ascontiguousarray(found.shapes),
+        found.wanted,
+        found.shift,
+        found.sturm_shift,
+        found.sturm_count,
+        notices,
+        method="SLEPc (Krylov-Schur) over MPI, sparse factors by MUMPS",
+    )
+
+
+def _end(
+    values: NDArray, wanted: int, known: int, shift: float, complete: bool
+) -> tuple[int, tuple[float, int] | None]:
+    whole = with_repeats(values, wanted, shift)
+    return whole, cut_above(values, whole, known, shift, complete)
+
+
+def _check_matrices(point: ModelPoint, pencil: Pencil) -> None:
+    name = point.configured.configuration.name
+    if not point.configured.n_free:
+        raise FemtuneError("eigen.no-dofs", name=name)
+    if not pencil.M.data.any():
+        raise FemtuneError("eigen.no-mass", name=name)
+    if indefinite_mass(pencil.M):
+        raise negative_stiffness(point)
+    _check_sizes(pencil)
+
+
+def _check_sizes(pencil: Pencil) -> None:
+    """The iteration multiplies a mass by the square of a flexibility: that must not overflow."""
+    stiffness, mass, lowest_value = float(np.abs(pencil.K.data).max()), float(np.abs(pencil.M.data).max()), 0.0
+    if max(stiffness, mass) < _LARGEST:
+        lowest_value = first_guess(pencil)
+    if not lowest_value * _LARGEST > 1.0:
+        raise FemtuneError(
+            "eigen.inaccurate/check-sizes",
+            values={"largest stiffness": f"{stiffness:.6g}", "largest mass": f"{mass:.6g}"},
+        )
+
+
+def _check_start(point: ModelPoint, start: EigenSolution | None) -> None:
+    if start is not None and len(start.shapes) != point.configured.n_free:
+        raise FemtuneError(
+            "eigen.other-start",
+            values={"DOFs of the model": point.configured.n_free, "DOFs of the modes": len(start.shapes)},
+        )
+
+
+def _wanted(count: int | None, limit: Count | None) -> int:
+    if limit is not None:
+        return max(limit.below or 0, 1)
+    return _DEFAULT_COUNT if count is None else max(count, 1)
+
+
+def _uncounted(max_hz: float | None) -> FemtuneError:
+    return FemtuneError("eigen.uncounted", max_hz=max_hz)

@@ -1,0 +1,42 @@
+"""Who solves the full model: its own functions, or whatever stands before them (a journal, what is remembered)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
+
+    from femtune.model.configured import ModelPoint
+    from femtune.model.derivatives.modes import SubspaceDerivative
+    from femtune.model.eigen.solution import EigenSolution
+
+
+class ModelSolver(Protocol):
+    """Solutions of the full model and their derivatives, as `solve_modes` and `subspace_derivative` give them."""
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        """Modes of a model point."""
+        ...
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        """Derivatives of the subspace of some modes at the rows that are wanted."""
+        ...
+
+
+class _Direct:
+    """The model's own functions, imported by those who solve."""
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        from femtune.model.eigen.solution import solve_modes  # noqa: PLC0415
+
+        return solve_modes(point, count, max_hz)
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        from femtune.model.derivatives.chosen import subspace_derivative  # noqa: PLC0415
+
+        return subspace_derivative(solution, members, rows)
+
+
+direct: ModelSolver = _Direct()

@@ -1,0 +1,1 @@
+"""Models made of matrices that another solver wrote."""

@@ -1,0 +1,1 @@
+"""Sparse and dense products of symmetric matrices, and the memory they need."""

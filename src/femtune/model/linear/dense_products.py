@@ -1,0 +1,84 @@
+"""Products of tall blocks of vectors, by the threads of the library that factorises where it is at hand.
+
+Two libraries with threads of their own disturb each other: each waits, busy, for its next work.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import scipy.linalg as la
+
+from femtune.arrays import Reals
+from femtune.model.linear.blocks import empty_block
+from femtune.model.solvers import pardiso
+
+_BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
+_ROWS = 1 << 14
+_LIBRARY_FROM = 200_000
+"""Numbers in the tall matrix from which the library is worth its start."""
+
+
+def multiply(A: Reals, B: Reals) -> Reals:
+    """A B, in Fortran's order, for A in Fortran's order and a small B."""
+    return _product(A, B, empty_block(A.shape[0], B.shape[1]), 1.0, 0.0)
+
+
+def subtract(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W − V C in place, for W and V in Fortran's order."""
+    _product(V, C, W, -1.0, 1.0)
+
+
+def add(W: Reals, V: Reals, C: Reals) -> None:
+    """W ← W + V C in place, for W and V in Fortran's order."""
+    _product(V, C, W, 1.0, 1.0)
+
+
+def turn(V: Reals, Y: Reals) -> Reals:
+    """V Y in the place of V's first columns, a piece of rows at a time: no second array of V's size is made."""
+    for first in range(0, len(V), _ROWS):
+        rows = V[first : first + _ROWS]
+        rows[:, : Y.shape[1]] = rows[:, : Y.shape[0]] @ Y
+    return V[:, : Y.shape[1]]
+
+
+def transposed_times(V: Reals, W: Reals) -> Reals:
+    """VᵀW for both in Fortran's order."""
+    found = pardiso.library() if V.size >= _LIBRARY_FROM else None
+    if found is None or not W.size or not (V.flags.f_contiguous and W.flags.f_contiguous):
+        return np.asarray(V.T @ W)
+    out = np.empty((V.shape[1], W.shape[1]), order="F")
+    _call(found, _TRANSPOSED, V, W, out, (1.0, 0.0), (V.shape[1], W.shape[1], V.shape[0]))
+    return out
+
+
+def _product(A: Reals, B: Reals, out: Reals, alpha: float, beta: float) -> Reals:
+    """out ← α A B + β out."""
+    if not A.size or not B.size:
+        out *= beta
+        return out
+    found = pardiso.library() if A.size >= _LIBRARY_FROM else None
+    B = np.asfortranarray(B)
+    if found is not None and A.flags.f_contiguous and out.flags.f_contiguous:
+        _call(found, _PLAIN, A, B, out, (alpha, beta), (A.shape[0], B.shape[1], B.shape[0]))
+        return out
+    new = la.blas.dgemm(alpha, A, B, beta=beta, c=out, overwrite_c=True)
+    if new is not out:
+        out[...] = new
+    return out
+
+
+def _call(
+    found: ctypes.CDLL, kind: int, A: Reals, B: Reals, out: Reals, factors: tuple[float, float],
+    sizes: tuple[int, int, int],
+) -> None:  # fmt: skip
+    alpha, beta = (ctypes.c_double(f) for f in factors)
+    found.cblas_dgemm(
+        _BY_COLUMNS, kind, _PLAIN, *sizes, alpha, _pointer(A), A.shape[0], _pointer(B), B.shape[0], beta,
+        _pointer(out), out.shape[0],
+    )  # fmt: skip
+
+
+def _pointer(array: Reals) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

@@ -1,0 +1,137 @@
+"""What each solver can do, whether it is at hand here, and how it is installed."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import scipy
+
+from femtune.errors import FemtuneError
+from femtune.model.distributed import launch
+from femtune.model.solvers import cholmod, mumps, pardiso
+from femtune.model.solvers.factorise import INSTALLATION, available_solvers
+
+
+@dataclass(frozen=True)
+class SolverFacts:
+    """One solver.
+
+    Parameters
+    ----------
+    purpose : "factorisation" or "eigenproblem"
+    why_not : why it is not at hand; "" where it is
+    version : "" where it is not at hand
+    threads : threads, or processes, that it would take here
+    inertia : it counts eigenvalues below a shift (Sturm)
+    """
+
+    name: str
+    purpose: str
+    at_hand: bool
+    why_not: str
+    version: str
+    threads: int
+    inertia: bool
+    complex_numbers: bool
+    distributed: bool
+    licence: str
+    installation: str
+
+
+def solver_list() -> tuple[SolverFacts, ...]:
+    """All solvers that femtune knows, the fastest first, then the one over MPI."""
+    facts = (
+        ("PARDISO", _pardiso, True, True, "Intel Simplified Software License (proprietary, redistributable)"),
+        ("MUMPS", _python_mumps, True, True, "CeCILL-C; python-mumps BSD-2-Clause"),
+        ("CHOLMOD", _scikit_sparse, False, False, "GPL-2.0-or-later (supernodal part); scikit-sparse BSD-2-Clause"),
+        ("SuperLU", _scipy, True, True, "BSD-3-Clause"),
+    )
+    return (*(_factorisation(*each) for each in facts), _slepc())
+
+
+def _factorisation(
+    name: str, look: Callable[[], tuple[str, str]], inertia: bool, numbers: bool, licence: str
+) -> SolverFacts:
+    why_not, version = look()
+    at_hand = name in available_solvers()
+    many = threads() if name != "SuperLU" else 1
+    return SolverFacts(
+        name, "factorisation", at_hand, why_not, version if at_hand else "", many, inertia, numbers, False, licence,
+        INSTALLATION[name],
+    )  # fmt: skip
+
+
+def threads() -> int:
+    """Threads of the libraries: MKL_NUM_THREADS or OMP_NUM_THREADS, else one a core."""
+    for variable in ("MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        text = os.environ.get(variable, "")
+        if text.isascii() and text.isdigit() and int(text) > 0:
+            return min(int(text), launch.cores())
+    return launch.cores()
+
+
+def _pardiso() -> tuple[str, str]:
+    version = _version("mkl")
+    if pardiso.library() is not None:
+        return "", version
+    return "its library is installed but does not load" if version else "the package mkl is not installed", ""
+
+
+def _python_mumps() -> tuple[str, str]:
+    found = mumps.library()
+    return (found, "") if isinstance(found, str) else ("", _version("python-mumps"))
+
+
+def _scikit_sparse() -> tuple[str, str]:
+    found = cholmod.library()
+    return (found, "") if isinstance(found, str) else ("", _version("scikit-sparse"))
+
+
+def _scipy() -> tuple[str, str]:
+    return "", f"of SciPy {scipy.__version__}"
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def _slepc() -> SolverFacts:
+    why_not, version, processes = "", "", 1
+    try:
+        processes = launch.ranks()
+        version = launch.probe(launch.start()[1][-1])[1]
+    except FemtuneError as absent:
+        why_not = absent.what
+    return SolverFacts(
+        "SLEPc", "eigenproblem", not why_not, why_not, version, processes, True, False, True,
+        "BSD-2-Clause (SLEPc, PETSc); factors by MUMPS, CeCILL-C", launch.INSTALLATION,
+    )  # fmt: skip
+
+
+def solver_table(solvers: tuple[SolverFacts, ...]) -> str:
+    """The list as text for a terminal."""
+    return "\n\n".join(_paragraph(solver) for solver in solvers)
+
+
+def _paragraph(facts: SolverFacts) -> str:
+    state = f"at hand, version {facts.version}" if facts.at_hand else f"not at hand: {facts.why_not}"
+    unit = "process" if facts.distributed else "thread"
+    can = {
+        "counts eigenvalues (inertia)": facts.inertia,
+        "complex numbers": facts.complex_numbers,
+        "several machines (MPI)": facts.distributed,
+    }
+    lines = {
+        "for": facts.purpose,
+        "takes": f"{facts.threads} {unit}{'' if facts.threads == 1 else 'es' if facts.distributed else 's'}",
+        "can": ", ".join(name for name, able in can.items() if able) or "positive definite real matrices only",
+        "licence": facts.licence,
+        "to install": facts.installation,
+    }
+    return "\n".join([f"{facts.name}: {state}", *(f"  {name:<11}{text}" for name, text in lines.items())])

@@ -1,0 +1,128 @@
+"""The document as one self-contained HTML file: no script, nothing from the network, every text escaped."""
+
+from __future__ import annotations
+
+import base64
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+
+from femtune.assembly.progress import silent
+from femtune.errors import FemtuneError, Where, printable
+from femtune.reporting.document import Figure, FigureRow
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.reporting.document import Bar, Document
+
+
+def write_html(document: Document, path: Path | str, progress: Progress = silent) -> Path:
+    """Write the document to `path`; `progress` is told of every picture that is drawn.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    path = Path(path)
+    _draw(document, progress)
+    content = html_text(document).encode()
+    try:
+        path.write_bytes(content)
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from error
+    return path
+
+
+def _draw(document: Document, progress: Progress) -> None:
+    """Draw all pictures, which a document keeps."""
+    blocks = [block for section in document.sections for block in section.blocks]
+    rows = [block.figures if isinstance(block, FigureRow) else (block,) for block in blocks]
+    figures = [figure for row in rows for figure in row if isinstance(figure, Figure)]
+    for i, figure in enumerate(figures):
+        progress.step("drawing the pictures of the page", i, len(figures))
+        _ = figure.svg
+
+
+def check_page(path: Path | str) -> None:
+    """Prove that a page can be written to `path`, before the work begins.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    path = Path(path)
+    try:
+        # a page that is there stays as it is; an empty file that only the proof made is taken away again
+        there = path.exists()
+        with path.open("ab"):
+            pass
+        if not there:
+            path.unlink()
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from error
+
+
+def _unwritable(path: Path, error: OSError | ValueError) -> FemtuneError:
+    """ValueError: a name that no file can have."""
+    return FemtuneError(
+        "run.unwritable/report", where=Where(str(path)), reason=getattr(error, "strerror", None) or error
+    )
+
+
+def html_text(document: Document) -> str:
+    """The document as HTML."""
+    return _environment().get_template("report.html").render(document=document)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """Templates of the package; undefined names are errors, control characters are spelled out."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("femtune.reporting", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_final,
+    )
+    environment.filters |= {"data_uri": _data_uri, "bar_style": _bar_style}
+    return environment
+
+
+def _final(value: Any) -> Any:
+    """Texts without control characters; what a template marks as safe (its own macros) stays as it is."""
+    return printable(value.expandtabs()) if type(value) is str else value
+
+
+def _data_uri(svg: str) -> str:
+    """An image of its own: nothing inside an image can run or load anything."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+
+
+def _bar_style(bar: Bar) -> str:
+    return f"left:{100 * bar.start:.1f}%;width:{max(100 * (bar.end - bar.start), 0.8):.1f}%"
+
+
+# ----------------------------------------------------------------------------------------------------
+# Order, titles and opening words of the sections, from the files in text/.
+
+
+@dataclass(frozen=True)
+class SectionText:
+    """One entry of the file; the function `id` of `module` in `femtune.reporting.sections` makes the blocks."""
+
+    id: str
+    module: str
+    title: str
+    intro: str = ""
+
+
+def section_texts(page: str = "report") -> tuple[SectionText, ...]:
+    """All entries of a page, "report", "modes" or "responses", in their order."""
+    text = files("femtune.reporting").joinpath(f"text/{page}.toml").read_text(encoding="utf-8")
+    return tuple(SectionText(**entry) for entry in tomllib.loads(text)["section"])

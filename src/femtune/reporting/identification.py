@@ -1,0 +1,201 @@
+"""The page of an identification: modes with their standard deviations, how they were chosen, how well they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.identification.choice import Limits, stable
+from femtune.reporting.document import (
+    AlertBox,
+    Document,
+    Figure,
+    Listing,
+    Paragraph,
+    Section,
+    Table,
+    columns,
+    row,
+)
+from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
+from femtune.reporting.figures.stabilisation import StabilisationPicture, stabilisation_svg
+from femtune.reporting.numbers import NONE, counted, freq, percent, short, typeset, unit_fraction
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import (
+        Block,
+        Level,
+    )
+    from femtune.study.identification import IdentifyResult
+    from femtune.study.identification.records import IdentifiedMode
+
+_SHOWN_FUNCTIONS = 6
+
+
+def build_identification_page(made: IdentifyResult) -> Document:
+    """The page as data; pictures are drawn when a renderer asks for them."""
+    sentence, level = _verdict(made)
+    sections = (
+        Section("modes", "Modes", tuple(_modes(made))),
+        Section("poles", "How they were chosen", tuple(_poles(made))),
+        Section("fit", "Measured and synthesised functions", tuple(_fit(made))),
+        Section("checks", "Remarks", tuple(_remarks(made))),
+        Section("files", "Files", (Paragraph(f"{made.folder}: {', '.join(made.files)}"),)),
+    )
+    whole = tuple(s for s in sections if s.blocks)
+    short_form = tuple(s for s in whole if s.id in ("modes", "checks", "files"))
+    return Document(made.record.title, sentence, level, _facts(made), whole, short_form, "Identification")
+
+
+def _verdict(made: IdentifyResult) -> tuple[str, Level]:
+    modes = made.record.modes
+    own = [m for m in modes if not m.of_input]
+    text = (
+        f"{counted(len(own), 'mode')} from {freq(own[0].freq_hz)} to {freq(own[-1].freq_hz)} Hz" if own else "No mode"
+    )
+    apart = _apart(own)
+    if apart is not None:
+        text += f"; the methods lie within {percent(100.0 * apart)} % of each other in frequency"
+    others = len(modes) - len(own)
+    if others:
+        text += f"; {counted(others, 'peak')} of the excitation left aside"
+    warned = any(a.level != "info" for a in made.record.alerts) or not own
+    return text + ".", "warning" if warned else "info"
+
+
+def _apart(modes: list[IdentifiedMode]) -> float | None:
+    """Largest relative distance between two methods, None where no mode was found by two."""
+    spans = []
+    for mode in modes:
+        found = [f for f in mode.by_method.values() if f is not None]
+        if len(found) > 1:
+            spans.append((max(found) - min(found)) / mode.freq_hz)
+    return max(spans) if spans else None
+
+
+def _facts(made: IdentifyResult) -> tuple[tuple[str, str], ...]:
+    record = made.record
+    return (
+        ("Measurement", record.source.path),
+        ("Sensors", str(len(record.dofs))),
+        ("Shapes", f"{record.normalisation}, {record.units}"),
+        ("Written by", f"femtune {record.femtune_version}"),
+    )
+
+
+def _modes(made: IdentifyResult) -> Iterator[Block]:
+    record = made.record
+    methods = list(record.modes[0].by_method) if record.modes else []
+    counted_in = any(m.estimates is not None for m in record.modes)
+    heads = columns(
+        "Mode", ">Hz", ">± σ", ">Damping %", ">± σ", *(f">{m} Hz" for m in methods), ">Collinearity",
+        *((">Found in",) if counted_in else ()),
+    )  # fmt: skip
+    rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
+    note = "σ: standard deviation, – where the method gives none. Collinearity: 1 where the shape is real."
+    yield Table("Modes", heads, tuple(rows), note)
+
+
+def _mode_cells(mode: IdentifiedMode, methods: list[str], estimates: int, counted_in: bool) -> list[str]:
+    damping = None if mode.damping_ratio is None else 100.0 * mode.damping_ratio
+    spread = None if mode.damping_sd is None else 100.0 * mode.damping_sd
+    name = f"{mode.label} (excitation)" if mode.of_input else mode.label
+    cells = [name, freq(mode.freq_hz), _spread(mode.freq_sd_hz), short(damping), _spread(spread)]
+    cells += [freq(mode.by_method[m]) for m in methods]
+    cells.append(unit_fraction(mode.phase_collinearity))
+    return [*cells, f"{mode.estimates} of {estimates}"] if counted_in else cells
+
+
+def _spread(number: float | None) -> str:
+    return NONE if number is None else typeset(f"{number:.2g}")
+
+
+def _poles(made: IdentifyResult) -> Iterator[Block]:
+    picture = _picture(made)
+    shown = "no pole has an order" if made.found.table is None else counted(len(made.found.table), "pole")
+    yield Figure(
+        partial(stabilisation_svg, picture),
+        "Poles of every order; those that come back from order to order are large. Behind them: "
+        f"{made.found.curve.words}. Lines: chosen modes; dashed: peaks of the excitation.",
+        f"Stabilisation diagram, {shown}, {counted(len(made.record.modes), 'mode')} chosen",
+        wide=True,
+    )
+    if made.record.clusters:
+        heads = columns(">Hz", ">Damping %", "Taken", "Why")
+        rows = [
+            row(freq(c.freq_hz), short(100.0 * c.damping_ratio), "yes" if c.chosen else "no", c.reason)
+            for c in made.record.clusters
+        ]
+        note = "Another choice: take_hz and drop_hz in the file, or --take and --drop."
+        yield Table("Clusters of stable poles", heads, tuple(rows), note, folded=True)
+
+
+def _picture(made: IdentifyResult) -> StabilisationPicture:
+    found, table = made.found, made.found.table
+    own = [m.freq_hz for m in made.record.modes if not m.of_input]
+    others = [m.freq_hz for m in made.record.modes if m.of_input]
+    curve = found.curve
+    ends = curve.freq_hz if len(curve.freq_hz) else np.array([*own, *others])
+    band = float(ends.min()), float(ends.max())
+    if table is None:
+        nothing = np.zeros(0)
+        return StabilisationPicture(
+            nothing, np.zeros(0, int), (), np.zeros(0, bool), curve.freq_hz, curve.level_db, own, others, band
+        )
+    inside = (table.freq_hz >= band[0]) & (table.freq_hz <= band[1])
+    shown, firm = table.select(inside), stable(table, Limits())[inside]
+    return StabilisationPicture(
+        shown.freq_hz, shown.order, shown.method, firm, curve.freq_hz, curve.level_db, own, others, band
+    )
+
+
+def _fit(made: IdentifyResult) -> Iterator[Block]:
+    found = made.found
+    if found.measured is None or found.synthesised is None or found.misfit_percent is None:
+        return
+    worst, middle = float(found.misfit_percent.max()), float(np.median(found.misfit_percent))
+    yield Paragraph(
+        f"The modes and terms for what lies outside the band miss {percent(worst)} % of the worst function's root mean "
+        f"square, {percent(middle)} % of a middling one's. Functions that fit badly may serve as validation data, and "
+        "their sensors deserve a look."
+    )
+    panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(found.misfit_percent))
+    caption = "Wide: measured. Narrow: synthesised from the identified modes. The worst-fitting functions come last."
+    yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
+
+
+def _functions_to_show(misfit: np.ndarray) -> list[tuple[int, int]]:
+    """Half of them from the best, half from the worst."""
+    order = [(int(i), int(j)) for i, j in zip(*np.unravel_index(np.argsort(misfit, axis=None), misfit.shape))]
+    if len(order) <= _SHOWN_FUNCTIONS:
+        return order
+    half = _SHOWN_FUNCTIONS // 2
+    return [*order[:half], *order[-half:]]
+
+
+def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
+    found = made.found
+    assert found.measured is not None
+    assert found.synthesised is not None
+    assert found.misfit_percent is not None
+    missed = percent(float(found.misfit_percent[i, j]))
+    title = f"{found.measured.responses[i]} / {found.measured.references[j]}, misses {missed} %"
+    curves = (
+        FrfCurve("test", found.measured.freq_hz, found.measured.values[i, j]),
+        FrfCurve("model", found.synthesised.freq_hz, found.synthesised.values[i, j]),
+    )
+    return FrfPanel(title, found.measured.kind, curves)
+
+
+def _remarks(made: IdentifyResult) -> Iterator[Block]:
+    flagged = tuple(m.remark[:1].upper() + m.remark[1:] + "." for m in made.record.modes if m.of_input)
+    if flagged:
+        yield Listing(flagged)
+    if made.found.dropped:
+        few = ", ".join(f"{freq(f)} Hz ({n})" for f, n in made.found.dropped)
+        yield Paragraph(f"Found in too few of {made.found.estimates} estimates, and left out: {few}.", tone="muted")
+    for alert in made.record.alerts:
+        yield AlertBox(alert.level, alert.code, alert.sentence, alert.where)

@@ -1,0 +1,259 @@
+"""Mass beside weighed mass, rigid motions, completeness of modes, cards, held DOFs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from femtune.dofs import parse_dof
+from femtune.errors import FemtuneError
+from femtune.fem.checks import STRAIN_FREE
+from femtune.reporting.document import (
+    AlertBox,
+    Heading,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+    table_or_none,
+)
+from femtune.reporting.numbers import NONE, counted, short, signed_percent, value
+from femtune.reporting.sections.modes import sturm
+from femtune.reporting.sections.validation import verdict_cell
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import (
+        Block,
+        Cell,
+    )
+    from femtune.reporting.source import ReportSource
+    from femtune.results.checks import ModelCheck
+    from femtune.results.model import ModelConfiguration, ModelFacts
+
+# ----------------------------------------------------------------------------------------------------
+# What an update cannot mend: mass, lumping, mesh.
+
+
+def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
+    """A row each check; configurations with the same outcome in the same words share one."""
+    joined: dict[tuple[str, str, str, str, str], list[str]] = {}
+    for c in checks:
+        measured = NONE if c.measured is None else f"{short(c.measured)} %"
+        key = (c.check, f"≤ {short(c.limit)} %", measured, c.verdict, c.sentence)
+        joined.setdefault(key, []).append(c.configuration)
+    heads = columns("Configuration", "Check", ">Required", ">Found", "Verdict", "In words")
+    rows = tuple(
+        row(", ".join(names), check, limit, measured, verdict_cell(verdict), sentence)
+        for (check, limit, measured, verdict, sentence), names in joined.items()
+    )
+    note = "An update cannot mend these: their errors end in its parameters."
+    return [Table("Mass and mesh before the update", heads, rows, note)] if rows else []
+
+
+# ----------------------------------------------------------------------------------------------------
+# DOFs that AUTOSPC holds, told by kind: thousands of them must fit into a line or two.
+
+
+_RANGES = 5
+
+
+def held_lines(c: ModelConfiguration) -> list[str]:
+    """A sentence each reason: how many, in which directions, at which points; the results list each."""
+    reasons = dict.fromkeys(h.reason for h in c.held_dofs)
+    return [_line(reason, [h.dof for h in c.held_dofs if h.reason == reason]) for reason in reasons]
+
+
+def _line(reason: str, names: Sequence[str]) -> str:
+    kinds = _by_kind(names)
+    told = [f"{' '.join(directions)} of {_points(nodes)}" for directions, nodes in kinds]
+    left = any(len(_ranges(nodes)) > _RANGES for _, nodes in kinds)
+    rest = " (results.json, or femtune info --json, lists each)" if left else ""
+    return f"{counted(len(names), 'DOF')}, {reason}: {'; '.join(told) or ', '.join(names[:_RANGES])}{rest}"
+
+
+def _by_kind(names: Iterable[str]) -> list[tuple[tuple[str, ...], list[int]]]:
+    """Directions that are held together and the points where they are, most points first; [] for unknown names."""
+    by_node: dict[int, list[str]] = {}
+    kinds: dict[tuple[str, ...], list[int]] = {}
+    try:
+        for dof in map(parse_dof, names):
+            by_node.setdefault(dof.node, []).append(dof.direction)
+    except FemtuneError:
+        return []
+    for node, directions in sorted(by_node.items()):
+        kinds.setdefault(tuple(directions), []).append(node)
+    return sorted(kinds.items(), key=lambda kind: -len(kind[1]))
+
+
+def _points(nodes: Sequence[int]) -> str:
+    ranges = _ranges(nodes)
+    shown = ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in ranges[:_RANGES])
+    left = sum(b - a + 1 for a, b in ranges[_RANGES:])
+    return f"{counted(len(nodes), 'point')}, {shown}{f' and {left} more' if left else ''}"
+
+
+def _ranges(nodes: Sequence[int]) -> list[tuple[int, int]]:
+    """Runs of numbers without a gap, of ascending numbers."""
+    found: list[tuple[int, int]] = []
+    for node in nodes:
+        if found and node == found[-1][1] + 1:
+            found[-1] = found[-1][0], node
+        else:
+            found.append((node, node))
+    return found
+
+
+_MOTIONS = ("X", "Y", "Z", "RX", "RY", "RZ")
+_ROUNDING = 1e-12
+
+
+def checks(source: ReportSource) -> list[Block]:
+    """Everything that was checked about the model before it was trusted."""
+    model = source.results.model
+    if model is None:
+        return [Paragraph("Not run: the model was not built.")]
+    return [
+        _mass(model),
+        *model_check_table(source.results.model_checks),
+        *_inertia(model),
+        rigid_body_table(model.configurations),
+        *grounding_elements(model.configurations),
+        *grounding_dofs(model.configurations),
+        *sturm(source),
+        *([] if source.results.study.imported else _cards(model)),
+        *_held(model),
+        Heading("Notices while reading"),
+        *(AlertBox(n.level, n.code, n.sentence, n.where) for n in model.notices),
+        *([] if model.notices else [Paragraph("There were none.")]),
+    ]
+
+
+def _mass(model: ModelFacts) -> Block:
+    heads = columns(
+        "Configuration",
+        ">Grids",
+        ">Free DOFs",
+        ">Mass",
+        ">Weighed",
+        ">Difference %",
+        ">Centre x",
+        ">y",
+        ">z",
+        "Supports",
+    )
+    return Table("Mass and supports (units of the model)", heads, tuple(_mass_row(c) for c in model.configurations))
+
+
+def _mass_row(c: ModelConfiguration) -> tuple[Cell, ...]:
+    return row(
+        c.configuration,
+        str(c.grids),
+        str(c.free_dofs),
+        value(c.mass),
+        value(c.weighed_mass, "not weighed"),
+        signed_percent(c.mass_difference_percent),
+        *([NONE] * 3 if c.centre_of_gravity is None else map(short, c.centre_of_gravity)),
+        ": ".join(filter(None, support_words(c))) if not c.supports else "; ".join(c.supports),
+    )
+
+
+def _inertia(model: ModelFacts) -> list[Block]:
+    heads = columns("Configuration", ">Ixx", ">Iyy", ">Izz", ">Ixy", ">Ixz", ">Iyz")
+    rows = [
+        row(c.configuration, *(short(c.inertia[i][j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
+        for c in model.configurations
+        if c.inertia is not None
+    ]
+    if not rows:
+        return []
+    return [Table("Inertia about the centre of gravity (entries of the tensor)", heads, tuple(rows))]
+
+
+def rigid_body_table(configurations: Sequence[ModelConfiguration]) -> Table:
+    """Relative energies of the rigid motions with the verdict."""
+    heads = columns("Configuration", *(f">{m}" for m in _MOTIONS), "Verdict", "In words")
+    rows = [
+        row(c.configuration, *_energies(c), c.rigid_body_check.verdict, c.rigid_body_check.sentence)
+        for c in configurations
+    ]
+    note = "Strain energy of six rigid motions of the model without supports, relative to its parts; zero is perfect."
+    return Table("Rigid-body check", heads, tuple(rows), note)
+
+
+def _energies(c: ModelConfiguration) -> list[str]:
+    energies = c.rigid_body_check.relative_energies
+    return [_energy(e) for e in energies] if len(energies) == len(_MOTIONS) else [NONE] * len(_MOTIONS)
+
+
+def _energy(energy: float) -> str:
+    """What is rounding is not shown as if it were a number."""
+    return f"< {short(_ROUNDING)}" if 0.0 < abs(energy) < _ROUNDING else short(energy)
+
+
+def grounding_elements(configurations: Sequence[ModelConfiguration]) -> list[Table]:
+    """Elements that strain in a rigid motion; [] where there are none."""
+    rows = [
+        row(c.configuration, f"{g.card} {g.element}", g.motion, short(g.relative_energy))
+        for c in configurations
+        for g in c.rigid_body_check.grounding_elements
+    ]
+    heads = columns("Configuration", "Element", "Rigid motion", ">Relative energy")
+    note = (
+        "Elements that strain when the model without supports moves as a rigid body, largest first, ten at the most. "
+        "Their strain energy is relative to the sum of the magnitudes of its parts (no unit)."
+    )
+    return [Table("Elements that tie the model to the ground", heads, tuple(rows), note)] if rows else []
+
+
+def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
+    """DOFs where a rigid motion meets a force; [] where there are none."""
+    rows = [row(c.configuration, g.dof, short(g.force)) for c in configurations for g in c.rigid_body_check.worst_dofs]
+    heads = columns("Configuration", "DOF", ">Relative force")
+    note = (
+        "Forces and moments left over in the worst of six rigid motions, relative to the sum of the magnitudes that "
+        f"cancel there (no unit). Zero is perfect; above {short(STRAIN_FREE)} the motion is not free; ten at the most."
+    )
+    return [Table("Where rigid motions meet forces", heads, tuple(rows), note)] if rows else []
+
+
+def cards(model: ModelFacts) -> list[Block]:
+    """Cards that were read, in one sentence, and a table of those that were ignored."""
+    used = ", ".join(f"{c.name} {c.count}" for c in model.cards_read) or "none"
+    ignored = [row(c.name, str(c.count), f"{c.first_file}:{c.first_line}", c.reason) for c in model.cards_ignored]
+    heads = columns("Card", ">Count", "First at", "Reason")
+    return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, "No card was ignored.")]
+
+
+def named_sets(model: ModelFacts) -> list[Block]:
+    """Sets of degrees of freedom that the deck names; [] where there are none."""
+    rows = [row(s.name, str(s.dofs), s.effect) for s in model.dof_sets]
+    return [Table("Sets of degrees of freedom", columns("Set", ">DOFs", "Effect"), tuple(rows))] if rows else []
+
+
+def _cards(model: ModelFacts) -> list[Block]:
+    params = [
+        row(p.name, p.value, "understood" if p.understood else "ignored", p.remark or NONE)
+        for p in model.deck_parameters
+    ]
+    return [
+        Heading("Cards"),
+        *cards(model),
+        *named_sets(model),
+        table_or_none("PARAM", columns("Name", "Value", "Effect", "Remark"), params, "The deck has no PARAM."),
+    ]  # fmt: skip
+
+
+def _held(model: ModelFacts) -> list[Block]:
+    lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c)]
+    return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines)) if lines else Paragraph("None was held.")]
+
+
+def support_words(c: ModelConfiguration) -> tuple[str, str]:
+    """How the model is held, in a word, and by what."""
+    check = c.rigid_body_check
+    if c.supports:
+        return "held", "; ".join(c.supports)
+    if check.grounded and check.verdict == "not tested":
+        return "in the matrices", "held DOFs were left out of them"
+    return ("none", "something ties the model to the ground all the same") if check.grounded else ("free", "")

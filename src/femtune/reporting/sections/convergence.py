@@ -1,0 +1,136 @@
+"""How the update went."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
+from femtune.reporting.figures.convergence import convergence_svg
+from femtune.reporting.numbers import NONE, counted, percent, short
+from femtune.reporting.sections.parameters import places
+from femtune.reporting.sections.stages import stages
+from femtune.reporting.sections.starts import reduced_models, starts, weight_choice
+from femtune.reporting.sections.validation import goodness
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block, Cell
+    from femtune.reporting.source import ReportSource
+    from femtune.results.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
+
+# ----------------------------------------------------------------------------------------------------
+# What was compared, by kind of residual, before and after the update.
+
+
+_UNFOLDED = 12
+"""Comparisons that are shown at once."""
+_NOTE = (
+    "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to what is compared. Root mean square: of the residuals r, in units "
+    "of the standard deviations that the study states; about 1 where only the test's scatter is left."
+)
+
+
+def residual_kinds(update: UpdateResults) -> list[Block]:
+    """A table of kinds; nothing where the results do not have it."""
+    known = [kind for kind in update.residual_counts if kind.rms_after is not None]
+    if not known:
+        return []
+    heads = columns("Residuals", ">Number", ">Mean error % before", ">after", ">Root mean square before", ">after")
+    by_kind = Table("Residuals by kind", heads, tuple(_row(kind) for kind in known))
+    return [by_kind, Paragraph(_NOTE, tone="muted"), *_comparisons(update)]
+
+
+def _row(kind: ResidualCount) -> tuple[Cell, ...]:
+    return row(
+        kind.kind,
+        str(kind.count),
+        _percent(kind.error_before_percent),
+        _percent(kind.error_after_percent),
+        short(kind.rms_before),
+        short(kind.rms_after),
+    )
+
+
+def _comparisons(update: UpdateResults) -> list[Block]:
+    """Every comparison by itself, unfolded where they are few."""
+    heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
+    rows = tuple(_comparison(c) for c in update.comparisons)
+    return [Table("Every comparison", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+
+
+def _comparison(c: ComparisonResults) -> tuple[Cell, ...]:
+    return row(
+        c.configuration,
+        f"{c.kind} {c.label}",
+        str(c.count),
+        _percent(c.error_before_percent),
+        percent(c.error_after_percent),
+        short(c.rms_after),
+    )
+
+
+def _percent(value: float | None) -> str:
+    return NONE if value is None else percent(value)
+
+
+def convergence(source: ReportSource) -> list[Block]:
+    """Status, picture, pairing events, table of iterations."""
+    update = source.results.update
+    if update is None:
+        return [Paragraph("The update was not run.")]
+    history = [_table(update)] if update.history else [Paragraph("No history was kept.")]
+    return [
+        Paragraph(f"Outcome: {update.message} ({update.status})."),
+        *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
+        _events(update),
+        *goodness(source),
+        *residual_kinds(update),
+        *weight_choice(update, source.results.parameters),
+        *starts(update, source.results.parameters),
+        *reduced_models(update.reduction),
+        *stages(update.stages),
+        *history,
+    ]
+
+
+def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
+    between = [places(update.history_parameters, i.parameters, facts) for i in update.history]
+    draw = partial(
+        convergence_svg,
+        [i.iteration for i in update.history],
+        [i.objective_percent for i in update.history],
+        update.history_parameters,
+        between,
+        sorted({e.iteration for e in update.pairing_events}),
+    )
+    caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
+    first, last = update.history[0], update.history[-1]
+    alt = (
+        f"Weighted mean error from {percent(first.objective_percent)} % to {percent(last.objective_percent)} % "
+        f"in {counted(last.iteration, 'iteration')}, and the parameters between their bounds"
+    )
+    return Figure(draw, caption, alt, wide=True)
+
+
+def _events(update: UpdateResults) -> Block:
+    events = tuple(
+        f"After iteration {e.iteration}, {e.configuration}: {e.sentence}".removesuffix(".") + "."
+        for e in update.pairing_events
+    )
+    return Listing(events) if events else Paragraph("The pairing of modes did not change during the update.")
+
+
+def _table(update: UpdateResults) -> Block:
+    heads = columns(">Iteration", ">Weighted mean error %", ">Step", ">Damping", "At a bound", "Pairing")
+    rows = [
+        row(
+            str(i.iteration),
+            percent(i.objective_percent),
+            short(i.step_length),
+            short(i.damping),
+            ", ".join(i.active_bounds) or NONE,
+            "; ".join(i.events) or NONE,
+        )
+        for i in update.history
+    ]
+    return Table("Iterations", heads, tuple(rows))

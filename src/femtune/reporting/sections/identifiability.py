@@ -1,0 +1,294 @@
+"""Which parameters, and which combinations, the data determine: in words first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.reporting.document import Bar, Cell, Figure, Heading, Listing, Paragraph, Table, columns, row
+from femtune.reporting.figures.bars import combinations_svg, singular_values_svg
+from femtune.reporting.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
+from femtune.reporting.numbers import (
+    NONE,
+    NOT_TESTED,
+    counted,
+    freq,
+    listed,
+    percent,
+    sensitivity,
+    short,
+    unit_fraction,
+    value,
+)
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.reporting.source import ReportSource
+    from femtune.results.selection import GroupEnergy, ModeEnergies, SelectionMeasures
+    from femtune.results.update import CombinationRecord, SelectionResults
+    from femtune.results.update import IdentifiabilityResults as Identifiability
+
+# ----------------------------------------------------------------------------------------------------
+# Measures that help to choose parameters: order, information, likeness, energies.
+
+
+_MOST_MODES = 10
+
+
+def measures(found: SelectionMeasures | None) -> list[Block]:
+    """Sentences and tables; nothing for results without them."""
+    if found is None:
+        return []
+    words = [Listing(found.sentences)] if found.sentences else []
+    return [
+        Heading("Which parameters to choose"),
+        *words,
+        choice_table(found),
+        *alike_table(found),
+        *energy_tables(found),
+    ]
+
+
+def choice_table(found: SelectionMeasures) -> Table:
+    """Order of the projection, and what the data know of each."""
+    heads = columns("Parameter", ">Order", ">Left %", "Chosen", ">σ alone", ">σ together", ">D-order", ">A-order")
+    order = {s.parameter: i for i, s in enumerate(found.subset)}
+    rows = []
+    for p in sorted(found.information, key=lambda p: order.get(p.parameter, len(order))):
+        at = order.get(p.parameter)
+        step = None if at is None else found.subset[at]
+        taken = (NONE, NONE, "no effect of its own") if step is None or at is None else (
+            str(at + 1), percent(step.left_percent), "yes" if step.chosen else "no")  # fmt: skip
+        sds = short(p.sd_alone), short(p.sd_together)
+        rows.append(row(p.parameter, *taken, *sds, str(p.d_rank), str(p.a_rank)))
+    note = (
+        "Order: by what each adds to explaining the residual (orthogonal projection); chosen: by more than chance. "
+        "σ in units of the prior's: with all other parameters known, and with all unknown; – where others replace it."
+    )
+    return Table("Choice of parameters", heads, tuple(rows), note)
+
+
+def alike_table(found: SelectionMeasures) -> list[Block]:
+    """Parameters that do nearly the same."""
+    rows = [row(f"{p.first}, {p.second}", unit_fraction(p.cosine), NONE) for p in found.pairs]
+    rows += [row(", ".join(d.parameters), NONE, short(d.condition_index, "∞")) for d in found.dependences]
+    heads = columns("Parameters", ">Cosine", ">Condition index")
+    index = short(found.collinearity_index, "∞")
+    note = f"Collinearity index of all: {index} (1: all independent; above 15: not all at once)."
+    return [Table("Parameters that are alike", heads, tuple(rows), note)] if rows else []
+
+
+def energy_tables(found: SelectionMeasures) -> list[Block]:
+    """A table for each of the first modes."""
+    shown = found.energies[:_MOST_MODES]
+    more = len(found.energies) - len(shown)
+    tables: list[Block] = [_energy(mode) for mode in shown]
+    return [*tables, *([Listing((f"{more} more modes in the results.",))] if more > 0 else [])]
+
+
+def _energy(mode: ModeEnergies) -> Table:
+    heads = columns("Group", ">Strain energy %", ">Kinetic energy %", ">Contradiction %")
+    title = f"Energies: {mode.configuration}, mode {mode.test_label} ({freq(mode.freq_hz)} Hz)"
+    note = ""
+    if mode.contradiction_percent is not None:
+        note = f"Size of the contradiction: {short(mode.contradiction_percent)} % of the expanded mode."
+    return Table(title, heads, tuple(map(_group, mode.groups)), note)
+
+
+def _group(g: GroupEnergy) -> tuple[Cell, ...]:
+    return row(g.group, percent(g.strain_percent), percent(g.kinetic_percent), percent(g.residual_percent))
+
+
+# ----------------------------------------------------------------------------------------------------
+# The scaled Jacobian as pictures, a row each residual.
+
+
+_MOST, _A_PAGE = 60, 30
+_TABLE_COLUMNS, _TABLE_ROWS = 12, 40
+_CAPTION = (
+    "Scaled sensitivities: change of each residual over one prior standard deviation of a parameter. Residuals of "
+    "several numbers, such as a shape, are shown by the root of their sum of squares."
+)
+
+
+def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Block]:
+    """Pictures that fit a page; of many residuals the strongest."""
+    values = source.array(selection.jacobian_key)
+    if values is None or not values.size:
+        return [Paragraph("Sensitivities: not tested.")]
+    labels, joined = joined_rows(selection.row_labels, values)
+    strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST])
+    limit = float(np.abs(joined).max()) or 1.0
+    parts = [strongest[i : i + _A_PAGE] for i in range(0, len(strongest), _A_PAGE)]
+    some = f" The {_MOST} strongest of {len(joined)}." if len(joined) > _MOST else ""
+    captions = [*[""] * (len(parts) - 1), _CAPTION + some]
+    names = selection.column_labels
+    return [
+        _figure(joined[rows], tuple(labels[i] for i in rows), names, limit, caption)
+        for rows, caption in zip(parts, captions, strict=True)
+    ]
+
+
+def page_table(selection: SelectionResults) -> list[Block]:
+    """The table of the frequencies where it fits a page; the pictures show the others."""
+    fits = len(selection.column_labels) <= _TABLE_COLUMNS and len(selection.sensitivities) <= _TABLE_ROWS
+    return [frequency_table(selection, selection.column_labels)] if fits and selection.sensitivities else []
+
+
+def frequency_table(selection: SelectionResults, names: Sequence[str]) -> Table:
+    """Change of each compared frequency in % for 1 % of the parameters `names`."""
+    heads = columns("Configuration", "Mode", *(f">{name}" for name in names))
+    places = [selection.column_labels.index(name) for name in names]
+    rows = [
+        row(s.configuration, s.test_label, *(_number(s.percent_per_percent[i]) for i in places))
+        for s in selection.sensitivities
+    ]
+    return Table("Change of the model's frequencies in % for a change of 1 % of the parameter", heads, tuple(rows))
+
+
+def _number(value: float) -> Cell:
+    text = sensitivity(value)
+    return Cell(text, tone="muted" if text == "0" else "")
+
+
+def joined_rows(labels: tuple[str, ...], values: NDArray[Any]) -> tuple[list[str], NDArray[np.float64]]:
+    """Rows of one label joined: a single one as it is, several by the root of their sum of squares."""
+    rows: dict[str, list[int]] = {}
+    for i, label in enumerate(labels):
+        rows.setdefault(label, []).append(i)
+    found = [values[at[0]] if len(at) == 1 else np.linalg.norm(values[at], axis=0) for at in rows.values()]
+    return list(rows), np.array(found)
+
+
+def _figure(
+    values: NDArray[np.float64], rows: tuple[str, ...], columns: tuple[str, ...], limit: float, caption: str
+) -> Figure:
+    picture = MatrixPicture(values, rows, columns, "", "", signed=True, limit=limit)
+    i, j = np.unravel_index(int(np.abs(values).argmax()), values.shape)
+    alt = (
+        f"Scaled sensitivities, {counted(len(rows), 'row')}; the largest is {short(float(values[i, j]))}, "
+        f"{rows[i]} to {columns[j]}"
+    )
+    return Figure(partial(matrix_svg, picture), caption, alt, wide=True)
+
+
+_PANELS = 4
+
+
+def identifiability(source: ReportSource) -> list[Block]:
+    """Sentences, a table, and pictures of singular values, combinations, correlation and sensitivities."""
+    selection = source.results.selection
+    if selection is None:
+        return [Paragraph("Not tested: the selection step was not run.")]
+    return [
+        *_sentences(selection),
+        parameter_table(selection),
+        *page_table(selection),
+        *_singular(selection),
+        *_combinations(selection),
+        *_correlation(source, selection),
+        *sensitivities(source, selection),
+        *measures(selection.measures),
+    ]
+
+
+def _lead(selection: SelectionResults) -> str:
+    k, open_, weak = len(selection.column_labels), len(selection.undetermined), len(selection.weakly_determined)
+    if not open_:
+        head = f"The data say something about all {k} combinations of the {counted(k, 'free parameter')}"
+    else:
+        head = (
+            f"The data determine {selection.rank} of {k} combinations of parameters; {counted(open_, 'combination')} "
+            f"{'stays' if open_ == 1 else 'stay'} undetermined: the update cannot choose there, the prior does"
+        )
+    return f"{head}; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined."
+
+
+def _sentences(selection: SelectionResults) -> list[Block]:
+    """The selection's own sentences, or ours where it gives none; each fact once."""
+    first, *others = in_words(selection)
+    return [Paragraph(first), *([Listing(tuple(others))] if others else [])]
+
+
+def in_words(selection: SelectionResults) -> tuple[str, ...]:
+    """The sentences of the selection, or ours where it has none; never empty."""
+    return selection.sentences or (_lead(selection), *_own_words(selection))
+
+
+def _own_words(selection: SelectionResults) -> list[str]:
+    return [c.sentence for c in (*selection.undetermined, *selection.weakly_determined) if c.sentence]
+
+
+def parameter_table(selection: SelectionResults) -> Table:
+    """How much the data narrow each parameter."""
+    heads = columns("Parameter", ">Posterior σ / prior σ", "Verdict")
+    note = "0: the data alone decide. 1: the data add nothing to the prior."
+    return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
+
+
+def _row(p: Identifiability) -> tuple[Cell, ...]:
+    if p.sd_ratio is None:
+        ratio = Cell(NOT_TESTED, tone="muted")
+    else:
+        ratio = Cell(percent(p.sd_ratio), Bar(0.0, max(0.0, min(1.0, p.sd_ratio))))
+    return row(p.parameter, ratio, f"{p.verdict}: {p.sentence}" if p.sentence else p.verdict)
+
+
+def _singular(selection: SelectionResults) -> list[Block]:
+    if not selection.singular_values:
+        return [Paragraph("Singular values: not tested.")]
+    draw = partial(singular_values_svg, selection.singular_values, selection.rank)
+    last = value(selection.singular_values[0])
+    caption = (
+        f"Singular values of the scaled Jacobian; the largest is {last}, "
+        f"values below {short(selection.rank_threshold)} count as zero."
+    )
+    alt = f"Singular values of the scaled Jacobian: {listed(map(short, selection.singular_values))}"
+    return [Figure(draw, caption, alt, wide=True)]
+
+
+def _combinations(selection: SelectionResults) -> list[Block]:
+    found = [(f"undetermined {i + 1}", c) for i, c in enumerate(selection.undetermined)]
+    found += [(f"weak {i + 1}", c) for i, c in enumerate(selection.weakly_determined)]
+    if not found:
+        return []
+    shown = found[:_PANELS]
+    labels = selection.column_labels
+    titles, coefficients = [title for title, _ in shown], [_coefficients(c, labels) for _, c in shown]
+    draw = partial(combinations_svg, titles, labels, coefficients)
+    more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
+    alt = "; ".join(f"{title}: {_shares(c)}" for title, c in shown)
+    caption = f"Combinations of parameters that the data determine badly.{more}"
+    return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]
+
+
+def _shares(combination: CombinationRecord) -> str:
+    return listed(f"{s.parameter} {short(s.coefficient)}" for s in combination.shares)
+
+
+def _coefficients(combination: CombinationRecord, labels: tuple[str, ...]) -> list[float]:
+    shares = {s.parameter: s.coefficient for s in combination.shares}
+    return [shares.get(name, 0.0) for name in labels]
+
+
+def _correlation(source: ReportSource, selection: SelectionResults) -> list[Block]:
+    values = source.array(selection.correlation_key)
+    if values is None or not values.size:
+        return [Paragraph("Correlation of the parameters: not tested.")]
+    labels = selection.column_labels
+    draw = partial(matrix_svg, MatrixPicture(values, labels, labels, "", "", signed=True))
+    caption = "Correlation of the parameters after the update. Near ±1: only a combination of the two is determined."
+    alt = f"Correlation matrix of the parameters{_strongest(values, labels)}"
+    return [Figure(draw, caption, alt, max(values.shape) > SIDE_BY_SIDE)]
+
+
+def _strongest(values: NDArray[Any], labels: tuple[str, ...]) -> str:
+    """The three largest coefficients off the diagonal."""
+    rows, columns = np.triu_indices(len(values), 1)
+    order = np.argsort(-np.abs(np.nan_to_num(values[rows, columns])), kind="stable")[:3]
+    pairs = [f"{labels[rows[k]]} and {labels[columns[k]]} {short(float(values[rows[k], columns[k]]))}" for k in order]
+    return f"; largest: {listed(pairs)}" if pairs else ""

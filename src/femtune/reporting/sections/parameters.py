@@ -1,0 +1,143 @@
+"""Parameters with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import Cell, Figure, Paragraph, Table, columns, row
+from femtune.reporting.figures.parameters import ForestRow, forest_svg
+from femtune.reporting.numbers import NONE, listed, short, signed_percent, value
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.reporting.source import ReportSource
+    from femtune.results.update import DerivedResult, ParameterFacts, ParameterResult
+
+# ----------------------------------------------------------------------------------------------------
+# Quantities that follow from the parameters, with their uncertainty.
+
+
+def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
+    """A table of them; nothing where the study defines none."""
+    heads = columns("Quantity", "Unit", ">At the start", ">Updated", ">± σ", "Expression")
+    return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
+
+
+def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
+    spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
+    nominal, updated = ("no value" if v is None else value(v) for v in (found.nominal, found.value))
+    return row(found.name, found.unit or NONE, nominal, updated, spread, found.expression)
+
+
+_CAPTION = (
+    "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
+    "Blue: the updated value ± one standard deviation. Orange square: at a bound, where no standard deviation is given."
+)
+
+_MOST_FIELDS = 6
+
+
+def parameters(source: ReportSource) -> list[Block]:
+    """Forest plot and table."""
+    facts, update = source.results.parameters, source.results.update
+    if not facts:
+        return [Paragraph("The study has no parameters.")]
+    if update is None:
+        return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
+    results = {p.name: p for p in update.parameters}
+    rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
+    return [*([_figure(rows)] if rows else []), _table(facts, results), *derived_quantities(update.derived)]
+
+
+def _figure(rows: list[ForestRow]) -> Figure:
+    alt = f"Updated parameters between their bounds: {listed(f'{r.name} {value(r.final)}' for r in rows)}"
+    return Figure(partial(forest_svg, rows), _CAPTION, alt, wide=True)
+
+
+def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestRow | None:
+    """None for tied parameters, which have no bounds of their own."""
+    if result is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return None
+    return ForestRow(
+        fact.name, fact.unit, fact.lower, fact.upper, fact.nominal, fact.prior_sd,
+        result.value, result.sd, bool(result.at_bound),
+    )  # fmt: skip
+
+
+def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult]) -> Block:
+    heads = columns(
+        "Parameter",
+        "Unit",
+        ">Nominal",
+        ">Updated",
+        ">± σ",
+        ">95 %",
+        ">Change %",
+        ">Bounds",
+        ">Prior σ",
+        "Fields, or tie",
+    )  # fmt: skip
+    return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
+
+
+def _row(fact: ParameterFacts, result: ParameterResult | None) -> tuple[Cell, ...]:
+    return row(
+        fact.name,
+        fact.unit or NONE,
+        value(fact.nominal),
+        value(result.value) if result else "not updated",
+        _spread(result),
+        _interval(fact, result),
+        signed_percent(result.change_percent) if result else NONE,
+        f"{value(fact.lower)} … {value(fact.upper)}" if fact.lower is not None else NONE,
+        short(fact.prior_sd),
+        _fields(fact),
+    )
+
+
+def _spread(result: ParameterResult | None) -> Cell:
+    if result is None:
+        return Cell(NONE)
+    if result.sd is None:
+        return Cell(result.sd_reason or "not given", tone="poor")
+    return Cell(short(result.sd))
+
+
+def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
+    if result is None or result.interval_95 is None:
+        return NONE
+    low, high = result.interval_95
+    # few data left over to estimate a scatter from: Student's t then says less than the bounds did
+    if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
+        return "wider than the bounds"
+    return " … ".join(value(end) for end in result.interval_95)
+
+
+def _fields(fact: ParameterFacts) -> str:
+    named = _named(fact.fields)
+    if fact.tie:
+        return f"tied: {fact.tie}" + (f"; {named}" if named else "")
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field of the model"
+
+
+def _named(fields: tuple[str, ...]) -> str:
+    more = len(fields) - _MOST_FIELDS
+    return ", ".join(fields[:_MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
+
+
+# ----------------------------------------------------------------------------------------------------
+# Where a value lies between its bounds.
+
+
+def places(names: Sequence[str], values: Sequence[float], facts: Sequence[ParameterFacts]) -> list[float]:
+    """0 at the lower bound, 1 at the upper one; a half where there are none."""
+    by_name = {f.name: f for f in facts}
+    return [_place(by_name.get(name), x) for name, x in zip(names, values, strict=True)]
+
+
+def _place(fact: ParameterFacts | None, x: float) -> float:
+    if fact is None or fact.lower is None or fact.upper is None or fact.lower >= fact.upper:
+        return 0.5
+    return (x - fact.lower) / (fact.upper - fact.lower)

@@ -1,0 +1,114 @@
+"""How the parameters scatter over repeated tests: table, forward check and ellipses; nothing without repeats."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.reporting.document import Cell, Figure, Listing, Paragraph, Table, columns, row
+from femtune.reporting.figures.parameters import Cloud, clouds_svg
+from femtune.reporting.numbers import counted, freq, listed, short, signed_percent, value
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.reporting.source import ReportSource
+    from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+
+METHODS = {
+    "second-order": "(39) with the curvature of the frequencies",
+    "perturbation": "(39), linear about the mean",
+    "cross-covariance": "(40), by a cloud and its covariance with the parameters",
+    "output-difference": "(41), by a cloud and the difference of the covariances",
+}
+_MOST_SHOWN = 24
+
+
+def quantify(source: ReportSource) -> list[Block]:
+    """Blocks of the report; a sentence where the study has no repeats."""
+    found = source.results.quantify
+    if found is None:
+        return [
+            Paragraph("Not tested: the study names no repeated tests, so nothing here says how parameters scatter.")
+        ]
+    return [*scatter_blocks(found), *_pictures(source, found)]
+
+
+def scatter_blocks(found: QuantifyResults) -> list[Block]:
+    """Sentences and tables, for page and terminal."""
+    first, *others = found.sentences
+    rest = [Listing(tuple(others))] if others else []
+    return [Paragraph(first), *rest, Paragraph(_how(found)), parameter_table(found), output_table(found)]
+
+
+def _how(found: QuantifyResults) -> str:
+    return (
+        f"{counted(found.repeats, 'repeat')} of {found.configuration}; moments of the repeats: {found.estimate}. "
+        f"Method: {METHODS[found.method]}; {counted(found.solutions, 'model solution')}. Forward check: "
+        f"{found.samples} samples of a Latin hypercube."
+    )
+
+
+def parameter_table(found: QuantifyResults) -> Table:
+    """Mean, scatter and correlations."""
+    shown = found.parameters[:_MOST_SHOWN]
+    few = len(shown) <= 8
+    heads = columns(
+        "Parameter", ">Start", ">Mean", ">σ", ">σ / mean", ">Distance", *(f">corr. {p.parameter}" for p in shown if few)
+    )
+    note = (
+        "σ is that of single structures or assemblies, not of the mean. Distance: 1 − cos of the parameter's effects "
+    )
+    note += "from the measured covariance, near 0 where it scatters."
+    if len(found.parameters) > len(shown):
+        note += f" And {counted(len(found.parameters) - len(shown), 'more parameter')} in the results."
+    return Table("Scatter of the parameters", heads, tuple(_parameter(p, few) for p in shown), note)
+
+
+def _parameter(p: ScatteringParameter, few: bool) -> tuple[Cell, ...]:
+    correlations = [f"{c:+.2f}" for c in p.correlation] if few else []
+    mean = Cell(value(p.mean), tone="poor") if p.outside_bounds else Cell(value(p.mean))
+    ratio = signed_percent(100.0 * p.sd / abs(p.mean)).lstrip("+") if p.mean else "–"
+    return row(p.parameter, value(p.start), mean, short(p.sd), ratio, short(p.cosine_distance), *correlations)
+
+
+def output_table(found: QuantifyResults) -> Table:
+    """Measured moments beside those of the cloud."""
+    heads = columns("Mode", ">Repeats", ">Measured mean Hz", ">Cloud mean Hz", ">Measured σ Hz", ">Cloud σ Hz")
+    note = (
+        f"Covariances differ by {short(found.covariance_error_percent)} %; chance alone makes "
+        f"{short(found.chance_error_percent)} % between the repeats and the truth."
+    )
+    return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
+
+
+def _output(o: ScatteringOutput) -> tuple[Cell, ...]:
+    means = freq(o.measured_mean_hz), freq(o.model_mean_hz)
+    return row(o.label, str(o.repeats), *means, short(o.measured_sd_hz), short(o.model_sd_hz))
+
+
+def _pictures(source: ReportSource, found: QuantifyResults) -> list[Block]:
+    """Ellipses of the first outputs, and of the parameters."""
+    repeats, cloud = source.array(found.repeats_key), source.array(found.cloud_key)
+    covariance, spread = source.array(found.covariance_key), source.array(found.parameter_covariance_key)
+    if repeats is None or cloud is None or covariance is None or spread is None:
+        return []
+    out: list[Block] = []
+    if len(found.outputs) > 1:
+        clouds = (
+            Cloud("measured", repeats, np.array([o.measured_mean_hz for o in found.outputs]), covariance),
+            Cloud("updated parameters", cloud, cloud.mean(axis=0), np.atleast_2d(np.cov(cloud.T))),
+        )
+        labels = [f"mode {o.label}, Hz" for o in found.outputs]
+        caption = "Measured frequencies and the cloud of the updated parameters; ellipses hold 95 %."
+        spreads = [f"mode {o.label}: {short(o.measured_sd_hz)} and {short(o.model_sd_hz)} Hz" for o in found.outputs]
+        alt = f"{caption} Standard deviations: {listed(spreads)}"
+        out.append(Figure(partial(clouds_svg, labels, clouds), caption, alt, wide=True))
+    if len(found.parameters) > 1:
+        mean = np.array([p.mean for p in found.parameters])
+        own = (Cloud("parameters", np.zeros((0, len(mean))), mean, spread),)
+        caption = "95 % ellipses of the parameters."
+        alt = f"{caption} {listed(f'{p.parameter} {value(p.mean)} ± {short(p.sd)}' for p in found.parameters)}"
+        out.append(Figure(partial(clouds_svg, [p.parameter for p in found.parameters], own), caption, alt, wide=True))
+    return out

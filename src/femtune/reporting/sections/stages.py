@@ -1,0 +1,104 @@
+"""Stages of a bottom-up study: what each moved, from where it started, and what its misfits did."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import Cell, Figure, Heading, Listing, Paragraph, Table, columns, row
+from femtune.reporting.figures.bars import error_sums_svg
+from femtune.reporting.numbers import NONE, counted, listed, short, value
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.results.stages import StageErrorSum, StageResults, StageRun
+
+_NOTE = (
+    "σ holds the share of parameters that rested in the stage and are not known exactly; σ of the data alone is "
+    "without it. Misfit: residuals beside what noise and these parameters explain, about 1 for a right model."
+)
+_SEEDS = "The first run starts from what earlier stages believe, the others from the seeds of the study."
+
+
+def stages(found: tuple[StageResults, ...]) -> list[Block]:
+    """Table of all stages, then runs, error sums and left-out modes of each; nothing without stages."""
+    if not found:
+        return []
+    return [Heading("Stages"), _table(found), *(block for stage in found for block in _details(stage))]
+
+
+def _table(found: tuple[StageResults, ...]) -> Block:
+    heads = columns(
+        "Stage", "Configurations", "Compared", "Parameter", ">Before", ">After", ">± σ", ">σ of the data", ">Misfit",
+        "End",
+    )  # fmt: skip
+    rows = [cells for stage in found for cells in _rows(stage)]
+    return Table("Stages", heads, tuple(rows), _NOTE)
+
+
+def _rows(stage: StageResults) -> list[tuple[Cell, ...]]:
+    compared = f"{listed(stage.kinds)} ({stage.comparisons})"
+    misfit = ", ".join(short(m.size) for m in stage.misfit)
+    large = any(m.larger_than_noise for m in stage.misfit)
+    out = []
+    for i, p in enumerate(stage.parameters):
+        first = i == 0
+        out.append(
+            row(
+                stage.name if first else "",
+                ", ".join(stage.configurations) if first else "",
+                compared if first else "",
+                p.name,
+                value(p.before),
+                value(p.value),
+                short(p.sd),
+                short(p.sd_of_data),
+                Cell(misfit if first else "", tone="poor" if large else ""),
+                Cell(stage.message.split(":")[0] if first else "", tone="" if stage.ok else "poor"),
+            )
+        )
+    return out
+
+
+def _details(stage: StageResults) -> list[Block]:
+    blocks: list[Block] = []
+    if len(stage.runs) > 1:
+        blocks += [_runs(stage)]
+    if len(stage.error_sums) > 1:
+        blocks += [_figure(stage, kind) for kind in dict.fromkeys(s.kind for s in stage.error_sums)]
+    if stage.left_out:
+        items = tuple(f"{m.configuration}, mode {m.label}: {m.reason}" for m in stage.left_out)
+        blocks += [Paragraph(f"{stage.name}: modes that were not compared", "muted"), Listing(items)]
+    return blocks
+
+
+def _runs(stage: StageResults) -> Block:
+    agree = sum(run.agrees for run in stage.runs)
+    heads = columns("Start", *(f">{p.name}" for p in stage.parameters), ">½ rᵀr", ">Steps", "End")
+    rows = tuple(row(*_run(run)) for run in stage.runs)
+    note = f"{agree} of {counted(len(stage.runs), 'run')} end in the same optimum. {_SEEDS}"
+    return Table(f"{stage.name}: from several starts", heads, rows, note)
+
+
+def _run(run: StageRun) -> list[str | Cell]:
+    ends = [f"{value(a)} → {value(b)}" for a, b in zip(run.start, run.values)]
+    start = f"seed {run.seed}" if run.seed else "belief"
+    objective = short(run.objective) if run.objective is not None else NONE
+    end = "the same optimum" if run.agrees else run.message
+    return [start, *ends, objective, str(run.iterations), Cell(end, tone="" if run.agrees else "poor")]
+
+
+def _figure(stage: StageResults, kind: str) -> Block:
+    sums = [s for s in stage.error_sums if s.kind == kind]
+    before, after = sum(s.before for s in sums), sum(s.after for s in sums)
+    draw = partial(
+        error_sums_svg, [_label(s, stage) for s in sums], [s.before for s in sums], [s.after for s in sums],
+        f"{stage.name}: {kind}",
+    )  # fmt: skip
+    caption = f"{stage.name}: error sums of {kind} residuals before and after the stage, by mode, and of all."
+    alt = f"Sum of {kind} errors from {short(before)} to {short(after)} in {counted(len(sums), 'pair')} of bars"
+    return Figure(draw, caption, alt)
+
+
+def _label(entry: StageErrorSum, stage: StageResults) -> str:
+    return entry.label if len(stage.configurations) == 1 else f"{entry.configuration} {entry.label}"

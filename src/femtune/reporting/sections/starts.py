@@ -1,0 +1,137 @@
+"""Many starts: what became of them, and the optima that they found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
+from femtune.reporting.figures.parameters import optima_svg, weight_path_svg
+from femtune.reporting.numbers import short
+from femtune.reporting.sections.parameters import places
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.results.reduction import ReductionResults
+    from femtune.results.search import StartsResults
+    from femtune.results.update import ParameterFacts, UpdateResults
+
+_SHOWN = 12
+
+
+def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
+    """Sentences, picture and table of optima; nothing where the update had one start."""
+    found = update.starts
+    if found is None:
+        return []
+    words = Paragraph(f"{len(found.starts)} starts, seed {found.seed}: {' '.join(found.sentences)}")
+    return [words, *_picture(update, found, facts), _table(update, found)] if found.optima else [words]
+
+
+def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[ParameterFacts]) -> list[Block]:
+    names = update.history_parameters
+    shown = found.optima[:_SHOWN]
+    spots = [places(names, o.parameters, facts) for o in shown]
+    heights = [places(names, s.start, facts) for s in found.starts]
+    counts, good = [len(o.starts) for o in shown], [o.as_good for o in shown]
+    draw = partial(optima_svg, names, spots, counts, good, heights)
+    caption = (
+        "Each optimum as a line through its parameters between their bounds, as wide as many starts ended there. "
+        "Dark: the best and those as good within the noise; grey: worse ones. Dots: where the starts set out."
+    )
+    alt = f"{len(found.optima)} optima of {len(found.starts)} starts, by parameter between the bounds"
+    return [Figure(draw, caption, alt, wide=True)]
+
+
+def _table(update: UpdateResults, found: StartsResults) -> Block:
+    names = update.history_parameters[:6]
+    heads = columns(">Optimum", ">Starts", ">Objective", "As good", *(f">{name}" for name in names))
+    rows = [
+        row(
+            str(i),
+            str(len(o.starts)),
+            short(o.objective),
+            "the best" if i == 1 else "yes" if o.as_good else "no",
+            *(short(v) for v in o.parameters[: len(names)]),
+        )
+        for i, o in enumerate(found.optima[:_SHOWN], start=1)
+    ]
+    return Table("Distinct optima", heads, tuple(rows))
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the weight of the side constraint was found: the L-curve, and the parameters over the weight.
+
+
+def weight_choice(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block]:
+    """A sentence and a picture; nothing where the weight was given."""
+    choice = update.weight_choice
+    if choice is None:
+        return []
+    at = f" It is {short(choice.weight)}." if choice.found else ""
+    norms = [p.residual_norm for p in choice.path], [p.constraint_norm for p in choice.path]
+    relative = _relative(update, facts, [p.parameters for p in choice.path])
+    draw = partial(
+        weight_path_svg, [p.weight for p in choice.path], *norms, update.history_parameters, relative, choice.weight
+    )
+    caption = (
+        "Left: norm of the side constraint over norm of the residuals as the weight rises, the L-curve. Right: what "
+        "the linear model of the first iteration gives for each weight, as change of the start value, without bounds."
+    )
+    alt = "L-curve, and paths of the parameters over the weight of the side constraint"
+    return [Paragraph(f"Weight of the regularisation: {choice.sentence}.{at}"), Figure(draw, caption, alt, wide=True)]
+
+
+def _relative(
+    update: UpdateResults, facts: Sequence[ParameterFacts], paths: Sequence[Sequence[float]]
+) -> list[list[float]]:
+    """Changes in % of the nominal values, an entry each weight."""
+    nominal = {f.name: f.nominal for f in facts}
+    base = np.array([nominal.get(name) or 1.0 for name in update.history_parameters])
+    return [[float(v) for v in 100.0 * (np.array(p) - base) / np.abs(base)] for p in paths]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Reduced models that an update searched on: their order, what they cost and how right they are.
+
+
+_COST = (
+    "Full solutions: for the training, and where each search ended. Those of the comparison before the update and of "
+    "what was written, and the derivatives at the end, come on top."
+)
+
+
+def reduced_models(reduction: ReductionResults | None) -> list[Block]:
+    """A table of the models, and what was found each time the search ended; nothing without reduced models."""
+    if reduction is None:
+        return []
+    heads = columns("Configuration", ">Order", ">Full solutions", ">Estimate %", ">Certified error %", "Training")
+    rows = [
+        row(
+            m.configuration,
+            str(m.order),
+            str(m.full_solutions),
+            short(m.estimate_percent),
+            short(m.certified_error_percent),
+            m.training,
+        )
+        for m in reduction.models
+    ]
+    if not rows:
+        return [Paragraph("; ".join(reduction.rounds).capitalize() + ".")]
+    rounds = tuple(text[:1].upper() + text[1:] + "." for text in reduction.rounds)
+    return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows), _COST), Listing(rounds)]
+
+
+def _verdict(reduction: ReductionResults) -> str:
+    tolerance = f"{short(reduction.tolerance_percent)} %"
+    if reduction.certified:
+        return f"The search ran on reduced models; the full model agrees with them at the end within {tolerance}."
+    return (
+        f"The search ran on reduced models, and the full model still differs from them at the end by more than "
+        f"{tolerance}: residuals and frequencies above are the full model's, but the values may not be its optimum. "
+        "Allow more full solutions."
+    )

@@ -1,0 +1,305 @@
+"""On data that the update did not use: verdicts, predictions beside their scatter, and what was not tested."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import (
+    Cell,
+    Column,
+    Figure,
+    Heading,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+    without_column,
+)
+from femtune.reporting.figures.bars import PredictedMode, predictions_svg
+from femtune.reporting.numbers import (
+    NONE,
+    NOT_TESTED,
+    counted,
+    freq,
+    listed,
+    percent,
+    short,
+    signed_percent,
+    value,
+    with_unit,
+)
+from femtune.reporting.sections.modes import mac_cell
+from femtune.reporting.source import VERSION_HEADS, VERSION_WORDS, versions
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import (
+        Block,
+        Tone,
+    )
+    from femtune.reporting.source import ReportSource
+    from femtune.results.base import ModelVersion
+    from femtune.results.correlation import CriterionRecord
+    from femtune.results.validation import GoodnessResults, Prediction, ValidationResults, ValidationVerdict
+
+# ----------------------------------------------------------------------------------------------------
+# The cell of a verdict.
+
+
+_VERDICT_TONES: dict[str, Tone] = {"pass": "good", "fail": "poor", "not tested": "muted"}
+
+
+def verdict_cell(verdict: str) -> Cell:
+    """Pass, fail or not tested, in its tone."""
+    return Cell(verdict, tone=_VERDICT_TONES[verdict])
+
+
+def validation(source: ReportSource) -> list[Block]:
+    """Verdicts, predictions beside measurements, held-out sensors, then the list of what nobody looked at."""
+    found = source.results.validation
+    if found is None:
+        return [Paragraph("Not tested: no validation was run, so nothing here says how well the model predicts.")]
+    return [
+        *validation_verdicts(found),
+        *_picture(found),
+        *prediction_blocks(found, [m.reason for m in source.left_out()]),
+        *sensor_blocks(found),
+        Heading("What was not tested"),
+        _listing([*untested_reasons(found), *found.not_tested]),
+    ]
+
+
+def _listing(lines: list[str]) -> Block:
+    return Listing(tuple(lines)) if lines else Paragraph("Nothing is listed.")
+
+
+def outcome_sentence(found: ValidationResults) -> str:
+    """How many criteria passed on data that were not used, without a full stop; "" where none was tested."""
+    tested = [v for v in found.verdicts if v.verdict != NOT_TESTED]
+    failed = [v for v in tested if v.verdict == "fail"]
+    if not tested:
+        return ""
+    count = f"{len(tested) - len(failed)} of {counted(len(tested), 'criterion', 'criteria')}"
+    where = listed(dict.fromkeys(v.configuration for v in failed))
+    tail = f"; {len(failed)} failed in {where}" if failed else ""
+    return f"on data that the update did not use {count} passed ({found.profile}){tail}"
+
+
+def validation_verdicts(found: ValidationResults) -> list[Block]:
+    """The outcome in a sentence, and a table of the criteria that were tested."""
+    sentence = outcome_sentence(found)
+    if not sentence:
+        return []
+    heads = columns("Configuration", "Data", "Criterion", ">Required", ">Measured", "Verdict", "Decided by")
+    rows = tuple(_verdict_row(v) for v in found.verdicts if v.verdict != NOT_TESTED)
+    noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
+    misses: list[Block] = [Heading("What noise explains of the misses"), Listing(noise)] if noise else []
+    tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
+    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", tone), Table("", heads, rows), *misses]
+
+
+def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
+    asked = with_unit(f"{'≤' if v.sense == 'at most' else '≥'} {value(v.required)}", v.unit)
+    measured = NOT_TESTED if v.measured is None else with_unit(short(v.measured), v.unit)
+    return row(v.configuration, v.data, v.criterion, asked, measured, verdict_cell(v.verdict), v.remark or NONE)
+
+
+def untested_reasons(found: ValidationResults) -> list[str]:
+    """Criteria that were not tested, those with one reason together."""
+    reasons: dict[tuple[str, str], dict[str, None]] = {}
+    for v in found.verdicts:
+        if v.verdict == NOT_TESTED:
+            reasons.setdefault((v.configuration, v.remark), {})[v.criterion] = None
+    return [f"{name}: {'; '.join(criteria)}: {reason}" for (name, reason), criteria in reasons.items()]
+
+
+def _picture(found: ValidationResults) -> list[Block]:
+    modes = [_predicted(p) for p in found.predictions if p.data and p.freq_error_percent is not None]
+    if not modes:
+        return []
+    limits = [v.required for v in found.verdicts if v.criterion.startswith("frequency error")]
+    limit = min(limits, default=None)
+    caption = (
+        "Errors of predicted frequencies (model − test)/test: grey ring before the update, blue dot after it; the "
+        "bar is ± 2 σ of what the scatter of test and parameters gives around zero"
+        + (f", the orange lines are the strictest limit asked for ({value(limit)} %)." if limit else ".")
+    )
+    alt = f"Errors of {counted(len(modes), 'predicted frequency', 'predicted frequencies')} beside their scatter"
+    return [Figure(lambda: predictions_svg(modes, limit), caption, alt)]
+
+
+def _predicted(p: Prediction) -> PredictedMode:
+    known = p.test_sd_percent is not None
+    sd = ((p.test_sd_percent or 0.0) ** 2 + (p.parameter_sd_percent or 0.0) ** 2) ** 0.5 if known else None
+    label = f"{p.configuration}, mode {p.test_label}"
+    return PredictedMode(label, p.before_freq_error_percent, p.freq_error_percent or 0.0, sd)
+
+
+def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
+    """All measured modes that the update did not use: a table each configuration and kind of data."""
+    if not found.predictions:
+        return [Paragraph("No measured mode was held out: how well the model predicts was not tested.")]
+    groups: dict[str, list[Prediction]] = {}
+    for p in found.predictions:
+        groups.setdefault(f"{p.configuration}: {p.data or 'left out'}", []).append(p)
+    tables = [_predictions(title, rows, known_reasons) for title, rows in groups.items()]
+    note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
+    known = any(p.z is not None for p in found.predictions)
+    return [Heading("Measured modes that the update did not use"), *tables, *([Paragraph(note, "muted")] * known)]
+
+
+def _predictions(title: str, rows: list[Prediction], known_reasons: list[str]) -> Table:
+    heads = (
+        *columns("Mode", ">Test Hz", ">Model no.", ">Hz"),
+        *(Column(head, "right", "Error %") for head in ("before", "after")),
+        *(Column(head, "right", "σ %") for head in ("test", "parameters")),
+        *columns(">z", ">MAC", "Remark"),
+    )
+    table = Table(title, heads, tuple(_row(p, known_reasons) for p in rows))
+    return table if any(_remark(p, known_reasons) for p in rows) else without_column(table, "Remark")
+
+
+def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
+    return row(
+        p.test_label,
+        freq(p.test_freq_hz),
+        str(p.model_number) if p.model_number is not None else "none answers",
+        freq(p.model_freq_hz),
+        signed_percent(p.before_freq_error_percent),
+        signed_percent(p.freq_error_percent),
+        percent(p.test_sd_percent),
+        percent(p.parameter_sd_percent),
+        NONE if p.z is None else signed_percent(p.z),
+        mac_cell(p.mac),
+        Cell(_remark(p, known_reasons), tone="muted"),
+    )
+
+
+def _remark(p: Prediction, known_reasons: list[str]) -> str:
+    """The study's reason for leaving a mode out stands in the table of modes left out."""
+    if p.data:
+        return "" if p.paired else "no pair, only the most alike"
+    return "left out by the study" if p.remark in known_reasons else p.remark
+
+
+def sensor_blocks(found: ValidationResults) -> list[Block]:
+    """Shapes at the sensors that were held out."""
+    if not found.held_out_sensors:
+        return []
+    heads = columns("Configuration", "Shape of", ">Error %", ">Noise gives %")
+    rows = tuple(
+        row(s.configuration, s.test_label, short(s.error_percent), short(s.noise_percent)) for s in found.shapes
+    )
+    names = ", ".join(found.held_out_sensors[:8])
+    more = len(found.held_out_sensors) - 8
+    note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
+    note += "The error is test − model, root mean square, over that of the shape; the scale is of the sensors used."
+    return [Table("Shapes at held-out sensors", heads, rows, note)]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Are the residuals noise of the stated size? In words, and by kind of residual.
+
+
+_TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
+
+
+def goodness_sentence(source: ReportSource) -> list[Block]:
+    """One sentence, where it was tested."""
+    found = _found(source)
+    return [] if found is None else [Paragraph(f"Residuals: {found.sentence}.", _TONES[found.verdict])]
+
+
+def goodness(source: ReportSource) -> list[Block]:
+    """The sentence, and chi-square by kind."""
+    found = _found(source)
+    if found is None or not found.by_kind:
+        return goodness_sentence(source)
+    heads = columns("Residuals", ">Chi-square", ">Degrees of freedom", ">p")
+    rows = [row(k.kind, short(k.chi_square), str(k.degrees_of_freedom), _chance(k.p_value)) for k in found.by_kind]
+    if len(found.by_kind) > 1:
+        rows.append(row("all", short(found.chi_square), str(found.degrees_of_freedom), _chance(found.p_value)))
+    note = (
+        "p is the chance of a chi-square as large by noise of the stated standard deviations alone; of the residuals "
+        "what no parameters could remove is looked at."
+    )
+    return [*goodness_sentence(source), Table("Are the residuals noise?", heads, tuple(rows), note)]
+
+
+def _chance(p: float | None) -> str:
+    return NONE if p is None else short(p) if p >= 1e-12 else "< 1e−12"
+
+
+def _found(source: ReportSource) -> GoodnessResults | None:
+    return source.results.update.goodness if source.results.update is not None else None
+
+
+# ----------------------------------------------------------------------------------------------------
+# Acceptance criteria: the criterion's number beside the measured one.
+
+
+def criteria(source: ReportSource) -> list[Block]:
+    """One table a model version of what was measured; then what was not tested, each reason once."""
+    blocks = [table for version in versions(source) if (table := _table(source, version)) is not None]
+    blocks += _not_tested(source)
+    return [*blocks, *source.after_notes] if blocks else [Paragraph("Not tested: no criterion was evaluated.")]
+
+
+def _table(source: ReportSource, version: ModelVersion) -> Block | None:
+    rows = [
+        row(c.configuration, *criterion_cells(criterion))
+        for c in source.results.correlations
+        if c.stage == version
+        for criterion in tested(c.criteria)
+    ]
+    heads: tuple[Column, ...] = columns("Configuration", "Criterion", ">Asked", ">Measured", "Verdict", "Remark")
+    return Table(VERSION_WORDS[version].capitalize(), heads, tuple(rows)) if rows else None
+
+
+def tested(criteria: Iterable[CriterionRecord]) -> list[CriterionRecord]:
+    """Criteria with a verdict."""
+    return [c for c in criteria if c.verdict != NOT_TESTED]
+
+
+def untested(criteria: Iterable[CriterionRecord]) -> dict[str, tuple[str, ...]]:
+    """Criteria that were not tested, with what they ask, by the reason."""
+    found: dict[str, tuple[str, ...]] = {}
+    for c in criteria:
+        if c.verdict == NOT_TESTED:
+            found[c.remark] = (*found.get(c.remark, ()), f"{c.name} {_asked(c)}")
+    return found
+
+
+def _not_tested(source: ReportSource) -> list[Block]:
+    """Configurations with the same criteria and the same reason share a row; of two versions the last one's is told."""
+    found: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
+    for name in source.results.study.configurations:
+        for names, (when, reason) in _of_configuration(source, name).items():
+            found.setdefault((names, tuple(when), reason), []).append(name)
+    rows = [
+        row(", ".join(where), " and ".join(when), "; ".join(names), reason or NONE)
+        for (names, when, reason), where in found.items()
+    ]
+    heads = columns("Configurations", "When", "Criteria", "Reason")
+    return [Table("Criteria that were not tested", heads, tuple(rows))] if rows else []
+
+
+def _of_configuration(source: ReportSource, name: str) -> dict[tuple[str, ...], tuple[list[str], str]]:
+    """Versions and reason by the criteria; reasons hold numbers that differ from version to version."""
+    found: dict[tuple[str, ...], tuple[list[str], str]] = {}
+    for version in versions(source):
+        at = source.at(name, version)
+        for reason, names in untested(at.criteria if at else ()).items():
+            found[names] = ([*found.get(names, ([], ""))[0], VERSION_HEADS[version]], reason)
+    return found
+
+
+def criterion_cells(c: CriterionRecord) -> tuple[Cell, ...]:
+    """Name, what is asked, what was measured, verdict and remark."""
+    measured = with_unit(value(c.measured), c.unit) if c.measured is not None else NOT_TESTED
+    return row(c.name, _asked(c), measured, verdict_cell(c.verdict), c.remark or NONE)
+
+
+def _asked(c: CriterionRecord) -> str:
+    return with_unit(f"{'≤' if c.sense == 'at most' else '≥'} {value(c.limit)}", c.unit)

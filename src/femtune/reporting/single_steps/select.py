@@ -1,0 +1,68 @@
+"""What the data determine: sentences, sensitivities, parameters, combinations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import Listing, Paragraph, Section, Table, columns, row
+from femtune.reporting.numbers import counted, percent, short
+from femtune.reporting.sections.checks import model_check_table
+from femtune.reporting.sections.identifiability import frequency_table, in_words, measures, parameter_table
+from femtune.reporting.single_steps.model import GAP, column_groups, widest
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block, Cell, Document, Level
+    from femtune.reporting.single_steps.model import Subject
+    from femtune.results.update import CombinationRecord, SelectionResults
+
+_NUMBER = len("−0.000")
+
+
+def selection_document(subject: Subject, selection: SelectionResults) -> Document:
+    """The verdict is the first sentence of the selection."""
+    first, *others = in_words(selection)
+    level: Level = "warning" if selection.undetermined else "info"
+    sections = (
+        Section("words", "Combinations of parameters", _listing(others)),
+        Section("sensitivities", "Sensitivities", tuple(_sensitivities(selection))),
+        Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
+        Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
+        Section("model", "The model before it is updated", tuple(model_check_table(selection.model_checks))),
+        Section("combinations", "Undetermined and weak combinations", tuple(_combinations(selection))),
+    )
+    return subject.document(first, level, sections)
+
+
+def _listing(sentences: list[str]) -> tuple[Block, ...]:
+    return (Listing(tuple(sentences)),) if sentences else ()
+
+
+def _sensitivities(selection: SelectionResults) -> list[Block]:
+    """Groups of columns one below the other where the parameters are many."""
+    found = selection.sensitivities
+    if not found:
+        return [Paragraph("Frequencies are not compared.", "muted")]
+    taken = widest(["Configuration", *(s.configuration for s in found)]) + GAP
+    taken += widest(["Mode", *(s.test_label for s in found)])
+    groups = column_groups(selection.column_labels, taken, _NUMBER)
+    return [frequency_table(selection, names) for names in groups]
+
+
+def _singular_values(selection: SelectionResults) -> Block:
+    if not selection.singular_values:
+        return Paragraph("Singular values: not tested.", "muted")
+    words = ", ".join(map(short, selection.singular_values))
+    threshold = f"below {short(selection.rank_threshold)} counts as undetermined"
+    return Paragraph(f"Singular values of the scaled Jacobian: {words}; {threshold}.")
+
+
+def _combinations(selection: SelectionResults) -> list[Block]:
+    rows = [_row("undetermined", c) for c in selection.undetermined]
+    rows += [_row("weak", c) for c in selection.weakly_determined]
+    heads = columns("", ">Singular value", ">Posterior σ / prior σ", "Combination")
+    note = f"{counted(selection.rank, 'combination')} of {len(selection.column_labels)} determined by the data."
+    return [Table("", heads, tuple(rows), note)] if rows else []
+
+
+def _row(kind: str, c: CombinationRecord) -> tuple[Cell, ...]:
+    return row(kind, short(c.singular_value), percent(c.sd_ratio), c.sentence)

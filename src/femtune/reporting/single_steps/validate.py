@@ -1,0 +1,74 @@
+"""How parameters scatter: verdict, tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import Listing, Paragraph, Section
+from femtune.reporting.numbers import NOT_TESTED
+from femtune.reporting.sections.quantify import output_table, parameter_table, scatter_blocks
+from femtune.reporting.sections.validation import (
+    outcome_sentence,
+    prediction_blocks,
+    sensor_blocks,
+    untested_reasons,
+    validation_verdicts,
+)
+from femtune.results.validation import ValidationResults
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block, Document, Level
+    from femtune.reporting.single_steps.model import Subject
+    from femtune.results.quantify import QuantifyResults
+    from femtune.results.results import Results
+
+
+def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
+    """The verdict is the first sentence."""
+    first, *_ = found.sentences
+    level: Level = "info" if found.ok and found.agrees else "warning"
+    words = tuple(b for b in scatter_blocks(found)[1:] if isinstance(b, Listing))
+    how = scatter_blocks(found)[-3]
+    sections = (
+        Section("words", "How far it can be trusted", words),
+        Section("parameters", "Scatter of the parameters", (how, parameter_table(found))),
+        Section("outputs", "Forward check", (output_table(found),)),
+    )
+    return subject.document(first, level, sections)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The updated model on data that the update did not use.
+
+
+_NOTHING = "nothing was kept from the update, so that how well the model predicts was not tested"
+
+
+def validation_document(subject: Subject, results: Results) -> Document:
+    """Verdicts, predictions, held-out sensors, whether the residuals of the update are noise, what was not tested."""
+    found = results.validation or ValidationResults(predictions=(), not_tested=())
+    sentence = outcome_sentence(found) or _NOTHING
+    sections = (
+        Section("verdicts", "Verdicts", tuple(validation_verdicts(found)[1:])),
+        Section("predictions", "Predictions", tuple(_predictions(found))),
+        Section("sensors", "Held-out sensors", tuple(sensor_blocks(found))),
+        Section("residuals", "Residuals of the update", tuple(_residuals(results))),
+        Section("open", "What was not tested", (Listing((*untested_reasons(found), *found.not_tested)),)),
+    )
+    return subject.document(f"{sentence[0].upper()}{sentence[1:]}.", _level(found), sections)
+
+
+def _predictions(found: ValidationResults) -> list[Block]:
+    return prediction_blocks(found, []) if found.predictions else []
+
+
+def _residuals(results: Results) -> list[Block]:
+    update = results.update
+    if update is None or update.goodness is None:
+        return []
+    return [Paragraph(f"{update.goodness.sentence}.", "poor" if update.goodness.verdict == "fail" else "")]
+
+
+def _level(found: ValidationResults) -> Level:
+    words = {v.verdict for v in found.verdicts}
+    return "problem" if "fail" in words else "info" if words - {NOT_TESTED} else "warning"

@@ -1,0 +1,1 @@
+"""Residuals of measured frequency response functions."""

@@ -1,0 +1,164 @@
+"""Residuals of measured FRFs as a study asks for them: settled at the start of the update."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from femtune.dofs import Dof, DofSet, parse_dof
+from femtune.errors import FemtuneError, Notice, Where, did_you_mean
+from femtune.modal import FrfSet
+from femtune.model import ModalDamping, constant_damping, damping_by_mode
+from femtune.model.response import Method
+from femtune.residuals.asked import Asked
+from femtune.residuals.case import CaseState
+from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
+from femtune.residuals.frf.choice import frf_residual
+from femtune.residuals.frf.lines import Band, Lines, PairedResonances
+from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresonances
+from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
+from femtune.residuals.frf.residual import FrfResidual, Places
+from femtune.residuals.frf.scatter import FrfScatter
+
+_METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
+_USUAL_SD = 0.05
+
+
+class AskedFrfs(AtFirstState):
+    """FRFs of a configuration's test, as a study asks for them; settled at the start of the update."""
+
+    key = FrfResidual.key
+    label = FrfResidual.label
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> AskedFrfs:
+        """See `Residual`; errors ``residual.no-frfs``, ``residual.frf-scatter``, ``dof.missing`` …"""
+        entry = asked.entry
+        measured, places, notices = _functions(asked)
+        _check_labels(asked)
+        relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
+        scatter = FrfScatter(relative, entry.floor, entry.averages)
+        damping = _damping(entry, asked.damping)
+        way = ModelWay(_METHODS[entry.method], _wanted(entry), damping, entry.residual_vectors)
+        return cls(_placed(partial(_settled_functions, entry, measured, places, scatter, way, notices), asked))
+
+
+class AskedAntiresonances(AtFirstState):
+    """Antiresonances of the functions of a configuration's test, likewise."""
+
+    key = AntiresonanceResidual.key
+    label = AntiresonanceResidual.label
+
+    @classmethod
+    def of_study(cls, asked: Asked) -> AskedAntiresonances:
+        """See `Residual`; errors ``residual.no-frfs``, ``residual.no-antiresonances``, ``dof.missing``."""
+        entry = asked.entry
+        measured, places, notices = _functions(asked)
+        top = np.inf if entry.to_hz is None else entry.to_hz
+        search = ZeroSearch(entry.from_hz, top, entry.half_width, entry.depth, entry.most_damping)
+        zeros = measured_antiresonances(measured, search)
+        gates = ZeroGates(entry.frequency_gate, entry.mac_gate)
+
+        def settle(state: CaseState) -> Settled:
+            wanted = _wanted(entry)
+            modes = full_modes(state, wanted)
+            found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
+            return found, (*notices, *left)
+
+        return cls(_placed(settle, asked))
+
+
+def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:
+    """What is settled at the start fails at its own table of the study, not at the first one."""
+
+    def at_its_place(state: CaseState) -> Settled:
+        with asked.errors_at():
+            return settle(state)
+
+    return at_its_place
+
+
+def _settled_functions(
+    entry: Any, measured: FrfSet, places: Places, scatter: FrfScatter, way: ModelWay,
+    notices: tuple[Notice, ...], state: CaseState,
+) -> Settled:  # fmt: skip
+    lines, about_lines = _lines(entry, state)
+    found, left = frf_residual(way.model(state), measured, lines, entry.form, scatter, way, places)
+    return found, (*notices, *about_lines, *left)
+
+
+def _lines(entry: Any, state: CaseState) -> tuple[Lines, tuple[Notice, ...]]:
+    if entry.around == "band":
+        return Band(entry.from_hz, np.inf if entry.to_hz is None else entry.to_hz, entry.most), ()
+    asked = PairedResonances(entry.modes, entry.region_ratio, entry.aligned, entry.bandwidths, entry.lines)
+    return asked.found(state)
+
+
+def _wanted(entry: Any) -> ModesWanted | None:
+    return None if entry.count is None and entry.max_hz is None else (entry.count, entry.max_hz)
+
+
+def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:
+    if entry.ratio is not None:
+        return constant_damping(entry.ratio)
+    return of_deck if entry.ratios is None else damping_by_mode(entry.ratios)
+
+
+def _check_labels(asked: Asked) -> None:
+    entry, modes = asked.entry, asked.tested
+    if entry.around == "resonances" and modes is None:
+        raise FemtuneError("study.no-test/check-labels", where=asked.where("around"))
+    for i, label in enumerate(entry.modes or ()):
+        assert modes is not None
+        if label not in modes.labels:
+            raise FemtuneError(
+                "study.unknown-mode/check-labels",
+                where=asked.where("modes", i),
+                hint=did_you_mean(label, modes.labels),
+                label=label,
+            )
+
+
+def _functions(asked: Asked) -> tuple[FrfSet, Places, tuple[Notice, ...]]:
+    """The functions that are asked for and have a place in the model."""
+    entry, frfs = asked.entry, asked.frfs
+    if frfs is None:
+        raise FemtuneError("residual.no-frfs", where=asked.where(), asked_name=asked.name)
+    outputs, seen, about_outputs = asked.seen(_named(asked, entry.outputs, frfs.responses, "outputs"))
+    inputs, driven, about_inputs = asked.seen(_named(asked, entry.inputs, frfs.references, "inputs"))
+    _check_some(asked, outputs, "outputs")
+    _check_some(asked, inputs, "inputs")
+    return _select(frfs, outputs, inputs), Places(seen, driven), tuple(dict.fromkeys((*about_outputs, *about_inputs)))
+
+
+def _named(asked: Asked, labels: Sequence[str] | None, measured: DofSet, key: str) -> DofSet:
+    """Those of the test's functions that the study names, with the signs of the test."""
+    if labels is None:
+        return measured
+    known = {(d.node, d.direction): d for d in measured}
+    return DofSet(_known(known, parse_dof(label), asked.where(key, i)) for i, label in enumerate(labels))
+
+
+def _known(known: dict[tuple[int, str], Dof], dof: Dof, where: Where) -> Dof:
+    if (dof.node, dof.direction) not in known:
+        raise FemtuneError(
+            "dof.missing/known", where=where, hint=did_you_mean(str(dof), map(str, known.values())), dof=dof
+        )
+    return known[dof.node, dof.direction]
+
+
+def _check_some(asked: Asked, labels: DofSet, key: str) -> None:
+    if not len(labels):
+        raise FemtuneError("residual.no-frf-channels/check-some", where=asked.where(), asked_name=asked.name, key=key)
+
+
+def _select(frfs: FrfSet, responses: DofSet, references: DofSet) -> FrfSet:
+    rows, _ = responses.align(frfs.responses)
+    columns, _ = references.align(frfs.references)
+    at = np.ix_(rows, columns)
+    coherence = None if frfs.coherence is None else frfs.coherence[at]
+    return replace(frfs, values=frfs.values[at], responses=responses, references=references, coherence=coherence)

@@ -1,0 +1,171 @@
+"""An FRF residual from a test's functions: lines, scatter, and the functions that cannot be compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError, Notice
+from femtune.modal import FrfSet
+from femtune.model import EigenSolution, ModelPoint
+from femtune.model.response import Ports, frf_gradient
+from femtune.residuals.frf.lines import Band, Lines, Region
+from femtune.residuals.frf.model_way import ModelWay
+from femtune.residuals.frf.residual import FrfForm, FrfResidual, Places, places_of
+from femtune.residuals.frf.scatter import ABOVE_NOISE, FrfScatter
+
+# ----------------------------------------------------------------------------------------------------
+# Functions that are zero in the model whatever drives it: motions that do not couple.
+
+
+_ZERO = 1e-8
+_LOOKED_AT = 12
+
+
+def silent_functions(residual: FrfResidual, model: ModelPoint | EigenSolution) -> NDArray[np.bool_]:
+    """(outputs, inputs) True for functions H_ij that are zero but for rounding beside √(H_ii H_jj).
+
+    In the linear form those that a parameter moves are not: they are zero at this point only.
+    """
+    lines = _some(residual.measured)
+    point = model.point if isinstance(model, EigenSolution) else model
+    ports = residual.places.ports(point.configured, residual.measured)
+    cross, slope = _peaks(residual, ports, model, lines, residual.form == "linear")
+    at_inputs = Ports(ports.inputs, sp.csr_array(ports.inputs.T), ports.input_labels, ports.input_labels, (), ())
+    at_outputs = Ports(sp.csc_array(ports.outputs.T), ports.outputs, ports.output_labels, ports.output_labels, (), ())
+    driven = np.diag(_peaks(residual, at_inputs, model, lines)[0])
+    seen = np.diag(_peaks(residual, at_outputs, model, lines)[0])
+    scale = _ZERO * np.sqrt(np.outer(seen, driven))
+    return np.asarray((cross <= scale) & (slope <= scale))
+
+
+def _some(measured: FrfSet) -> NDArray[np.float64]:
+    """A dozen of the lines."""
+    lines = measured.freq_hz
+    at = np.unique(np.linspace(0, len(lines) - 1, min(_LOOKED_AT, len(lines))).round().astype(int))
+    return np.asarray(lines[at])
+
+
+def _peaks(
+    residual: FrfResidual,
+    ports: Ports,
+    model: ModelPoint | EigenSolution,
+    lines: NDArray[np.float64],
+    derivatives: bool = False,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(outputs, inputs) largest magnitudes of functions and of their derivatives over the lines."""
+    found = frf_gradient(
+        model, ports, lines, "receptance", residual.way.method,
+        damping=residual.way.damping, residual_vectors=residual.way.residual_vectors, derivatives=derivatives,
+    )  # fmt: skip
+    return np.abs(found.frfs.values).max(axis=2), np.abs(found.gradient).max(axis=(2, 3), initial=0.0)
+
+
+_SHOWN = 8
+
+
+def frf_residual(
+    model: ModelPoint | EigenSolution,
+    measured: FrfSet,
+    lines: Lines | None = None,
+    form: FrfForm = "log-complex",
+    scatter: FrfScatter | None = None,
+    way: ModelWay | None = None,
+    places: Places | None = None,
+) -> tuple[FrfResidual, tuple[Notice, ...]]:
+    """The residual of a configuration, and what was left out.
+
+    Parameters
+    ----------
+    model : at the start, solved unless the way is "direct" without modal damping
+    measured : NaN where a function or a line was not measured
+    lines : which are compared; all above 0 Hz where nothing is said
+    scatter, way : `FrfScatter()` and `ModelWay()` where nothing is said
+    places : where the functions were driven and seen; the model's DOFs of their labels where nothing is said
+
+    Raises
+    ------
+    FemtuneError : ``residual.no-frf-lines``, ``residual.no-coherence``, ``residual.no-frf-channels``,
+        ``response.held-port``, ``model.unknown-node``, ``model.component``
+    """
+    scatter, way = scatter or FrfScatter(), way or ModelWay()
+    measured, regions, sd, shift = _chosen(measured, lines or Band(), scatter, form)
+    configured = _point(model).configured
+    name = configured.configuration.name
+    places = places or places_of(configured.model.structure.nodes, measured)
+    residual = FrfResidual(name, measured, places, sd, regions, form, way, shift)
+    notices = _lost_in_noise(residual) if scatter.floor and form != "linear" else []
+    residual = _coupled(residual, silent_functions(residual, model), notices)
+    if not np.isfinite(residual.sd).any():
+        raise _nothing_left(name, notices)
+    return residual, tuple(notices)
+
+
+def _point(model: ModelPoint | EigenSolution) -> ModelPoint:
+    return model.point if isinstance(model, EigenSolution) else model
+
+
+def _chosen(
+    measured: FrfSet, lines: Lines, scatter: FrfScatter, form: FrfForm
+) -> tuple[FrfSet, tuple[Region, ...], Reals, Reals]:
+    """Functions, regions, σ and shifts at the chosen lines; noise and neighbours are those of all lines."""
+    found = lines.regions(measured.freq_hz)
+    at = np.unique(np.concatenate([r.at for r in found]))
+    none = np.zeros(measured.values.shape)
+    sd, shift = (scatter.linear(measured), none) if form == "linear" else scatter.logarithmic(measured)
+    coherence = None if measured.coherence is None else measured.coherence[:, :, at]
+    some = replace(measured, freq_hz=measured.freq_hz[at], values=measured.values[:, :, at], coherence=coherence)
+    return some, tuple(replace(r, at=np.searchsorted(at, r.at)) for r in found), sd[:, :, at], shift[:, :, at]
+
+
+def _lost_in_noise(residual: FrfResidual) -> list[Notice]:
+    """Values whose logarithm would be that of the noise."""
+    measured = np.isfinite(residual.measured.values)
+    lost = measured & ~np.isfinite(residual.sd)
+    if not lost.any():
+        return []
+    return [
+        Notice(
+            "residual.frf-below-noise",
+            level="info",
+            configuration=residual.configuration,
+            lost=lost.sum(),
+            measured=measured.sum(),
+            above_noise=ABOVE_NOISE,
+        )
+    ]
+
+
+def _coupled(residual: FrfResidual, silent: NDArray[np.bool_], notices: list[Notice]) -> FrfResidual:
+    known = np.isfinite(residual.sd).any(axis=2)
+    out = [_named(residual, i, j) for i, j in zip(*np.nonzero(silent & known))]
+    if out:
+        notices.append(
+            Notice(
+                "residual.silent-frf",
+                configuration=residual.configuration,
+                n_out=len(out),
+                known=known.sum(),
+                listed=_listed(out),
+            )
+        )
+    return replace(residual, sd=np.where(silent[:, :, None], np.nan, residual.sd))
+
+
+def _named(residual: FrfResidual, i: int, j: int) -> str:
+    return f"{residual.measured.responses[int(i)]} / {residual.measured.references[int(j)]}"
+
+
+def _listed(labels: Iterable[str]) -> str:
+    names = list(labels)
+    return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+
+
+def _nothing_left(name: str, notices: list[Notice]) -> FemtuneError:
+    why = "; ".join(n.what for n in notices) or "none has a value at the chosen lines that is not zero"
+    return FemtuneError("residual.no-frf-channels/nothing-left", name=name, why=why)

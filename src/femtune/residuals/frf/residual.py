@@ -1,0 +1,205 @@
+"""FRF residual: displacement, mobility or accelerance of model and test, compared line by line.
+
+Source: handbook chapter, displacement residual in the frequency domain; logarithm of the ratio as in FRF calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from femtune.arrays import Complexes, Reals
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.fem import NodeTable
+from femtune.modal import FrfSet
+from femtune.modal.frf_set import KINDS
+from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
+from femtune.model.response import Ports, frf_gradient, matrix_ports
+from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.frf.lines import Region
+from femtune.residuals.frf.model_way import ModelWay
+from femtune.residuals.weights import ResidualBlock
+
+# ----------------------------------------------------------------------------------------------------
+# Forms of the FRF residual: differences, or the logarithm of the ratio, of model and measured functions.
+
+
+FrfForm = Literal["linear", "log-magnitude", "log-complex"]
+Pair = tuple[Reals, Reals]
+
+
+def linear(model: Complexes, slope: Complexes, test: Complexes) -> Pair:
+    """H − H_X with real above imaginary parts: values (2n,) and Jacobian (2n, p).
+
+    Parameters
+    ----------
+    model, slope : H (n,) and ∂H/∂x (n, p)
+    test : H_X (n,)
+    """
+    return _stacked(model - test, slope)
+
+
+def log_complex(model: Complexes, slope: Complexes, test: Complexes) -> Pair:
+    """Principal value of ln(H/H_X): n logarithms of the ratio of magnitudes, then n differences of phase in rad.
+
+    The logarithm is taken of the ratio: the difference of two principal values jumps where one phase passes ±π.
+    """
+    return _stacked(np.log(model / test), slope / model[:, None])
+
+
+def log_magnitude(model: Complexes, slope: Complexes, test: Complexes) -> Pair:
+    """ln|H/H_X|: values (n,) and Jacobian (n, p)."""
+    return np.log(model / test).real, (slope / model[:, None]).real
+
+
+def _stacked(values: Complexes, slope: Complexes) -> Pair:
+    return np.concatenate([values.real, values.imag]), np.concatenate([slope.real, slope.imag])
+
+
+FORMS: Mapping[str, Callable[[Complexes, Complexes, Complexes], Pair]] = {
+    "linear": linear,
+    "log-magnitude": log_magnitude,
+    "log-complex": log_complex,
+}
+
+
+# ----------------------------------------------------------------------------------------------------
+# Where measured FRFs were driven and seen, as rows over the DOFs of all grid points, whatever the configuration.
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Rows (outputs, n_g) that see motions, and rows (inputs, n_g) of forces, in the order of the functions."""
+
+    outputs: sp.csr_array
+    inputs: sp.csr_array
+
+    def ports(self, configured: ConfiguredModel, measured: FrfSet) -> Ports:
+        """On the free DOFs of a configuration (error ``response.held-port``)."""
+        return matrix_ports(configured, self.inputs, self.outputs, measured.references, measured.responses)
+
+
+def places_of(nodes: NodeTable, measured: FrfSet) -> Places:
+    """Those of functions whose labels are DOFs of the model; errors ``model.unknown-node``, ``model.component``."""
+    return Places(_rows(nodes, measured.responses), _rows(nodes, measured.references))
+
+
+def _rows(nodes: NodeTable, dofs: DofSet) -> sp.csr_array:
+    at = [nodes.dof(d.node, d.component) for d in dofs]
+    shape = (len(at), nodes.n_dofs)
+    return sp.csr_array(([float(d.sign) for d in dofs], (range(len(at)), at)), shape=shape)
+
+
+@dataclass(frozen=True, eq=False)
+class FrfResidual(Residual):
+    """H_model against H_test at some lines of some functions, weighted by the scatter of each value.
+
+    Parameters
+    ----------
+    configuration : name
+    measured : functions at the lines that are compared only
+    places : where they were driven and seen
+    sd : (outputs, inputs, lines) σ of real and imaginary parts of values or of their logarithms, as the form is; NaN
+        where nothing is compared
+    regions : parts of the lines; those with a label make a block each over all functions, those without one a block
+        for each function
+    form : "linear", "log-magnitude" or "log-complex"
+    way : how the model's functions are computed
+    shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
+    """
+
+    configuration: str
+    measured: FrfSet
+    places: Places
+    sd: Reals
+    regions: tuple[Region, ...]
+    form: FrfForm = "log-complex"
+    way: ModelWay = field(default_factory=ModelWay)
+    shift: Reals | None = field(default=None, repr=False)
+    key = "frf"
+    label = "frf"
+    # a reduced model of modes has no residual vectors for the forces and no damping of its own
+    on_modes = False
+
+    def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a case at a point, of the full model."""
+        return self.compare(self.way.model(state), derivatives)
+
+    def compare(self, model: ModelPoint | EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks of a solved model, or for the direct way without modal damping of its point.
+
+        σ of a block is such that |r|σ is the weighted relative misfit, a complex value counting once.
+
+        Raises
+        ------
+        FemtuneError : ``residual.frf-not-finite``, and as `frf_gradient`
+        """
+        values, gradient = self.functions(model, derivatives)
+        return [self._of_part(label, at, values[at], gradient[at]) for label, at in self._parts]
+
+    def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
+        """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
+        lines, back = np.unique(self.measured.freq_hz * self._stretch, return_inverse=True)
+        found = frf_gradient(
+            model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
+            damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
+        )  # fmt: skip
+        # a model whose stiffness is scaled so that its peaks meet the test's answers by this factor less
+        factor = self._stretch ** (2.0 - KINDS.index(self.measured.kind))
+        return found.frfs.values[:, :, back] * factor, found.gradient[:, :, back] * factor[:, None]
+
+    def _ports(self, model: ModelPoint | EigenSolution) -> Ports:
+        point = model.point if isinstance(model, EigenSolution) else model
+        return self.places.ports(point.configured, self.measured)
+
+    @cached_property
+    def _stretch(self) -> Reals:
+        out = np.ones(len(self.measured.freq_hz))
+        for region in self.regions:
+            out[region.at] = region.stretch
+        return out
+
+    @cached_property
+    def _parts(self) -> list[tuple[str, NDArray[np.bool_]]]:
+        """Label and (outputs, inputs, lines) places of each block that has some."""
+        return [(label, at) for label, at in self._candidates() if at.any()]
+
+    def _candidates(self) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        compared = np.isfinite(self.sd)
+        for region in self.regions:
+            at = np.zeros_like(compared)
+            at[:, :, region.at] = compared[:, :, region.at]
+            if region.label:
+                yield region.label, at
+            else:
+                yield from self._by_function(at)
+
+    def _by_function(self, at: NDArray[np.bool_]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+        for i, j in np.ndindex(at.shape[:2]):
+            one = np.zeros_like(at)
+            one[i, j] = at[i, j]
+            yield f"{self.measured.responses[i]} / {self.measured.references[j]}", one
+
+    def _of_part(self, label: str, at: NDArray[np.bool_], model: Complexes, slope: Complexes) -> ResidualBlock:
+        test, sd = self.measured.values[at], self.sd[at]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values, jacobian = FORMS[self.form](model, slope, test)
+        if not (np.isfinite(values).all() and np.isfinite(jacobian).all()):
+            raise self._not_finite(label)
+        if self.form != "linear" and self.shift is not None:
+            values[: len(test)] += self.shift[at]
+        # logarithms are relative already
+        size = np.abs(test) if self.form == "linear" else 1.0
+        scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
+        sd = np.tile(sd, len(values) // len(test))
+        return self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
+
+    def _not_finite(self, label: str) -> FemtuneError:
+        return FemtuneError("residual.frf-not-finite", configuration=self.configuration, label=label)

@@ -1,0 +1,165 @@
+"""Alerts: what the reader of the results should know first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.model import grid_matrix
+from femtune.residuals.frf.model_way import AtFirstState
+from femtune.results.base import alert
+from femtune.results.checks import LUMPING, MASS, MESH
+from femtune.results.model import alert_of
+from femtune.status import Status
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.results.base import Alert
+    from femtune.results.correlation import CorrelationResults
+    from femtune.results.results import Results
+    from femtune.results.stages import StageResults
+
+_CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
+_WRITTEN_PERCENT = 0.05
+_MOST_UNPAIRED = 8
+
+
+def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
+    """Alerts of a finished run with `others` among them, the gravest first."""
+    found = [
+        *_of_update(results),
+        *_of_quantify(results),
+        *_of_writing(results),
+        *_of_model(results),
+        *_of_correlation(results),
+        *_of_held_masses(study),
+        *_of_silent_modes(study),
+        *_of_residuals(study),
+        *(told for r in results.responses for told in r.alerts),
+        *(alert_of(n) for n in study.built.notices if n.level != "info"),
+        *(alert_of(n) for n in study.notices),
+        *others,
+    ]
+    order = {"problem": 0, "warning": 1, "info": 2}
+    return tuple(sorted(dict.fromkeys(found), key=lambda a: order[a.level]))
+
+
+def _of_residuals(study: Study) -> Iterable[Alert]:
+    """What comparisons left out when they were settled."""
+    for case in study.cases:
+        for residual in () if case.compared is None else case.compared.residuals:
+            if isinstance(residual, AtFirstState):
+                yield from map(alert_of, residual.notices)
+
+
+def _of_update(results: Results) -> Iterable[Alert]:
+    update = results.update
+    if update is None:
+        return
+    if not update.ok:
+        yield alert("problem", "update.no-optimum", ending=update.message)
+    if update.status == Status.UNDETERMINED.name:
+        yield alert("warning", "update.undetermined")
+    at_bound = [p.name for p in update.parameters if p.at_bound]
+    if at_bound:
+        yield alert("warning", "update.at-bound", parameters=", ".join(at_bound))
+    if update.reduction is not None and not update.reduction.certified:
+        yield alert("problem", "update.not-certified", last_round=update.reduction.rounds[-1])
+    if update.weight_choice is not None and not update.weight_choice.found:
+        yield alert("problem", "update.no-weight", reason=update.weight_choice.sentence)
+    if update.starts is not None and not update.starts.unique:
+        yield alert("warning", "update.not-unique", found=" ".join(update.starts.sentences))
+    if update.pairing_events:
+        iterations = len({event.iteration for event in update.pairing_events})
+        code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
+        yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_stages(update.stages)
+    if update.goodness is not None and update.goodness.verdict == "fail":
+        yield alert("warning", "update.misfit", found=update.goodness.sentence)
+
+
+def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
+    for stage in stages:
+        if not stage.ok:
+            yield alert("problem", "update.stage-unfinished", stage=stage.name, ending=stage.message)
+        apart = sum(not run.agrees for run in stage.runs)
+        if apart:
+            yield alert("warning", "update.starts-differ", stage=stage.name, apart=apart, starts=len(stage.runs))
+        for misfit in stage.misfit:
+            if misfit.larger_than_noise:
+                facts = {"stage": stage.name, "kind": misfit.kind, "ratio": misfit.size}
+                yield alert("warning", "update.stage-misfit", **facts)
+
+
+def _of_quantify(results: Results) -> Iterable[Alert]:
+    found = results.quantify
+    if found is None:
+        return
+    if not found.ok:
+        yield alert("problem", "quantify.no-distribution", ending=found.message)
+    elif not found.agrees:
+        yield alert("warning", "quantify.disagrees", found=found.sentences[0])
+
+
+def _of_writing(results: Results) -> Iterable[Alert]:
+    written, update = results.write_back, results.update
+    if written is None or update is None:
+        return
+    lost = [s for s in written.without_field if "split = true" in s or "no card holds" in s]
+    for sentence in written.without_field:
+        yield alert("warning" if sentence in lost else "info", "write.without-field", reason=sentence)
+    as_written = update.objective_as_written_percent
+    if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
+        code = "write.incomplete" if lost else "write.rounding"
+        errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
+        yield alert("warning", code, **errors)
+
+
+def _of_model(results: Results) -> Iterable[Alert]:
+    if results.model is None:
+        return
+    for check in results.model_checks:
+        if check.verdict == "fail":
+            yield alert("warning", _CHECKS[check.check], configuration=check.configuration, found=check.sentence)
+    for c in results.model.configurations:
+        if c.rigid_body_check.verdict == "fail":
+            found = c.rigid_body_check.sentence
+            yield alert("warning", "model.grounded", configuration=c.configuration, found=found)
+
+
+def _of_held_masses(study: Study) -> Iterable[Alert]:
+    """Masses on points that nothing stiffens: AUTOSPC holds them, so that they take part in no mode."""
+    for case in study.cases:
+        held = [d for d in case.configured.held_singular if 1 <= d.component <= 3]
+        mass = grid_matrix(study.model, case.configured.configuration, "mass").diagonal() if held else np.zeros(0)
+        heavy = [str(d)[:-1] for d in held if mass[study.model.structure.nodes.dof(d.node, d.component)] > 0.0]
+        if heavy:
+            shown = ", ".join(heavy[:6]) + (" …" if len(heavy) > 6 else "")
+            yield alert("warning", "model.held-mass", configuration=case.name, grids=shown)
+
+
+def _of_silent_modes(study: Study) -> Iterable[Alert]:
+    """Measured modes that the update could use and that no residual compares."""
+    for case in study.cases:
+        if case.modal is None or case.entry.use != "update":
+            continue
+        if not any(r.of_modes for r in case.modal.residuals):
+            yield alert("info", "residual.modes-unused", configuration=case.name)
+
+
+def _of_correlation(results: Results) -> Iterable[Alert]:
+    stages = [c.stage for c in results.correlations]
+    for c in results.correlations:
+        if stages and c.stage == stages[-1]:
+            yield from _of_unpaired(c)
+
+
+def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:
+    for mode in c.unpaired_test[:_MOST_UNPAIRED]:
+        facts = {"mode": mode.test_label, "reason": mode.reason}
+        yield alert("warning", "correlate.unpaired", configuration=c.configuration, **facts)
+    more = len(c.unpaired_test) - _MOST_UNPAIRED
+    if more > 0:
+        yield alert("warning", "correlate.unpaired/more", configuration=c.configuration, count=more)

@@ -1,0 +1,168 @@
+"""What every record of the results shares: frozen, no unknown keys, no NaN, documented fields."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import itertools
+import textwrap
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from femtune.errors import Notice
+
+Level = Literal["info", "warning", "problem"]
+ModelVersion = Literal["before", "after", "after as written"]
+"""The model before the update, after it, and as read again from the updated deck; records keep it as `stage`."""
+VerdictWord = Literal["pass", "fail", "not tested"]
+Vector3 = tuple[float, float, float]
+
+
+class Record(BaseModel):
+    """Base of all records: frozen; a key that the schema does not know, NaN and infinity are errors."""
+
+    # a validator is built when a record of its type is first made: no command makes all of them
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=(), defer_build=True
+    )
+
+    def __repr_args__(self) -> Iterator[tuple[str | None, object]]:
+        """Numbers and texts as they are, of longer lists the length: a whole run would fill hundreds of pages."""
+        for name, value in super().__repr_args__():
+            yield name, _short(value)
+
+
+class _Said(str):
+    """A text that shows itself without quotes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+_MOST_SHOWN = 4
+_LONGEST_TEXT = 80
+
+
+def _short(value: object) -> object:
+    if isinstance(value, Record):
+        return _Said(f"{type(value).__name__}(…)")
+    if isinstance(value, tuple | dict) and (
+        len(value) > _MOST_SHOWN or any(isinstance(v, Record | tuple) for v in value)
+    ):
+        return _Said(f"({len(value)} entries)")
+    if isinstance(value, str) and len(value) > _LONGEST_TEXT:
+        return value[: _LONGEST_TEXT - 1] + "…"
+    return value
+
+
+def descriptions(record: type[Record]) -> dict[str, str]:
+    """The text under each field in the source, by name of the field; it is read for the schema only."""
+    owners = reversed([c for c in record.__mro__ if issubclass(c, Record)])
+    return {name: text for owner in owners for name, text in _own_descriptions(owner)}
+
+
+@cache
+def _own_descriptions(owner: type[Record]) -> tuple[tuple[str, str], ...]:
+    found = []
+    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+    assert isinstance(definition, ast.ClassDef)
+    for field, text in itertools.pairwise(definition.body):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(text, ast.Expr):
+            assert isinstance(text.value, ast.Constant)
+            found.append((field.target.id, inspect.cleandoc(str(text.value.value))))
+    return tuple(found)
+
+
+class Alert(Record):
+    """Something that the reader should know."""
+
+    level: Level
+    """"info", "warning" or "problem"."""
+    code: str
+    """Stable code ``area.problem``; docs/errors has a page for each."""
+    sentence: str
+    """What was found, in words."""
+    where: str = ""
+    """File, line and record, "" where there is none."""
+
+
+def alert(level: Level, code: str, **facts: Any) -> Alert:
+    """An alert in the wording of the registry."""
+    said = Notice(code, **facts)
+    return Alert(level=level, code=said.code, sentence=said.what)
+
+
+class CitationRecord(Record):
+    """A publication behind a method that ran."""
+
+    key: str
+    """Key of the BibTeX entry."""
+    text: str
+    """Authors, year, title, source."""
+    bibtex: str
+    """The whole BibTeX entry."""
+
+
+class InputFile(Record):
+    """A file that was read, and what it was at that time."""
+
+    path: str
+    """Path as the study names it, relative to the study file."""
+    sha256: str
+    """SHA-256 of its bytes, in hexadecimal digits; "" if the file, read earlier, no longer exists."""
+
+
+class StepDuration(Record):
+    """How long a step took."""
+
+    step: str
+    """Name of the step: "read", "modes", "correlate", "select", "update", "write"."""
+    duration_s: float
+    """Wall-clock time in s."""
+
+
+class Provenance(Record):
+    """Where these results come from."""
+
+    femtune_version: str
+    """Version of femtune that wrote the results."""
+    started_at: str
+    """Begin of the run, ISO 8601 with time zone."""
+    command: str
+    """Command line, or the Python call, that made the run."""
+    study_file: InputFile
+    """The study file (TOML)."""
+    input_files: tuple[InputFile, ...]
+    """Decks with their INCLUDEs, and test files."""
+    python_version: str
+    """Version of Python."""
+    numpy_version: str
+    """Version of numpy."""
+    scipy_version: str
+    """Version of scipy."""
+    eigen_solver: str
+    """Eigen-solver and sparse solver that solved the modes; several where models of different size are in the run."""
+    durations: tuple[StepDuration, ...] = ()
+    """Time of each step."""
+
+
+class StudyFacts(Record):
+    """What the study file says about itself."""
+
+    title: str
+    """Title of the study."""
+    units: str
+    """Coherent system of units, length-mass-time: "m-kg-s"; all values without a unit are in it."""
+    deck_file: str
+    """The deck as the study names it; the first file of matrices where the model is made of them."""
+    configurations: tuple[str, ...]
+    """Names of the configurations, in the order of the study."""
+    imported: bool = False
+    """True where the model is made of matrices of another solver, so that there is no deck."""
+    description: str = ""
+    """Free text of the study."""

@@ -1,0 +1,130 @@
+"""Checks of the model before it is updated, as records: updating cannot correct these errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.fem.checks import mass_properties
+from femtune.model import EigenSolution, grid_matrix
+from femtune.model.mesh_error import mass_change, mesh_change
+from femtune.results.base import Record, VerdictWord
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+
+
+class ModelCheck(Record):
+    """An error that no parameter mends, beside what is allowed."""
+
+    configuration: str
+    """Name of the configuration."""
+    check: str
+    """"weighed mass", "lumped or consistent mass" or "mesh"."""
+    measured: float | None
+    """The error in %, with its sign; of frequencies that of the worst mode. None where not tested."""
+    limit: float
+    """Largest magnitude that passes, in %."""
+    verdict: VerdictWord
+    """Outcome."""
+    sentence: str
+    """What was found, or why it was not tested."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records are made: weighed mass, lumped against consistent mass, the mesh.
+
+
+Solutions = Mapping[str, EigenSolution]
+
+MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
+_SAME = 1e-6
+_IN_PARAMETERS = "an update would put that into its parameters"
+
+
+def mass_checks(study: Study) -> tuple[ModelCheck, ...]:
+    """Weighed mass beside the model's, each configuration."""
+    return tuple(_mass(study, case) for case in study.cases)
+
+
+def _mass(study: Study, case: StudyCase) -> ModelCheck:
+    weighed, limit = case.configured.configuration.weighed_mass, 100.0 * study.file.checks.mass_error
+    if weighed is None:
+        return _untested(case, MASS, limit, "the structure was not weighed: weighed_mass in the configuration")
+    matrix = grid_matrix(study.model, case.configured.configuration, "mass")
+    difference = 100.0 * (mass_properties(study.model.structure.nodes, matrix).mass / weighed - 1.0)
+    return _tested(case, MASS, limit, difference, f"the model's mass is {difference:+.2g} % off the weighed one")
+
+
+def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:
+    """All checks of the configurations that the update uses, at the deck's values."""
+    found = list(mass_checks(study))
+    for case in study.cases:
+        if case.used is not None and case.name in solutions:
+            progress.step(f"mass and mesh: {case.name}", 0, None)
+            found += [_lumping(study, case, solutions[case.name]), _mesh(study, case, solutions[case.name])]
+    return tuple(found)
+
+
+def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
+    limit, change = 100.0 * study.file.checks.mesh_error, mass_change(solution)
+    if isinstance(change, str):
+        return _untested(case, LUMPING, limit, change)
+    worst = _worst(case, solution, change)
+    if worst is None:
+        return _untested(case, LUMPING, limit, "no elastic mode was solved")
+    mode, value = worst
+    kind = "consistent" if case.configured.model.structure.consistent_mass else "lumped"
+    other = "lumped" if kind == "consistent" else "consistent"
+    sentence = f"{other} mass in place of {kind} changes mode {mode} by {value:+.2g} %"
+    return _tested(case, LUMPING, limit, value, sentence)
+
+
+def _mesh(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
+    limit = 100.0 * study.file.checks.mesh_error
+    if not study.file.checks.refinement:
+        return _untested(case, MESH, limit, "taken as it is: refinement = true in [checks] refines it once")
+    found = mesh_change(solution)
+    if isinstance(found, str):
+        return _untested(case, MESH, limit, found)
+    worst = _worst(case, solution, found.error)
+    if worst is None:
+        return _untested(case, MESH, limit, "no mode of the refined mesh resembles one of the deck's")
+    mode, value = worst
+    k = mode - 1
+    sentence = (
+        f"a mesh of half the size ({found.free_dofs} free DOFs) brings mode {mode} from {found.freq_hz[k]:.5g} to "
+        f"{found.refined_hz[k]:.5g} Hz, so that its error is about {value:+.2g} %"
+    )
+    return _tested(case, MESH, limit, value, sentence)
+
+
+def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int, float] | None:
+    """Number and value in % of the worst mode within the frequencies of the test."""
+    top = np.inf if case.modal is None else 1.05 * float(case.modal.test.freq_hz.max(initial=0.0))
+    inside = np.where(solution.freq_hz[: len(values)] <= top, np.abs(values), np.nan)
+    if not np.isfinite(inside).any():
+        return None
+    # modes in two planes change alike: the first of them is named, whatever rounding adds to the others
+    mode = int(np.flatnonzero(inside >= (1.0 - _SAME) * np.nanmax(inside))[0])
+    return mode + 1, 100.0 * float(values[mode])
+
+
+def _tested(case: StudyCase, check: str, limit: float, value: float, sentence: str) -> ModelCheck:
+    passed = abs(value) <= limit
+    tail = "" if passed else f", more than {limit:.2g} %: {_IN_PARAMETERS}"
+    return ModelCheck(
+        configuration=case.name, check=check, measured=value, limit=limit,
+        verdict="pass" if passed else "fail", sentence=f"{sentence}{tail}",
+    )  # fmt: skip
+
+
+def _untested(case: StudyCase, check: str, limit: float, reason: str) -> ModelCheck:
+    return ModelCheck(
+        configuration=case.name, check=check, measured=None, limit=limit, verdict="not tested", sentence=reason
+    )

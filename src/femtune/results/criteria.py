@@ -1,0 +1,31 @@
+"""The criteria that a study asks for, by `[validate]`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune.validation import profile
+from femtune.validation.criteria import DIAGONAL, FREQUENCY, MAC, OFF_DIAGONAL, SHAPE
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.validation import CriteriaProfile, Criterion
+
+_QUANTITIES = {
+    "frequency_error": FREQUENCY,
+    "mac": MAC,
+    "cross_orthogonality": DIAGONAL,
+    "off_diagonal": OFF_DIAGONAL,
+    "shape_error": SHAPE,
+}
+
+
+def criteria_profile(study: Study) -> CriteriaProfile:
+    """The profile that the study names, with its own numbers."""
+    table = study.file.validation
+    return profile(table.profile, {_QUANTITIES[key]: value for key, value in table.own_limits.items()})
+
+
+def of_whole_tests(study: Study) -> tuple[Criterion, ...]:
+    """Those that a whole test can be judged by: held-out sensors are judged by themselves."""
+    return tuple(c for c in criteria_profile(study).criteria if c.quantity != SHAPE)

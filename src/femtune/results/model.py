@@ -1,0 +1,667 @@
+"""The model as records: cards, mass, supports, checks, sensors, damping and modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.cases import sensor_tolerance
+from femtune.fem.checks import (
+    grounding_elements,
+    mass_properties,
+    rigid_body_modes,
+    rigid_motion_checks,
+)
+from femtune.files.nastran.constraints import effect_of
+from femtune.files.nastran.control import UNDERSTOOD_PARAMS
+from femtune.files.nastran.inventory import READ
+from femtune.model import grid_matrix
+from femtune.model.configuration import held_dofs
+from femtune.model.response import effective_mass
+from femtune.model.response.rigid import is_rigid
+from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord
+from femtune.results.checks import ModelCheck, mass_checks
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.errors import Notice
+    from femtune.fem import FieldRef, Structure
+    from femtune.fem.checks import (
+        MassProperties,
+        RigidMotionCheck,
+    )
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.model import Configuration, EigenSolution
+    from femtune.results.base import Level
+
+
+class UsedCard(Record):
+    """A kind of card that was read and used."""
+
+    name: str
+    """Name of the card: "CBAR"."""
+    count: int
+    """How many there are."""
+
+
+class IgnoredCard(Record):
+    """A kind of card that was not used."""
+
+    name: str
+    """Name of the card."""
+    count: int
+    """How many there are."""
+    first_file: str
+    """File of the first one."""
+    first_line: int
+    """Line of the first one, from 1."""
+    reason: str
+    """Why it was not used."""
+
+
+class DeckParameterRecord(Record):
+    """A PARAM of the deck."""
+
+    name: str
+    """Name: "WTMASS"."""
+    value: str
+    """Value as the deck writes it."""
+    understood: bool
+    """True where it acts as in Nastran; false where it was ignored."""
+    remark: str = ""
+    """What it did, or why it was ignored."""
+
+
+class HeldDof(Record):
+    """A DOF that AUTOSPC held because nothing stiffens it."""
+
+    dof: str
+    """Node and direction: "101RZ+"."""
+    reason: str
+    """Why it was held."""
+
+
+class GroundedDof(Record):
+    """A DOF where a rigid motion meets a force: a hidden connection to ground."""
+
+    dof: str
+    """Node and direction."""
+    force: float
+    """Force left at it in the worst of the six rigid motions, over the sum of what cancels there (no unit)."""
+
+
+class GroundingElementRecord(Record):
+    """An element that strains when the free model moves as a rigid body."""
+
+    card: str
+    """Name of its card: "CELAS2"."""
+    element: int
+    """Its number."""
+    motion: str
+    """The rigid motion that strains it: "X" to "RZ"."""
+    relative_energy: float
+    """Its strain energy over the sum of the absolute values of its parts (no unit)."""
+
+
+class RigidBodyCheck(Record):
+    """Strain energy of six rigid motions of the model without its supports."""
+
+    strain_energies: tuple[float, ...]
+    """Of unit translations X, Y, Z and rotations RX, RY, RZ (1 rad), in units of the study."""
+    relative_energies: tuple[float, ...]
+    """The same, each over the sum of the absolute values of its parts (no unit); zero is perfect."""
+    grounded: bool | None
+    """True where at least one motion strains the model; None where not tested."""
+    verdict: VerdictWord
+    """Outcome; a model that only elements with an end on the ground tie to it passes."""
+    sentence: str
+    """Outcome in words, or why it was not tested."""
+    worst_dofs: tuple[GroundedDof, ...] = ()
+    """Where the largest forces are, largest first."""
+    grounding_elements: tuple[GroundingElementRecord, ...] = ()
+    """Elements that tie the model to the ground, largest energy first, ten at the most."""
+
+
+class ModelConfiguration(Record):
+    """The model in one configuration."""
+
+    configuration: str
+    """Name of the configuration."""
+    grids: int
+    """Number of grid and scalar points."""
+    free_dofs: int
+    """Number of DOFs that are solved for."""
+    supports: tuple[str, ...]
+    """What holds DOFs, in words: grid points themselves, SPC set, configuration; each DOF is counted once."""
+    held_dofs: tuple[HeldDof, ...]
+    """Every DOF held by AUTOSPC."""
+    mass: float
+    """Mass of the model, in the study's unit of mass."""
+    centre_of_gravity: Vector3 | None
+    """In the basic system, in the study's unit of length; None where the points have no coordinates."""
+    inertia: tuple[Vector3, Vector3, Vector3] | None
+    """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²; None likewise."""
+    weighed_mass: float | None
+    """Mass that was weighed, in the study's unit of mass; None where the study gives none."""
+    mass_difference_percent: float | None
+    """(model − weighed)/weighed in %; None where nothing was weighed."""
+    rigid_body_check: RigidBodyCheck
+    """Strain energy of rigid motions."""
+    constraints: tuple[str, ...] = ()
+    """Multipoint constraints and rigid elements that act, in words; results of before have them among the supports."""
+    overlay: tuple[str, ...] = ()
+    """What this configuration changes in the deck, in words: elements off, masses added, supports."""
+
+
+class NamedSet(Record):
+    """A set of degrees of freedom that the deck names; it holds none of them."""
+
+    name: str
+    """ASET, OMIT, BSET, CSET, QSET, SUPORT, "SUPORT1 3" or "USET U1"."""
+    dofs: int
+    """Number of its DOFs."""
+    effect: str
+    """What it means here, in words."""
+
+
+class DampingField(Record):
+    """A field of a kind of card that damps; values of zero do not count."""
+
+    kind: str
+    """"loss factor" (hysteretic) or "viscous"."""
+    field: str
+    """Card and field: "MAT1 GE"; those of the six directions of a bush stand together."""
+    cards: int
+    """Cards that have a value there."""
+    lowest: float
+    """Smallest value, in units of the deck (loss factors have none)."""
+    highest: float
+    """Largest value."""
+    elements: int
+    """Elements that these values act in."""
+
+
+class DampingFacts(Record):
+    """Damping that the deck describes."""
+
+    overall_loss_factor: float | None
+    """Loss factor of all stiffness (PARAM G); None without one."""
+    overall_omega_rad_s: float | None
+    """Frequency at which viscous damping stands in for it (PARAM W3); None without one."""
+    element_omega_rad_s: float | None
+    """The same for loss factors of materials and elements (PARAM W4); None without one."""
+    modal_damping: str
+    """Damping of modes that case control selects (SDAMPING), in words; empty without one."""
+    fields: tuple[DampingField, ...]
+    """Loss factors and dashpots by card and field."""
+
+
+class ModelFacts(Record):
+    """What was read from the deck, and the model that came of it."""
+
+    cards_read: tuple[UsedCard, ...]
+    """Cards that were used."""
+    cards_ignored: tuple[IgnoredCard, ...]
+    """Cards that were not used."""
+    deck_parameters: tuple[DeckParameterRecord, ...]
+    """PARAMs, understood and ignored."""
+    dof_sets: tuple[NamedSet, ...] = ()
+    """Sets of degrees of freedom that the deck names."""
+    checks: tuple[ModelCheck, ...] = ()
+    """Weighed mass beside the model's; what needs modes stands in SelectionResults."""
+    notices: tuple[Alert, ...]
+    """Findings while reading."""
+    configurations: tuple[ModelConfiguration, ...]
+    """One record a configuration."""
+    damping: DampingFacts | None = None
+    """Damping; None in results of before it was read."""
+
+
+class MatchedSensor(Record):
+    """A measured DOF and the model's DOF that answers for it."""
+
+    test_dof: str
+    """Label in the test: "12X+"."""
+    test_node: int
+    """Node of the test."""
+    model_node: int | None
+    """Grid of the model; None where the sensor is a combination of several."""
+    distance: float | None
+    """Between the two, in the study's unit of length; None where matched without coordinates."""
+    how: str
+    """How it was matched, in words: "nearest grid", "same number", "by hand", "combination of 2 DOFs"."""
+
+
+class UnmatchedSensor(Record):
+    """A measured DOF that takes no part in the comparison."""
+
+    test_dof: str
+    """Label in the test."""
+    reason: str
+    """Why, in words."""
+
+
+class SensorResults(Record):
+    """Sensors of one configuration."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_file: str
+    """File of the test."""
+    tolerance: float | None
+    """Largest distance allowed, in the study's unit of length; None where matched otherwise."""
+    matched: tuple[MatchedSensor, ...]
+    """Sensors that are compared, generalised ones among them."""
+    unmatched: tuple[UnmatchedSensor, ...]
+    """Sensors left aside."""
+
+
+class EffectiveMasses(Record):
+    """How much of the structure's mass each mode moves when its supports move as a rigid body.
+
+    Six directions: translations X, Y, Z and rotations RX, RY, RZ about the centre of gravity, basic axes.
+    """
+
+    total: tuple[float, ...]
+    """Mass felt in X, Y, Z (unit of mass) and inertia RX, RY, RZ (mass·length²); 0 where there is none."""
+    fractions: tuple[tuple[float | None, ...], ...]
+    """Six numbers for each mode of ModelModes.freq_hz, as parts of the total (no unit); None where the total is 0."""
+
+
+class ModelModes(Record):
+    """Solved modes of one configuration at one model version."""
+
+    configuration: str
+    """Name of the configuration."""
+    stage: ModelVersion
+    """"before", "after" or "after as written"."""
+    freq_hz: tuple[float, ...]
+    """Natural frequencies in Hz, rising, rigid-body modes first as 0."""
+    rigid_body_modes: int
+    """How many of them are rigid-body motions."""
+    sturm_shift_hz: float | None
+    """Frequency in Hz of the Sturm check; None where not tested."""
+    sturm_count: int | None
+    """Number of eigenvalues below that shift by the signs of the factorisation; None where not tested."""
+    modes_below_shift: int | None
+    """Number of solved modes below that shift; equal to sturm_count where no mode was missed."""
+    sturm_sentence: str = ""
+    """Outcome in words, or why it was not tested."""
+    effective_masses: EffectiveMasses | None = None
+    """Modal effective masses; None in results of before they were computed."""
+    solver: str = ""
+    """Eigen-solver and sparse solver that found them: "block Lanczos, sparse factors by PARDISO"; "" in results of
+    before it was kept."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records of damping are made.
+
+
+_VISCOUS = frozenset({"B", *(f"B{i}" for i in range(1, 7)), "CE", "CR", "C"})
+_OF_VISCOUS_CARDS = ("PDAMP", "CDAMP2", "CDAMP4", "PBUSH", "PVISC", "PBUSH1D")
+_Group = tuple[str, str]
+
+
+def damping_facts(built: BuiltModel) -> DampingFacts:
+    """Loss factors and dashpots that are not zero, by card and field, and damping of the whole model and of modes."""
+    structure = built.structure
+    overall, values = structure.damping, structure.values
+    eta = overall.loss_factor
+    return DampingFacts(
+        overall_loss_factor=None if eta is None else float(values.values[eta]),
+        overall_omega_rad_s=overall.overall_omega or None,
+        element_omega_rad_s=overall.element_omega or None,
+        modal_damping=_modal(built),
+        fields=(*_fields(structure), *_of_matrices(structure)),
+    )
+
+
+def _fields(structure: Structure) -> list[DampingField]:
+    groups = [_group(ref) if value else None for ref, value in zip(structure.values.refs, structure.values.values)]
+    names = list(dict.fromkeys(g for g in groups if g is not None))
+    of_entry = np.array([-1 if g is None else names.index(g) for g in groups], dtype=np.int64)
+    return [_field(structure, name, of_entry == i) for i, name in enumerate(names)]
+
+
+def _of_matrices(structure: Structure) -> list[DampingField]:
+    """Damping matrices that no element made; their value is their factor."""
+    kinds = {"viscous": "viscous", "hysteretic": "loss factor"}
+    factors = {m.label: (m, float(structure.values.values[m.roles["FACTOR"]])) for m in structure.assembled}
+    return [
+        DampingField.model_validate(
+            {"kind": kinds[m.kind], "field": label, "cards": 1, "lowest": value, "highest": value, "elements": 0}
+        )
+        for label, (m, value) in factors.items()
+        if m.kind in kinds
+    ]
+
+
+def _group(ref: FieldRef) -> _Group | None:
+    """Card and field of a damping value; directions and corners of one kind stand together."""
+    if ref.name.startswith("GE"):
+        return ref.card, "GE"
+    return (ref.card, ref.name.rstrip("123456")) if ref.card in _OF_VISCOUS_CARDS and ref.name in _VISCOUS else None
+
+
+def _field(structure: Structure, name: _Group, mine: NDArray[np.bool_]) -> DampingField:
+    table = structure.values
+    follows = np.zeros(len(mine), bool)
+    follows[[d.target for d in table.derived]] = True
+    # directions that follow the first are no values of their own
+    own = mine & ~follows if (mine & ~follows).any() else mine
+    users = [b.ids[mine[at]] for b in structure.batches for at in b.roles.values()]
+    return DampingField(
+        kind="loss factor" if name[1] == "GE" else "viscous",
+        field=" ".join(name),
+        cards=len({table.refs[i].id for i in np.flatnonzero(own)}),
+        lowest=float(table.values[own].min()),
+        highest=float(table.values[own].max()),
+        elements=len(np.unique(np.concatenate([np.zeros(0, np.int64), *users]))),
+    )
+
+
+def _modal(built: BuiltModel) -> str:
+    damping, number = built.modal_damping, built.deck.case_control.damping
+    if damping is None or damping.freq_hz is None:
+        return ""
+    ratios = damping.ratio(damping.freq_hz)
+    kind = "imaginary stiffness" if damping.hysteretic else "viscous damping"
+    span = f"{damping.freq_hz[0]:g} to {damping.freq_hz[-1]:g} Hz"
+    return f"table {number}: damping ratios {ratios.min():g} to {ratios.max():g} from {span}, as {kind}"
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records of the deck and the model are made.
+
+
+_MOST_GROUNDING = 10
+
+_NOT_TESTED = "not tested: the factorisation hides the inertia"
+
+
+def model_facts(study: Study) -> ModelFacts:
+    """What was read from the deck, and the model in each configuration."""
+    built = study.built
+    read = tuple(UsedCard(name=c.name, count=c.count) for c in built.cards if c.use == READ)
+    ignored = tuple(
+        IgnoredCard(name=c.name, count=c.count, first_file=c.where.file, first_line=c.where.line or 1, reason=c.use)
+        for c in built.cards
+        if c.use != READ
+    )
+    return ModelFacts(
+        cards_read=read,
+        cards_ignored=ignored,
+        deck_parameters=tuple(_deck_parameters(study)),
+        dof_sets=tuple(
+            NamedSet(name=name, dofs=len(dofs), effect=effect_of(name))
+            for name, dofs in built.structure.dof_sets.items()
+        ),
+        notices=tuple(alert_of(n) for n in built.notices),
+        configurations=tuple(_configuration(study, case) for case in study.cases),
+        damping=damping_facts(built),
+        checks=mass_checks(study),
+    )
+
+
+def alert_of(notice: Notice) -> Alert:
+    """A notice as a record."""
+    level: Level = "info" if notice.level == "info" else "warning"
+    return Alert(level=level, code=notice.code, sentence=notice.what, where=str(notice.where or ""))
+
+
+def _deck_parameters(study: Study) -> Iterable[DeckParameterRecord]:
+    for name, given in study.built.deck.params.items():
+        known = name in UNDERSTOOD_PARAMS
+        remark = "" if known else "not needed for normal modes, or not understood"
+        yield DeckParameterRecord(name=name, value=given.value, understood=known, remark=remark)
+
+
+def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
+    structure, configuration = study.model.structure, case.configured.configuration
+    mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass"))
+    weighed = configuration.weighed_mass
+    return ModelConfiguration(
+        configuration=configuration.name,
+        grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
+        free_dofs=case.configured.n_free,
+        supports=tuple(_supports(study, configuration)),
+        constraints=tuple(_constraints(study, configuration)),
+        held_dofs=tuple(
+            HeldDof(dof=str(d), reason="without stiffness of any element (AUTOSPC)")
+            for d in case.configured.held_singular
+        ),
+        mass=mass.mass,
+        centre_of_gravity=_vector(mass.centre) if structure.nodes.has_coordinates else None,
+        inertia=_matrix(mass.central_inertia) if structure.nodes.has_coordinates else None,
+        weighed_mass=weighed,
+        mass_difference_percent=None if weighed is None else 100.0 * (mass.mass / weighed - 1.0),
+        rigid_body_check=_rigid_body_check(study, configuration, mass),
+        overlay=tuple(_overlay(configuration)),
+    )
+
+
+def _vector(values: NDArray) -> Vector3:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _matrix(values: NDArray) -> tuple[Vector3, Vector3, Vector3]:
+    return _vector(values[0]), _vector(values[1]), _vector(values[2])
+
+
+def _supports(study: Study, configuration: Configuration) -> Iterable[str]:
+    """What holds how many DOFs, each DOF counted once."""
+    structure = study.model.structure
+    chosen = configuration.support_set
+    chosen = structure.default_support_set if chosen is None else chosen
+    held = set(held_dofs(structure, configuration).tolist())
+    own = held & set(structure.permanent.tolist())
+    of_set = (held & set(structure.support_sets[chosen].tolist())) - own if chosen is not None else set()
+    counts = {"grid points themselves (PS)": own, f"SPC set {chosen}": of_set, "configuration": held - own - of_set}
+    return (f"{name}: {_dofs(len(dofs))}" for name, dofs in counts.items() if dofs)
+
+
+def _dofs(count: int) -> str:
+    return f"{count} DOF" if count == 1 else f"{count} DOFs"
+
+
+def _constraints(study: Study, configuration: Configuration) -> Iterable[str]:
+    structure = study.model.structure
+    number = configuration.multipoint_set
+    number = structure.default_multipoint_set if number is None else number
+    rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(configuration.elements_off)))
+    if number is not None:
+        yield f"MPC set {number}: {_equations(len(structure.multipoint_sets[number]))}"
+    if len(rigid):
+        yield f"rigid elements: {_equations(len(rigid))}"
+
+
+def _equations(count: int) -> str:
+    return f"{count} equation" if count == 1 else f"{count} equations"
+
+
+def _overlay(configuration: Configuration) -> Iterable[str]:
+    off = sorted(configuration.elements_off)
+    if off:
+        shown = ", ".join(map(str, off[:12])) + (f" … ({len(off)} in all)" if len(off) > 12 else "")
+        yield f"elements off: {shown}"
+    for mass in configuration.masses:
+        yield f"mass {mass.mass:g} at grid point {mass.node}" + (f" ({mass.label})" if mass.label else "")
+    for node, components in configuration.supports_added:
+        yield f"support added: {node}:{components}"
+    for node, components in configuration.supports_removed:
+        yield f"support removed: {node}:{components}"
+
+
+def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
+    structure = study.model.structure
+    if not structure.nodes.has_coordinates:
+        return _without_coordinates()
+    stiffness = grid_matrix(study.model, configuration, "stiffness")
+    checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
+    grounded = not all(c.passed for c in checks)
+    tied = _grounding_equations(study, configuration)
+    elements = _grounding(structure, configuration, mass.centre) if grounded else ()
+    if grounded and structure.assembled and not structure.batches:
+        return _supports_inside(checks)
+    meant = bool(elements) and not tied and {e.element for e in elements} <= _ending_on_ground(structure)
+    return RigidBodyCheck(
+        strain_energies=tuple(c.energy for c in checks),
+        relative_energies=tuple(c.relative_energy for c in checks),
+        grounded=grounded or bool(tied),
+        verdict="fail" if (grounded or tied) and not meant else "pass",
+        sentence=_meant_sentence(elements) if meant else _rigid_sentence(checks, tied),
+        worst_dofs=_worst(checks),
+        grounding_elements=elements[:_MOST_GROUNDING],
+    )
+
+
+def _without_coordinates() -> RigidBodyCheck:
+    """Without coordinates nothing is known of rigid motions."""
+    none = (0.0,) * 6
+    sentence = "the points of the model have no coordinates"
+    return RigidBodyCheck(
+        strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
+        worst_dofs=(), grounding_elements=(),
+    )  # fmt: skip
+
+
+def _supports_inside(checks: tuple[RigidMotionCheck, ...]) -> RigidBodyCheck:
+    """Matrices whose held degrees of freedom were left out are tied to the ground, and nothing tells by what."""
+    return RigidBodyCheck(
+        strain_energies=tuple(c.energy for c in checks),
+        relative_energies=tuple(c.relative_energy for c in checks),
+        grounded=True,
+        verdict="not tested",
+        sentence="the matrices resist rigid motion, as they do where held degrees of freedom were left out of them",
+        worst_dofs=_worst(checks),
+    )
+
+
+def _ending_on_ground(structure: Structure) -> set[int]:
+    """Elements with an end on the ground, as springs and bushes may have."""
+    return {int(i) for b in structure.batches for i in b.ids[(b.dofs < 0).any(axis=1)]}
+
+
+def _meant_sentence(elements: tuple[GroundingElementRecord, ...]) -> str:
+    names = list(dict.fromkeys(f"{e.card} {e.element}" for e in elements))
+    shown = ", ".join(names[:6]) + (f" … ({len(names)} in all)" if len(names) > 6 else "")
+    return f"without its supports rigid motion strains nothing but elements that end on the ground: {shown}"
+
+
+def _grounding(
+    structure: Structure, configuration: Configuration, about: NDArray
+) -> tuple[GroundingElementRecord, ...]:
+    found = (e for e in grounding_elements(structure, about) if e.id not in configuration.elements_off)
+    return tuple(
+        GroundingElementRecord(card=e.card, element=e.id, motion=e.motion, relative_energy=e.relative_energy)
+        for e in found
+    )
+
+
+def _rigid_sentence(checks: tuple[RigidMotionCheck, ...], tied: int) -> str:
+    bad = [c.motion for c in checks if not c.passed]
+    parts = []
+    if bad:
+        parts.append(
+            f"rigid motion {', '.join(bad)} strains the model without its supports: something ties it to the ground"
+        )
+    if tied:
+        parts.append(f"{_equations(tied)} do not let the model move as a rigid body")
+    return "; ".join(parts) or "without its supports the model moves in all six rigid motions without strain"
+
+
+def _worst(checks: tuple[RigidMotionCheck, ...]) -> tuple[GroundedDof, ...]:
+    worst = max(checks, key=lambda c: c.relative_force)
+    return tuple(GroundedDof(dof=str(dof), force=force) for dof, force in worst.worst)
+
+
+def _grounding_equations(study: Study, configuration: Configuration) -> int:
+    """Number of active equations that a rigid motion violates (equations on scalar points do not count)."""
+    structure = study.model.structure
+    number = configuration.multipoint_set
+    number = structure.default_multipoint_set if number is None else number
+    rows = [structure.rigid.keep(~np.isin(structure.rigid.owner, list(configuration.elements_off)))]
+    rows += [] if number is None else [structure.multipoint_sets[number]]
+    motions = rigid_body_modes(structure.nodes)
+    count = 0
+    for part in rows:
+        gap, size = np.zeros((len(part), 6)), np.zeros((len(part), 6))
+        np.add.at(gap, part.row, part.coefficient[:, None] * motions[part.dof])
+        np.add.at(size, part.row, np.abs(part.coefficient[:, None] * motions[part.dof]))
+        scalar = np.zeros(len(part), bool)
+        scalar[part.row[part.dof >= 6 * len(structure.nodes.ids)]] = True
+        count += int(((np.abs(gap) > 1e-8 * np.maximum(size, 1e-300)).any(axis=1) & ~scalar).sum())
+    return count
+
+
+def sensor_results(study: Study, case: StudyCase) -> SensorResults | None:
+    """How the sensors of a configuration found the model; None without a test."""
+    if case.sensors is None or case.entry.test is None:
+        return None
+    by_id = study.file.sensors.by_id
+    return SensorResults(
+        configuration=case.configured.configuration.name,
+        test_file=case.entry.test,
+        tolerance=None if by_id else sensor_tolerance(study.file, study.built.structure),
+        matched=tuple(
+            MatchedSensor(
+                test_dof=str(m.label),
+                test_node=m.label.node,
+                model_node=m.node,
+                distance=float(m.distance) if np.isfinite(m.distance) else None,
+                how=m.how,
+            )
+            for m in case.sensors.matches
+        ),
+        unmatched=(),
+    )
+
+
+def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> ModelModes:
+    """The wanted modes of a solution with the proof that none is missing."""
+    freq = solution.freq_hz
+    counted = solution.sturm_count >= 0
+    below = int((solution.eigenvalues < solution.sturm_shift).sum())
+    shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
+    sentence = (
+        f"{solution.sturm_count} eigenvalues lie below {shift_hz:.6g} Hz by the signs of the pivots, {below} were found"
+    )
+    return ModelModes(
+        configuration=name,
+        stage=version,
+        freq_hz=tuple(float(f) for f in freq),
+        rigid_body_modes=_rigid_body_modes(solution),
+        sturm_shift_hz=shift_hz if counted else None,
+        sturm_count=solution.sturm_count if counted else None,
+        modes_below_shift=below if counted else None,
+        sturm_sentence="; ".join([sentence if counted else _NOT_TESTED, *_by_whom(solution)]),
+        effective_masses=_effective_masses(solution),
+        solver=solution.method,
+    )
+
+
+def _effective_masses(solution: EigenSolution) -> EffectiveMasses:
+    found = effective_mass(solution)
+    # rotations about a centre that nobody knows
+    known = 6 if solution.point.configured.model.structure.nodes.has_coordinates else 3
+    total = np.where(np.arange(6) < known, found.total, 0.0)
+    fractions = [
+        [float(f) if i < known and not np.isnan(f) else None for i, f in enumerate(r)] for r in found.fractions
+    ]
+    return EffectiveMasses(total=tuple(map(float, total)), fractions=tuple(map(tuple, fractions)))
+
+
+def _by_whom(solution: EigenSolution) -> list[str]:
+    """That another eigen-solver than the chosen one found the modes."""
+    return [n.what for n in solution.notices if n.code == "slepc.not-used"]
+
+
+def _rigid_body_modes(solution: EigenSolution) -> int:
+    """Number of wanted modes, from the lowest, that strain nothing."""
+    return int(np.cumprod(is_rigid(solution)[: solution.wanted]).sum())

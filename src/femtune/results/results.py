@@ -1,0 +1,107 @@
+"""The results of a study: a documented, versioned schema that outlives the code.
+
+``results.json`` holds one `Results`; arrays lie beside it in ``arrays.npz`` and are referred to by key.
+docs/results-schema.md lists every field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from femtune.results.base import Alert, CitationRecord, Provenance, Record, StudyFacts, descriptions
+from femtune.results.correlation import CorrelationResults
+from femtune.results.journal import JournalResults
+from femtune.results.model import ModelFacts, ModelModes, SensorResults
+from femtune.results.quantify import QuantifyResults
+from femtune.results.response import ResponseResults
+from femtune.results.shapes import ModeShapes
+from femtune.results.update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
+from femtune.results.validation import ValidationResults
+
+if TYPE_CHECKING:
+    from femtune.results.checks import ModelCheck
+
+SCHEMA_VERSION = "1"
+
+
+class Results(Record):
+    """Everything that a run found; a step that did not run is None."""
+
+    schema_version: Literal["1"] = "1"
+    """Version of this schema."""
+    provenance: Provenance
+    """Where the results come from."""
+    study: StudyFacts
+    """What the study says."""
+    model: ModelFacts | None = None
+    """Deck and model; None where the run stopped before it was built."""
+    sensors: tuple[SensorResults, ...] = ()
+    """One record a configuration."""
+    parameters: tuple[ParameterFacts, ...] = ()
+    """Parameters of the study."""
+    modes: tuple[ModelModes, ...] = ()
+    """Solved modes by configuration and model version."""
+    correlations: tuple[CorrelationResults, ...] = ()
+    """Test against model by configuration and model version."""
+    mode_shapes: tuple[ModeShapes, ...] = ()
+    """Shapes for drawing, by configuration, before the update and at the last model version."""
+    responses: tuple[ResponseResults, ...] = ()
+    """Frequency responses, complex modes and static displacements, by configuration and model version."""
+    selection: SelectionResults | None = None
+    """Identifiability; None where not run."""
+    update: UpdateResults | None = None
+    """The update; None where not run."""
+    quantify: QuantifyResults | None = None
+    """Scatter of the parameters from repeated tests; None where the study has no [quantify]."""
+    write_back: WriteBackResults | None = None
+    """The updated deck; None where nothing was written."""
+    validation: ValidationResults | None = None
+    """Data that were not used; None where not run."""
+    journal: JournalResults | None = None
+    """Solutions of the full model, solved and recalled; None where the study keeps no journal."""
+    citations: tuple[CitationRecord, ...] = ()
+    """Publications behind what ran outside the update."""
+    alerts: tuple[Alert, ...] = ()
+    """What the reader should know first, typed."""
+
+    @property
+    def model_checks(self) -> tuple[ModelCheck, ...]:
+        """What an update cannot mend: all that was checked with the modes, else what is known without them."""
+        if self.selection is not None and self.selection.model_checks:
+            return self.selection.model_checks
+        return self.model.checks if self.model is not None else ()
+
+    def array_keys(self) -> tuple[str, ...]:
+        """Keys in arrays.npz that these results refer to."""
+        frfs = (response.frfs for response in self.responses)
+        single = [r for r in (self.selection, self.quantify, *frfs) if r is not None]
+        owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
+        found = (value for owner in owners for name, value in owner if name.endswith("_key"))
+        return tuple(key for key in found if key is not None)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of ``results.json``, with the description of every field."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Results.model_json_schema()}
+    for record in record_types():
+        properties = (schema if record is Results else schema["$defs"][record.__name__])["properties"]
+        for name, text in descriptions(record).items():
+            properties[name]["description"] = text
+    return schema
+
+
+def record_types() -> tuple[type[Record], ...]:
+    """All record types of the schema, `Results` first, each before those that it is made of."""
+    return tuple(dict.fromkeys(_with_parts(Results)))
+
+
+def _with_parts(annotation: Any) -> Iterator[type[Record]]:
+    """The records of a type, and of all that their fields are made of."""
+    if isinstance(annotation, type) and issubclass(annotation, Record):
+        yield annotation
+        for field in annotation.model_fields.values():
+            yield from _with_parts(field.annotation)
+    else:
+        for part in get_args(annotation):
+            yield from _with_parts(part)

@@ -1,0 +1,255 @@
+"""Measures that help to choose parameters, as records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.parameters import property_of_elements
+from femtune.errors import FemtuneError
+from femtune.results.base import Record
+from femtune.selection import (
+    collinearity,
+    energy_map,
+    fisher_information,
+    forward_selection,
+    residual_energy,
+)
+from femtune.selection.information import measure_sentences
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.residuals import CaseState, Evaluation
+    from femtune.selection import (
+        EnergyMap,
+        Identifiability,
+        Information,
+        ResidualEnergy,
+        Subset,
+    )
+
+
+class AlikePair(Record):
+    """Two parameters that do nearly the same to what is compared."""
+
+    first: str
+    """Name of one parameter."""
+    second: str
+    """Name of the other."""
+    cosine: float
+    """Cosine of the angle between their columns of the scaled Jacobian, −1 to 1."""
+
+
+class NearDependence(Record):
+    """A combination of three or more parameters, or two, that is hardly told from nothing."""
+
+    condition_index: float | None
+    """Belsley's condition index; None for an exact dependence."""
+    parameters: tuple[str, ...]
+    """Parameters more than half of whose variance comes from it."""
+
+
+class ParameterInformation(Record):
+    """What the data know of one parameter, in units of its prior standard deviation."""
+
+    parameter: str
+    """Name of the parameter."""
+    sd_alone: float | None
+    """Standard deviation if all others were known; None without any effect."""
+    sd_together: float | None
+    """Cramér-Rao bound with all of them unknown and no prior; None where the others can replace it."""
+    d_rank: int
+    """Place in the D-optimal order, from 1."""
+    a_rank: int
+    """Place in the A-optimal order, from 1."""
+
+
+class SubsetEntry(Record):
+    """A step of the forward selection by orthogonal projection."""
+
+    parameter: str
+    """Name of the parameter that was taken."""
+    cosine: float
+    """Cosine of what it adds with what was left of the residual."""
+    left_percent: float
+    """What is left of the residual after the best fit with all taken so far, in % of its length."""
+    chosen: bool
+    """True where it lessens the residual by more than chance (F test, 5 %)."""
+
+
+class GroupEnergy(Record):
+    """Energy of one group of elements in a mode."""
+
+    group: str
+    """Name of the group: a parameter, a property card or an element."""
+    strain_percent: float | None
+    """Share of the mode's strain energy in %; None for a rigid-body motion."""
+    kinetic_percent: float
+    """Share of the mode's kinetic energy in %."""
+    residual_percent: float | None
+    """Share of the energy of what contradicts the measured mode, in %; None where not asked for."""
+
+
+class ModeEnergies(Record):
+    """Energies of the model mode that is compared with a test mode."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """Label of the test mode."""
+    freq_hz: float
+    """Frequency of the model mode, in Hz."""
+    contradiction_percent: float | None
+    """√(energy of the residual/strain energy of the expanded mode) in %; None where not asked for."""
+    groups: tuple[GroupEnergy, ...]
+    """The groups with the largest shares, by falling strain or residual energy."""
+
+
+class SelectionMeasures(Record):
+    """Which parameters are alike, which are known, and which explain the residual."""
+
+    collinearity_index: float | None
+    """1 where all columns are orthogonal; None where some depend on others."""
+    pairs: tuple[AlikePair, ...]
+    """Parameters that do nearly the same (cosine of .95 or more), the most alike first."""
+    dependences: tuple[NearDependence, ...]
+    """Near dependences (condition index of 30 or more), the nearest first."""
+    information: tuple[ParameterInformation, ...]
+    """One record a free parameter."""
+    subset: tuple[SubsetEntry, ...]
+    """Parameters in the order in which they explain most of the residual."""
+    energy_groups: str
+    """What the groups of the energies are: "parameters", "properties", "elements" or "none"."""
+    energies: tuple[ModeEnergies, ...]
+    """Energies of the compared modes; empty where not asked for."""
+    sentences: tuple[str, ...]
+    """What the measures say, in words."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records are made.
+
+
+Groups = dict[str, tuple[int, ...]]
+
+_MOST_GROUPS = 12
+
+
+def selection_measures(study: Study, known: Identifiability, at: Evaluation) -> SelectionMeasures:
+    """All measures at an evaluation; energies where the study asks for them."""
+    S, names = known.scaled_jacobian, known.names
+    alike, information = collinearity(S, names), fisher_information(S, names)
+    subset = forward_selection(S, at.residuals, names)
+    remarks: list[str] = []
+    groups = _groups(study)
+    energies = tuple(_energies(study, at, groups, remarks)) if groups else ()
+    return SelectionMeasures(
+        collinearity_index=_finite(alike.index),
+        pairs=tuple(AlikePair(first=a, second=b, cosine=c) for a, b, c in alike.pairs),
+        dependences=tuple(NearDependence(condition_index=_finite(i), parameters=p) for i, p in alike.dependences),
+        information=_information(information),
+        subset=_subset(subset),
+        energy_groups=study.file.select.energies,
+        energies=energies,
+        sentences=(*measure_sentences(alike, information, subset), *dict.fromkeys(remarks)),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _information(found: Information) -> tuple[ParameterInformation, ...]:
+    return tuple(
+        ParameterInformation(
+            parameter=name,
+            sd_alone=_finite(found.alone[i]),
+            sd_together=_finite(found.together[i]),
+            d_rank=found.d_order.index(i) + 1,
+            a_rank=found.a_order.index(i) + 1,
+        )
+        for i, name in enumerate(found.names)
+    )
+
+
+def _subset(found: Subset) -> tuple[SubsetEntry, ...]:
+    return tuple(
+        SubsetEntry(parameter=s.name, cosine=s.cosine, left_percent=100.0 * s.left, chosen=s.name in found.chosen)
+        for s in found.steps
+    )
+
+
+def _groups(study: Study) -> Groups:
+    """Element numbers by name of the group; none where no energies are asked for."""
+    asked = study.file.select.energies
+    if asked == "none" and study.file.select.localise:
+        asked = "parameters"
+    if asked == "none" or study.file.imported:
+        return {}
+    if asked == "parameters":
+        return {p.name: _elements(study, p.name) for p in study.parameters.parameters if _elements(study, p.name)}
+    owners = property_of_elements(study.built) if asked == "properties" else {}
+    found: dict[str, list[int]] = {}
+    for number in sorted(study.built.structure.element_kinds):
+        name = f"property {owners[number]}" if number in owners else f"element {number}"
+        found.setdefault(name, []).append(number)
+    return {name: tuple(members) for name, members in found.items()}
+
+
+def _elements(study: Study, parameter: str) -> tuple[int, ...]:
+    """Elements that a parameter moves."""
+    structure, found = study.model.structure, set()
+    for name, position, _ in study.model.placed:
+        if name == parameter:
+            found |= {int(n) for n in structure.users(position)}
+    return tuple(sorted(found))
+
+
+def _energies(study: Study, at: Evaluation, groups: Groups, remarks: list[str]) -> Iterator[ModeEnergies]:
+    for state in at.states:
+        for tests, models in state.groups:
+            shares = energy_map(state.solution, groups, models)
+            for a, (i, j) in enumerate(zip(tests, models)):
+                residual = _residual(study, state, i, groups, remarks) if study.file.select.localise else None
+                yield _mode(state, i, float(state.solution.eigenvalues[j]), shares, a, residual)
+
+
+def _residual(study: Study, state: CaseState, i: int, groups: Groups, remarks: list[str]) -> ResidualEnergy | None:
+    case = state.case
+    try:
+        return residual_energy(
+            state.solution, case.sensors, case.test.shapes[:, i].real, float(case.test.freq_hz[i]), groups,
+            study.file.select.noise,
+        )  # fmt: skip
+    except FemtuneError as error:
+        remarks.append(f"{case.name}, test mode {case.test.labels[i]}: {error.what}.")
+        return None
+
+
+def _mode(
+    state: CaseState, i: int, eigenvalue: float, shares: EnergyMap, column: int, residual: ResidualEnergy | None
+) -> ModeEnergies:
+    strain, kinetic = shares.strain[:, column], shares.kinetic[:, column]
+    rank = np.nan_to_num(strain) if residual is None else residual.share
+    order = np.argsort(-np.maximum(rank, 0.0), kind="stable")[:_MOST_GROUPS]
+    return ModeEnergies(
+        configuration=state.case.name,
+        test_label=state.case.test.labels[i],
+        freq_hz=float(np.sqrt(max(eigenvalue, 0.0)) / (2.0 * np.pi)),
+        contradiction_percent=None if residual is None else 100.0 * residual.error,
+        groups=tuple(_group(shares.groups[g], strain[g], kinetic[g], residual, int(g)) for g in order),
+    )
+
+
+def _group(
+    name: str, strain: NDArray[np.float64], kinetic: NDArray[np.float64], residual: ResidualEnergy | None, at: int
+) -> GroupEnergy:
+    return GroupEnergy(
+        group=name,
+        strain_percent=_finite(100.0 * float(strain)),
+        kinetic_percent=100.0 * float(kinetic),
+        residual_percent=None if residual is None else 100.0 * float(residual.share[at]),
+    )

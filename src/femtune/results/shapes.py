@@ -1,0 +1,138 @@
+"""Mode shapes for pictures: lines and faces of the active elements, the motion of all grid points, that of the test."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.drawn_mesh import thinned, whole_mesh
+from femtune.results.base import ModelVersion, Record
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.drawn_mesh import DrawnMesh
+    from femtune.correlation import SensorMap
+    from femtune.fem.structure import NodeTable
+    from femtune.model import ConfiguredModel, EigenSolution
+
+
+class ModeShapes(Record):
+    """Shapes of the solved modes of one configuration at one model version, for drawing (single precision)."""
+
+    configuration: str
+    """Name of the configuration."""
+    stage: ModelVersion
+    """"before", "after" or "after as written"."""
+    points_key: str | None = None
+    """Key of the coordinates of the points that are drawn, shape (points, 3); None where no shapes were kept."""
+    lines_key: str | None = None
+    """Key of the lines, shape (lines, 2): rows of the points at both ends."""
+    line_kinds_key: str | None = None
+    """Key of the kinds of the lines, shape (lines,): 0 for two-node elements, 1 for rigid elements."""
+    faces_key: str | None = None
+    """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
+    fourth of a triangle; None in results of before shells were drawn."""
+    translations_key: str | None = None
+    """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz."""
+    sensor_positions_key: str | None = None
+    """Key of the places of the sensors on the model, shape (sensors, 3); NaN where unknown; None without a test."""
+    sensor_directions_key: str | None = None
+    """Key of the sensors' unit directions, or axes of rotation, shape (sensors, 3)."""
+    sensor_rotations_key: str | None = None
+    """Key of 1 for sensors that measure a rotation and 0 for others, shape (sensors,)."""
+    test_shapes_key: str | None = None
+    """Key of the measured shapes, shape (sensors, test modes), modes as in CorrelationResults.mac_test_labels."""
+    model_at_sensors_key: str | None = None
+    """Key of the model's motion seen by the sensors, shape (sensors, modes)."""
+    simplified: str = ""
+    """What lines and faces leave out of a large mesh, in words; "" where they are all there."""
+    reason: str = ""
+    """Why no shapes were kept; "" where they were."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the record and its arrays are made.
+
+
+Arrays = dict[str, NDArray]
+
+MOST_MODES = 50
+
+
+def mode_shapes(
+    case: StudyCase, version: ModelVersion, solution: EigenSolution, prefix: str, arrays: Arrays
+) -> ModeShapes:
+    """The record; its arrays go into `arrays` under `prefix`. Of large models a coarser mesh is kept, of very many
+    modes none."""
+    mesh = case.mesh or drawn_mesh(case.configured)
+    reason = _not_drawn(mesh, solution.wanted)
+    if reason:
+        return ModeShapes(configuration=case.name, stage=version, reason=reason)
+    rows = mesh.used
+    counted = mesh.counted_from(rows)
+    found: Arrays = {
+        "points": case.configured.model.structure.nodes.xyz[rows],
+        "lines": counted.lines.astype(np.int32),
+        "line_kinds": counted.kinds.astype(np.int8),
+        "faces": counted.faces.astype(np.int32),
+        "translations": grid_translations(case.configured, solution, rows),
+        **_measured(case, solution),
+    }
+    small = {name: a.astype(np.float32) if a.dtype == float else a for name, a in found.items()}
+    arrays |= {f"{prefix}/shapes/{name}": a for name, a in small.items()}
+    keys = {f"{name}_key": f"{prefix}/shapes/{name}" for name in found}
+    record = {"configuration": case.name, "stage": version, "simplified": mesh.sentence, **keys}
+    return ModeShapes.model_validate(record)
+
+
+def drawn_mesh(configured: ConfiguredModel) -> DrawnMesh:
+    """Lines and faces of the active elements, no more than pictures can show."""
+    structure = configured.model.structure
+    return thinned(structure.nodes.xyz, whole_mesh(structure, configured.configuration.elements_off))
+
+
+def _not_drawn(mesh: DrawnMesh, modes: int) -> str:
+    if not len(mesh.lines) and not len(mesh.faces):
+        return "the model has no shells, no solids and no two-node or rigid elements to draw"
+    return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
+
+
+def grid_translations(
+    configured: ConfiguredModel, solution: EigenSolution, rows: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
+    """(grid points, 3, modes) motion of the wanted modes in basic axes, at some rows of the grid points or at all."""
+    nodes = configured.model.structure.nodes
+    rows = np.arange(len(nodes.ids)) if rows is None else rows
+    at = (6 * rows[:, None] + np.arange(3)).ravel()
+    own = (configured.transformation[at] @ solution.shapes[:, : solution.wanted]).reshape(len(rows), 3, -1)
+    return np.einsum("nij,njm->nim", nodes.frames[rows], own)
+
+
+def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:
+    if case.modal is None or case.sensors is None or case.test is None:
+        return {}
+    places = {(s.label.node, s.label.direction): s.position for s in case.test.sensors}
+    known = [places.get((m.label.node, m.label.direction), np.full(3, np.nan)) for m in case.sensors.matches]
+    nodes = case.configured.model.structure.nodes
+    seats = [_seat(case.sensors, i, known[i], nodes) for i in range(len(known))]
+    return {
+        "sensor_positions": np.array([s[0] for s in seats]).reshape(-1, 3),
+        "sensor_directions": np.array([s[1] for s in seats]).reshape(-1, 3),
+        "sensor_rotations": np.array([m.label.component > 3 for m in case.sensors.matches], dtype=np.int8),
+        "test_shapes": case.modal.test.shapes,
+        "model_at_sensors": case.modal.sensors @ solution.shapes[:, : solution.wanted],
+    }
+
+
+def _seat(sensors: SensorMap, i: int, known: NDArray, nodes: NodeTable) -> tuple[NDArray, NDArray]:
+    """Place and direction of a sensor: on the grid point it was matched with; a combination where the test says."""
+    match = sensors.matches[i]
+    if match.label.component == 0:
+        return np.full(3, np.nan), np.zeros(3)
+    if match.node is None:
+        return known, match.label.sign * np.eye(3)[(match.label.component - 1) % 3]
+    at = nodes.position(match.node)
+    first = 6 * at + (3 if match.label.component > 3 else 0)
+    return nodes.xyz[at], nodes.frames[at] @ sensors.matrix[[i], first : first + 3].toarray()[0]

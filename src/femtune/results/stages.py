@@ -1,0 +1,205 @@
+"""The stages of a bottom-up study as records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.stages import stage_cases
+from femtune.files.study_file.stage import RESONANCES
+from femtune.residuals import pair_case, solve_case
+from femtune.residuals.kinds import kinds
+from femtune.results.base import Record
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import StageEntry
+    from femtune.updating import StageResult, UpdateResult
+
+
+class StageRun(Record):
+    """One update of a stage, from what was believed or from a seed."""
+
+    seed: int
+    """0: started from what was believed; else the number of the seed, from 1."""
+    start: tuple[float, ...]
+    """Start values of the stage's parameters, in their units."""
+    values: tuple[float, ...]
+    """Where it ended."""
+    objective: float | None
+    """½ rᵀr with the prior, at the end (no unit); None where it could not start."""
+    iterations: int
+    """Accepted steps."""
+    status: str
+    """Name of the status; "" where it could not start."""
+    message: str
+    """What happened, in a sentence."""
+    agrees: bool
+    """True where it ended at an optimum within a tenth of a standard deviation of the best run's."""
+
+
+class StageParameter(Record):
+    """A parameter that a stage moved."""
+
+    name: str
+    """Name."""
+    before: float
+    """Value before the stage, in the unit of the parameter."""
+    value: float
+    """Value after it."""
+    sd: float
+    """Standard deviation, with the share of uncertain parameters that rested."""
+    sd_of_data: float | None
+    """The same if all that rested were known exactly; None where the update gives none."""
+
+
+class StageErrorSum(Record):
+    """Misfit of a test mode, or of a function, by one kind of residual."""
+
+    configuration: str
+    """Name."""
+    label: str
+    """The mode or function."""
+    kind: str
+    """Kind of residual."""
+    before: float
+    """|r|·σ before the stage, relative to what is compared (of FRFs the logarithm of the ratio; no unit)."""
+    after: float
+    """The same after it."""
+
+
+class StageMisfit(Record):
+    """Residuals of one kind beside what noise and uncertain parameters explain."""
+
+    kind: str
+    """Kind of residual."""
+    size: float
+    """Root of the sum of squares over its expectation (no unit): about 1."""
+    larger_than_noise: bool
+    """True where chance exceeds it once in a hundred tests of a right model; the standard deviations are then wider."""
+
+
+class StageLeftOut(Record):
+    """A test mode that a stage did not compare."""
+
+    configuration: str
+    """Name."""
+    label: str
+    """The mode."""
+    reason: str
+    """Why."""
+
+
+class StageResults(Record):
+    """One stage of a bottom-up study."""
+
+    name: str
+    """Name."""
+    configurations: tuple[str, ...]
+    """States that it compared."""
+    kinds: tuple[str, ...]
+    """Kinds of residual that it compared."""
+    ok: bool
+    """True where the best run ended at an optimum."""
+    message: str
+    """How the best run ended, in a sentence."""
+    comparisons: int
+    """Number of values that were compared."""
+    parameters: tuple[StageParameter, ...]
+    """What it moved."""
+    runs: tuple[StageRun, ...]
+    """The updates from the belief and from every seed."""
+    misfit: tuple[StageMisfit, ...]
+    """By kind."""
+    error_sums: tuple[StageErrorSum, ...]
+    """Misfits before and after."""
+    left_out: tuple[StageLeftOut, ...] = ()
+    """Modes that were not compared."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records are made.
+
+
+def stage_results(study: Study, found: Iterable[StageResult]) -> tuple[StageResults, ...]:
+    """One record a stage."""
+    return tuple(_stage(study, entry, result) for entry, result in zip(study.file.stage, found))
+
+
+def _stage(study: Study, entry: StageEntry, found: StageResult) -> StageResults:
+    return StageResults(
+        name=entry.name,
+        configurations=tuple(case.name for case in stage_cases(study, entry)),
+        kinds=tuple(dict.fromkeys(found.best.after.kinds)),
+        ok=found.best.status.ok,
+        message=found.best.status.value,
+        comparisons=len(found.best.after.residuals),
+        parameters=tuple(_parameter(found, name) for name in entry.parameters),
+        runs=tuple(_runs(entry, found)),
+        misfit=tuple(
+            StageMisfit(kind=kind, size=m.size, larger_than_noise=m.large) for kind, m in found.misfit.items()
+        ),
+        error_sums=tuple(
+            StageErrorSum(configuration=s.configuration, label=s.label, kind=s.kind, before=s.before, after=s.after)
+            for s in found.error_sums
+        ),
+        left_out=tuple(_left_out(study, entry, found.start.x)),
+    )
+
+
+def _parameter(found: StageResult, name: str) -> StageParameter:
+    own = found.best.sd[name]
+    return StageParameter(
+        name=name,
+        before=found.start.values[name],
+        value=found.belief.values[name],
+        sd=found.belief.sd[name],
+        sd_of_data=own if np.isfinite(own) else None,
+    )
+
+
+def _runs(entry: StageEntry, found: StageResult) -> Iterable[StageRun]:
+    finished = iter(zip(found.runs, found.agreed))
+    for seed in range(len(entry.seeds) + 1):
+        if seed in found.refused:
+            yield _refused(entry, found, seed)
+            continue
+        run, agrees = next(finished)
+        yield StageRun(
+            seed=seed,
+            start=_values(entry, run, run.history[0].x),
+            values=_values(entry, run, run.x),
+            objective=run.history[-1].objective,
+            iterations=len(run.history) - 1,
+            status=run.status.name,
+            message=run.status.value,
+            agrees=agrees,
+        )
+
+
+def _refused(entry: StageEntry, found: StageResult, seed: int) -> StageRun:
+    values = {**found.start.values, **entry.seeds[seed - 1]}
+    start = tuple(values[name] for name in entry.parameters)
+    return StageRun(seed=seed, start=start, values=start, objective=None, iterations=0, status="",
+                    message=f"no update could start here: {found.refused[seed]}", agrees=False)  # fmt: skip
+
+
+def _values(entry: StageEntry, run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:
+    values = run.parameters.values(x)
+    return tuple(values[name] for name in entry.parameters)
+
+
+def _left_out(study: Study, entry: StageEntry, x: NDArray[np.float64]) -> Iterable[StageLeftOut]:
+    """Test modes without partner, or left out by the study, where the stage starts."""
+    keys = study.file.residuals.kinds_of_stage(entry.residuals)
+    if RESONANCES not in keys and not any(kinds()[key].of_modes for key in keys):
+        return
+    for case in stage_cases(study, entry):
+        used = case.used
+        if used is not None and len(used.test):
+            for mode in pair_case(used, solve_case(used, x)).unpaired_test:
+                label = used.test.labels[mode.test]
+                yield StageLeftOut(configuration=case.name, label=label, reason=mode.reason)

@@ -1,0 +1,664 @@
+"""What a step returns: its records, its arrays, and what the reader should know, as one object.
+
+A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
+returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
+"""
+
+from __future__ import annotations
+
+import html
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.modal import FrfSet
+from femtune.results.tables import Rows, rows_of, text_of
+
+if TYPE_CHECKING:
+    from femtune.modal import ModeSet
+    from femtune.results.base import Alert, ModelVersion
+    from femtune.results.correlation import CorrelationResults
+    from femtune.results.model import ModelFacts, ModelModes
+    from femtune.results.quantify import QuantifyResults
+    from femtune.results.response import FrfResults, ResponseResults
+    from femtune.results.results import Results
+    from femtune.results.update import SelectionResults
+
+Arrays = Mapping[str, NDArray[Any]]
+R = TypeVar("R", "ModelModes", "ResponseResults", "CorrelationResults")
+
+_MOST_LINES, _LONGEST_LINE = 7, 160
+
+
+class StepResult(ABC):
+    """What all results of steps have: a short `repr`, and a table in a notebook."""
+
+    @abstractmethod
+    def _sentences(self) -> list[str]:
+        """What is said of it, the most important first."""
+
+    @abstractmethod
+    def _table(self) -> Rows:
+        """The table that a notebook shows."""
+
+    def __repr__(self) -> str:
+        lines = [
+            f"{type(self).__name__}: {text}" if i == 0 else f"  {text}" for i, text in enumerate(self._sentences())
+        ]
+        more = len(lines) - _MOST_LINES
+        return "\n".join([*lines[:_MOST_LINES], *([f"  … and {more} more"] if more > 0 else [])])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>{self._table()._repr_html_()}"
+
+
+def _one_line(text: str) -> str:
+    return text if len(text) <= _LONGEST_LINE else text[: _LONGEST_LINE - 1] + "…"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OfConfigurations(StepResult, Sequence[R], Generic[R]):
+    """One record a configuration: by position, or by the name of the configuration.
+
+    `records` are those of results.json, `remarks` are sentences beside the result: what the reader of the deck warns
+    of, and how many solutions came from the journal of an earlier run.
+    """
+
+    records: tuple[R, ...]
+    remarks: tuple[str, ...] = field(default=(), kw_only=True)
+
+    @overload
+    def __getitem__(self, which: int | str) -> R: ...
+    @overload
+    def __getitem__(self, which: slice) -> tuple[R, ...]: ...
+    def __getitem__(self, which: int | str | slice) -> R | tuple[R, ...]:
+        return self.records[which if isinstance(which, int | slice) else self._position(which)]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """Names of the configurations, in the order of the study."""
+        return tuple(record.configuration for record in self.records)
+
+    def _position(self, name: str) -> int:
+        if name not in self.configurations:
+            raise FemtuneError(
+                "study.unknown-configuration/position", hint=did_you_mean(name, self.configurations), name=name
+            )
+        return self.configurations.index(name)
+
+    def _only(self, word: str) -> R:
+        """The record where there is a single configuration."""
+        if len(self.records) == 1:
+            return self.records[0]
+        code = "study.unknown-configuration/several" if self.records else "study.unknown-configuration/no-results"
+        values = {"configurations": ", ".join(self.configurations)}
+        raise FemtuneError(code, values=values, count=len(self.records), property=word)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InfoResult(StepResult):
+    """What is in a deck: cards, mass, supports and the rigid-body check of each configuration.
+
+    `record` is that of results.json, ``model``.
+    """
+
+    record: ModelFacts
+
+    @property
+    def cards(self) -> Rows:
+        """Kinds of cards: `name`, `count`, `used`, and the `reason` why a kind is not used."""
+        read = [{"name": c.name, "count": c.count, "used": True, "reason": ""} for c in self.record.cards_read]
+        left = (
+            {"name": c.name, "count": c.count, "used": False, "reason": c.reason} for c in self.record.cards_ignored
+        )
+        return Rows.of([*read, *left])
+
+    @property
+    def configurations(self) -> Rows:
+        """Grid points, DOFs, mass (units of the study) and outcome of the rigid-body check, by configuration."""
+        return Rows.of(
+            {
+                "configuration": c.configuration,
+                "grids": c.grids,
+                "free_dofs": c.free_dofs,
+                "mass": c.mass,
+                "weighed_mass": c.weighed_mass,
+                "mass_difference_percent": c.mass_difference_percent,
+                "rigid_body_check": c.rigid_body_check.verdict,
+            }
+            for c in self.record.configurations
+        )
+
+    @property
+    def notices(self) -> tuple[Alert, ...]:
+        """What was found while reading."""
+        return self.record.notices
+
+    def _sentences(self) -> list[str]:
+        used = sum(c.count for c in self.record.cards_read)
+        ignored = sum(c.count for c in self.record.cards_ignored)
+        each = [
+            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, mass {c.mass:.6g}, "
+            f"rigid-body check: {c.rigid_body_check.verdict}"
+            for c in self.record.configurations
+        ]
+        return [f"{used} cards used, {ignored} not used", *each, *(f"{a.level}: {a.sentence}" for a in self.notices)]
+
+    def _table(self) -> Rows:
+        return self.configurations
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModesResult(OfConfigurations["ModelModes"]):
+    """Natural modes of each configuration, at the start values of the parameters.
+
+    `report` is the page that was written, None without one.
+    """
+
+    shapes: Callable[[], Mapping[str, ModeSet]] = field(kw_only=True)
+    whole: Callable[[], tuple[Results, Arrays]] = field(kw_only=True)
+    report: Path | None = field(default=None, kw_only=True)
+
+    @property
+    def frequencies(self) -> Rows:
+        """`configuration`, number of the `mode` from 1, `freq_hz`, and whether it is a `rigid_body` motion."""
+        return Rows.of(
+            {"configuration": m.configuration, "mode": i + 1, "freq_hz": f, "rigid_body": i < m.rigid_body_modes}
+            for m in self.records
+            for i, f in enumerate(m.freq_hz)
+        )
+
+    @property
+    def freq_hz(self) -> NDArray[np.float64]:
+        """(modes,) frequencies in Hz of the only configuration (error ``study.unknown-configuration`` for several)."""
+        return np.array(self._only("record").freq_hz)
+
+    @cached_property
+    def mode_sets(self) -> Mapping[str, ModeSet]:
+        """By configuration: modes with mass-normalised shapes at all DOFs of the model, in its displacement frames."""
+        return self.shapes()
+
+    @property
+    def results(self) -> Results:
+        """All of it as the schema of results.json has it: provenance, facts of the model, modes, shapes for drawing."""
+        return self._whole[0]
+
+    @property
+    def arrays(self) -> Arrays:
+        """Arrays that `results` refers to by key."""
+        return self._whole[1]
+
+    @cached_property
+    def _whole(self) -> tuple[Results, Arrays]:
+        return self.whole()
+
+    def _sentences(self) -> list[str]:
+        found = []
+        for m in self.records:
+            shown = ", ".join(f"{f:.5g}" for f in m.freq_hz[:6]) + (" …" if len(m.freq_hz) > 6 else "")
+            rigid = f", {m.rigid_body_modes} of them rigid-body motions" if m.rigid_body_modes else ""
+            found.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
+        return [*found, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.frequencies
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RespondResult(OfConfigurations["ResponseResults"]):
+    """Frequency responses, complex modes and static displacements of each configuration.
+
+    `results` holds the records as the schema has them, `arrays` what they refer to by key, `files` the Universal Files
+    that were written, `report` the page, None without one.
+    """
+
+    results: Results = field(kw_only=True)
+    arrays: Arrays = field(kw_only=True)
+    files: tuple[Path, ...] = field(default=(), kw_only=True)
+    report: Path | None = field(default=None, kw_only=True)
+
+    @property
+    def frf_sets(self) -> dict[str, FrfSet]:
+        """The functions of the model by configuration: values (outputs, inputs, lines), complex."""
+        found = {r.configuration: r.frfs for r in self.records}
+        return {name: frf_set(frfs, self.arrays) for name, frfs in found.items() if frfs is not None}
+
+    @property
+    def measured_sets(self) -> dict[str, FrfSet]:
+        """The test's functions at its own lines, in the kind of the model's; NaN where not measured."""
+        found = {}
+        for r in self.records:
+            if r.frfs is not None and r.frfs.test_freq_key is not None and r.frfs.test_values_key is not None:
+                lines, values = self.arrays[r.frfs.test_freq_key], self.arrays[r.frfs.test_values_key]
+                responses, references = DofSet.parse(r.frfs.outputs), DofSet.parse(r.frfs.inputs)
+                found[r.configuration] = FrfSet(lines, values, responses, references, r.frfs.kind, source="test")
+        return found
+
+    @property
+    def frfs(self) -> FrfSet:
+        """The functions of the only configuration (error ``study.unknown-configuration`` for several)."""
+        record = self._only("frf_set")
+        if record.frfs is None:
+            raise FemtuneError("response.nothing-asked/frfs")
+        return frf_set(record.frfs, self.arrays)
+
+    @property
+    def functions(self) -> Rows:
+        """Every function: its largest value and where it is, beside the measured one."""
+        columns = ("output", "input", "peak_hz", "peak", "test_peak_hz", "test_peak", "frac")
+        return Rows.of(
+            {"configuration": r.configuration, **row}
+            for r in self.records
+            if r.frfs is not None
+            for row in rows_of(r.frfs.pairs, *columns)
+        )
+
+    @property
+    def poles(self) -> Rows:
+        """Complex modes: frequency in Hz, damping ratio, and the real mode that each resembles."""
+        columns = ("kind", "freq_hz", "damping_ratio", "phase_collinearity", "real_mode", "real_freq_hz")
+        return Rows.of(
+            {"configuration": r.configuration, **row} for r in self.records for row in rows_of(r.poles, *columns)
+        )
+
+    @property
+    def displacements(self) -> Rows:
+        """Static displacements by load and output, in the study's unit of length (rotations in rad)."""
+        return Rows.of(
+            {"configuration": r.configuration, "load": one.load, "output": d.output, "value": d.value}
+            for r in self.records
+            for one in r.loads
+            for d in one.displacements
+        )
+
+    def _sentences(self) -> list[str]:
+        found = []
+        for r in self.records:
+            frfs, parts = r.frfs, []
+            if frfs is not None:
+                lines = self.arrays[frfs.freq_key]
+                span = f"{lines[0]:g} to {lines[-1]:g} Hz, {len(lines)} lines"
+                parts.append(f"{len(frfs.outputs)} × {len(frfs.inputs)} {frfs.kind}, {span}, {frfs.method}")
+            parts += [f"{len(r.poles)} complex modes"] * bool(r.poles) + [f"{len(r.loads)} static loads"] * bool(
+                r.loads
+            )
+            found.append(f"{r.configuration}: {'; '.join(parts)}")
+        return [*found, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.functions or self.displacements
+
+
+def frf_set(record: FrfResults, arrays: Arrays) -> FrfSet:
+    """The functions of a record with their arrays."""
+    return FrfSet(
+        arrays[record.freq_key], arrays[record.values_key], DofSet.parse(record.outputs), DofSet.parse(record.inputs),
+        record.kind, source=f"model, {record.method}",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CorrelateResult(OfConfigurations["CorrelationResults"]):
+    """Test against model in each configuration that has a test; `arrays` by the keys of the records."""
+
+    arrays: Arrays = field(kw_only=True)
+
+    @property
+    def pairs(self) -> Rows:
+        """Paired modes: frequencies in Hz, error in %, MAC."""
+        columns = ("test_label", "test_freq_hz", "model_number", "model_freq_hz", "freq_error_percent", "mac")
+        return Rows.of(
+            {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.pairs, *columns)
+        )
+
+    @property
+    def unpaired(self) -> Rows:
+        """Modes of the test without a partner, and those that the study leaves out, with the reason."""
+        return Rows.of(
+            {"configuration": c.configuration, **row}
+            for c in self.records
+            for row in rows_of((*c.unpaired_test, *c.left_out), "test_label", "test_freq_hz", "reason")
+        )
+
+    @property
+    def criteria(self) -> Rows:
+        """Acceptance criteria with the measured number beside the limit, and the verdict."""
+        columns = ("name", "sense", "limit", "measured", "unit", "verdict", "remark")
+        return Rows.of(
+            {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.criteria, *columns)
+        )
+
+    @property
+    def comac(self) -> Rows:
+        """COMAC of each measured DOF over the paired modes."""
+        return Rows.of(
+            {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.comac, "dof", "comac")
+        )
+
+    @property
+    def macs(self) -> dict[str, NDArray[np.float64]]:
+        """MAC (test modes, model modes) by configuration."""
+        return {c.configuration: self.arrays[c.mac_key] for c in self.records if c.mac_key is not None}
+
+    @property
+    def mac(self) -> NDArray[np.float64]:
+        """(test modes, model modes) MAC of the only configuration (error ``study.unknown-configuration`` for several).
+
+        Raises
+        ------
+        FemtuneError : ``correlate.no-shapes`` where the test has no shapes
+        """
+        key = self._only("mac").mac_key
+        if key is None:
+            raise FemtuneError("correlate.no-shapes")
+        return np.asarray(self.arrays[key])
+
+    def _sentences(self) -> list[str]:
+        found = []
+        for c in self.records:
+            tests = len(c.pairs) + len(c.unpaired_test)
+            worst = max(c.pairs, key=lambda p: abs(p.freq_error_percent), default=None)
+            macs = [p.mac for p in c.pairs if p.mac is not None]
+            text = f"{c.configuration}: {len(c.pairs)} of {tests} test modes paired"
+            if worst is not None:
+                text += f"; largest frequency error {worst.freq_error_percent:+.3g} % (mode {worst.test_label})"
+            found.append(text + (f"; lowest MAC {min(macs):.3f}" if macs else ""))
+        return [*found, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.pairs
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SelectResult(StepResult):
+    """Which parameters, and which combinations of them, the data determine.
+
+    `record` is that of results.json, ``selection``; `arrays` by its keys; `remarks` as those of the other steps.
+    """
+
+    record: SelectionResults
+    arrays: Arrays = field(repr=False)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> Rows:
+        """One line a free parameter: posterior over prior standard deviation, and the verdict."""
+        return rows_of(self.record.parameters, "parameter", "sd_ratio", "verdict", "sentence")
+
+    @property
+    def sensitivities(self) -> Rows:
+        """Change of each compared frequency, in %, for 1 % of each parameter's start value: a column a parameter."""
+        names = self.record.column_labels
+        return Rows.of(
+            {"configuration": s.configuration, "test_label": s.test_label, **dict(zip(names, s.percent_per_percent))}
+            for s in self.record.sensitivities
+        )
+
+    @property
+    def jacobian(self) -> NDArray[np.float64]:
+        """(residuals, parameters) scaled Jacobian; rows are ``record.row_labels``, columns ``record.column_labels``."""
+        return np.asarray(self.arrays[str(self.record.jacobian_key)])
+
+    @property
+    def correlation(self) -> NDArray[np.float64] | None:
+        """(parameters, parameters) posterior correlation of the parameters; None where it is not known."""
+        key = self.record.correlation_key
+        return None if key is None else np.asarray(self.arrays[key])
+
+    @property
+    def singular_values(self) -> NDArray[np.float64]:
+        """Singular values of the scaled Jacobian, falling."""
+        return np.array(self.record.singular_values)
+
+    def _sentences(self) -> list[str]:
+        of = f"{self.record.rank} of {len(self.record.column_labels)} combinations of parameters are determined"
+        return [of, *self.record.sentences, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.parameters
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuantifyResult(StepResult):
+    """Mean and covariance of the parameters over repeated tests.
+
+    `record` is that of results.json, ``quantify``; `arrays` by its keys; `remarks` as those of the other steps.
+    """
+
+    record: QuantifyResults
+    arrays: Arrays = field(repr=False)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """True where mean and covariance may be used."""
+        return self.record.ok
+
+    @property
+    def parameters(self) -> Rows:
+        """One line a free parameter: start, mean and standard deviation, in its unit."""
+        return rows_of(self.record.parameters, "parameter", "start", "mean", "sd", "outside_bounds")
+
+    @property
+    def frequencies(self) -> Rows:
+        """One line a compared frequency: mean and standard deviation of the repeats and of the model, in Hz."""
+        columns = ("label", "repeats", "measured_mean_hz", "measured_sd_hz", "model_mean_hz", "model_sd_hz")
+        return rows_of(self.record.outputs, *columns)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(parameters, parameters) covariance of the parameters, in their units."""
+        return np.asarray(self.arrays[str(self.record.parameter_covariance_key)])
+
+    @property
+    def cloud(self) -> NDArray[np.float64]:
+        """(samples, frequencies) frequencies of the updated distribution, in Hz."""
+        return np.asarray(self.arrays[str(self.record.cloud_key)])
+
+    @property
+    def repeats(self) -> NDArray[np.float64]:
+        """(repeats, frequencies) measured frequencies in Hz; NaN where one was not measured."""
+        return np.asarray(self.arrays[str(self.record.repeats_key)])
+
+    def _sentences(self) -> list[str]:
+        r = self.record
+        return [f"{r.status}, {r.repeats} repeats of {r.configuration}", *r.sentences, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.parameters
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunResult(StepResult):
+    """What an update found, and the run folder that holds it.
+
+    Parameters
+    ----------
+    folder : the run folder
+    results : all records, as results.json has them
+    arrays : by the keys that the records refer to
+    report : the page that was written, None without one
+    """
+
+    folder: Path
+    results: Results
+    arrays: Arrays
+    report: Path | None = None
+
+    @property
+    def ok(self) -> bool:
+        """True where the update reached an optimum."""
+        return self.results.update is not None and self.results.update.ok
+
+    @property
+    def status(self) -> str:
+        """Name of the status: "CONVERGED"; "" where the run holds no update."""
+        return "" if self.results.update is None else self.results.update.status
+
+    @property
+    def message(self) -> str:
+        """How the update ended, in a sentence."""
+        return "" if self.results.update is None else self.results.update.message
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """How many solutions came from the journal of an earlier run."""
+        journal = self.results.journal
+        if journal is None or not journal.recalled:
+            return ()
+        from femtune.journal.journal import from_journal  # noqa: PLC0415
+
+        return (from_journal(journal.recalled, journal.solved),)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Updated value of each parameter, in its unit."""
+        return {} if self.results.update is None else {p.name: p.value for p in self.results.update.parameters}
+
+    @property
+    def parameters(self) -> Rows:
+        """One line a parameter: start, value, standard deviation, 95 % interval, change, bound."""
+        if self.results.update is None:
+            return Rows()
+        facts = {p.name: p for p in self.results.parameters}
+        columns = ("value", "sd", "sd_reason", "interval_95", "change_percent", "at_bound")
+        found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
+        return Rows.of(
+            {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
+        )
+
+    @property
+    def derived(self) -> Rows:
+        """One line a derived quantity of the study."""
+        columns = ("name", "unit", "nominal", "value", "sd", "sd_reason")
+        return Rows() if self.results.update is None else rows_of(self.results.update.derived, *columns)
+
+    @property
+    def frequencies(self) -> Rows:
+        """One line a test mode: frequency of the test, and of the model before and after, in Hz; errors in %; MAC."""
+        before = {(p.configuration, p.test_label): p for p in self.before.pairs}
+        after = {(p.configuration, p.test_label): p for p in self.after.pairs}
+        found = []
+        for key in dict.fromkeys([*before, *after]):
+            old, new = before.get(key), after.get(key)
+            some = old or new
+            assert some is not None
+            row = {"configuration": key[0], "test_label": key[1], "test_freq_hz": some.test_freq_hz}
+            for word, pair in (("before", old), ("after", new)):
+                row[f"{word}_hz"] = None if pair is None else pair.model_freq_hz
+                row[f"{word}_error_percent"] = None if pair is None else pair.freq_error_percent
+                row[f"{word}_mac"] = None if pair is None else pair.mac
+            found.append(row)
+        return Rows.of(found)
+
+    @property
+    def pairs(self) -> Rows:
+        """Paired modes after the update, as `CorrelateResult.pairs`."""
+        return self.after.pairs
+
+    @property
+    def history(self) -> Rows:
+        """One line an iteration: weighted mean error in %, damping, and the value of each parameter."""
+        update = self.results.update
+        if update is None:
+            return Rows()
+        return Rows.of(
+            {
+                "iteration": i.iteration,
+                "objective_percent": i.objective_percent,
+                "damping": i.damping,
+                **dict(zip(update.history_parameters, i.parameters)),
+            }
+            for i in update.history
+        )
+
+    @property
+    def verdicts(self) -> Rows:
+        """Criteria that the updated model was judged by; no rows where the study validates nothing."""
+        columns = (
+            "configuration", "data", "criterion", "sense", "required", "measured", "unit", "verdict", "remark", "noise",
+        )  # fmt: skip
+        found = self.results.validation
+        return Rows() if found is None else rows_of(found.verdicts, *columns)
+
+    @property
+    def predictions(self) -> Rows:
+        """Modes that the update did not use, beside what the updated model predicts."""
+        columns = (
+            "configuration", "test_label", "test_freq_hz", "model_number", "model_freq_hz", "freq_error_percent", "mac",
+            "z", "remark",
+        )  # fmt: skip
+        found = self.results.validation
+        return Rows() if found is None else rows_of(found.predictions, *columns)
+
+    @property
+    def alerts(self) -> Rows:
+        """What the reader should know first."""
+        return rows_of(self.results.alerts, "level", "code", "sentence", "where")
+
+    @property
+    def before(self) -> CorrelateResult:
+        """Test against model at the start values."""
+        return self.at("before")
+
+    @property
+    def after(self) -> CorrelateResult:
+        """Test against model with the values that the updated deck holds; without a deck those of the update."""
+        written = any(c.stage == "after as written" for c in self.results.correlations)
+        return self.at("after as written" if written else "after")
+
+    def at(self, stage: ModelVersion) -> CorrelateResult:
+        """Test against model at a stage: "before", "after" or "after as written"."""
+        found = tuple(c for c in self.results.correlations if c.stage == stage)
+        return CorrelateResult(found, arrays=self.arrays)
+
+    @property
+    def mac(self) -> NDArray[np.float64]:
+        """(test modes, model modes) MAC after the update, of the only configuration."""
+        return self.after.mac
+
+    @property
+    def selection(self) -> SelectResult | None:
+        """What the data determine at the start values; None where the run holds none."""
+        found = self.results.selection
+        return None if found is None else SelectResult(found, self.arrays)
+
+    @property
+    def quantify(self) -> QuantifyResult | None:
+        """Mean and covariance from repeated tests; None where the study has none."""
+        found = self.results.quantify
+        return None if found is None else QuantifyResult(found, self.arrays)
+
+    @property
+    def deck(self) -> Path | None:
+        """The updated deck; None where none was written."""
+        written = self.results.write_back
+        return None if written is None or not written.files else self.folder / written.files[0]
+
+    def _sentences(self) -> list[str]:
+        update = self.results.update
+        if update is None:
+            return [f"{self.results.study.title} in {self.folder}"]
+        error = f"{update.objective_before_percent:.3g} to {update.objective_after_percent:.3g} %"
+        head = f"{update.status}, weighted mean error {error}, {len(update.history) - 1} iterations, {self.folder}"
+        found = []
+        for p in update.parameters:
+            sd = f"± {p.sd:.2g}" if p.sd is not None else f"({p.sd_reason})"
+            change = "" if p.change_percent is None else f" ({p.change_percent:+.3g} %)"
+            found.append(f"{p.name} = {text_of(p.value)} {sd}{change}")
+        problems = [f"{a.level}: {a.sentence}" for a in self.results.alerts if a.level == "problem"]
+        return [head, *problems, *found]
+
+    def _table(self) -> Rows:
+        return self.parameters

@@ -1,0 +1,704 @@
+"""Selection, update and write-back as records: which parameters the data determine, their values, the written deck."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.study import quantities
+from femtune.assembly.update_method import method_of
+from femtune.citations import citation
+from femtune.errors import FemtuneError
+from femtune.fem.elements import KINDS
+from femtune.files.nastran.field_refs import BARS
+from femtune.residuals.frequency import FrequencyResidual
+from femtune.results.base import CitationRecord, Record
+from femtune.results.checks import ModelCheck
+from femtune.results.reduction import ReductionResults
+from femtune.results.search import StartsResults, WeightChoiceResults, starts_results, weight_choice_results
+from femtune.results.selection import SelectionMeasures
+from femtune.results.stages import StageResults
+from femtune.results.validation import GoodnessResults, goodness, goodness_results
+from femtune.selection import combination_text, sentences, verdict
+from femtune.selection.combinations import NO_EFFECT
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.files.study_file.step_tables import UpdateTable
+    from femtune.model import Assignment
+    from femtune.parameters import DerivedQuantity, Jet, ParameterSet
+    from femtune.residuals import Evaluation
+    from femtune.selection import Combination, Identifiability
+    from femtune.updating import MultiStart, UpdateResult
+
+BoundState = Literal["", "lower", "upper"]
+
+
+class ParameterFacts(Record):
+    """A parameter as the study describes it."""
+
+    name: str
+    """Name."""
+    fields: tuple[str, ...]
+    """Fields of the deck that it sets, "PBAR 1 I1"; empty where there is none."""
+    unit: str
+    """Unit of its values; "" for a factor."""
+    nominal: float
+    """Start value, in `unit`."""
+    lower: float | None
+    """Lower bound, in `unit`; None for a tied parameter."""
+    upper: float | None
+    """Upper bound, in `unit`; None for a tied parameter."""
+    prior_mean: float | None
+    """Mean of the prior, in `unit`; None for a tied parameter."""
+    prior_sd: float | None
+    """Standard deviation of the prior, in `unit`; None for a tied parameter."""
+    tie: str = ""
+    """Expression of other parameters that it follows; "" for a free parameter."""
+    elements: int | None = None
+    """Number of elements in its region; None where it moves all that use its fields."""
+
+
+class Share(Record):
+    """A parameter's share in a combination."""
+
+    parameter: str
+    """Name of the parameter."""
+    coefficient: float
+    """Coefficient in the unit vector of normalised parameters (no unit)."""
+
+
+class CombinationRecord(Record):
+    """A combination of parameters, a right singular vector of the scaled Jacobian."""
+
+    singular_value: float
+    """Its singular value (no unit); 0 where the data say nothing about it."""
+    sd_ratio: float | None
+    """Posterior over prior standard deviation along it, 0 to 1 (no unit); 1 where the data say nothing."""
+    sentence: str
+    """In words: "column_1_EI rises while column_2_EI falls by as much: no measured mode changes"."""
+    shares: tuple[Share, ...]
+    """Coefficients by parameter."""
+
+
+class IdentifiabilityResults(Record):
+    """What the data say about one parameter."""
+
+    parameter: str
+    """Name of the parameter."""
+    sd_ratio: float | None
+    """Posterior over prior standard deviation, 0 to 1 (no unit); None where not tested."""
+    verdict: str
+    """In words: "determined by the data", "not determined by these data", "not tested"."""
+    sentence: str = ""
+    """Explanation in words."""
+
+
+class Sensitivity(Record):
+    """How one compared frequency answers to the free parameters, at the start values."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """Label of the test mode whose partner it is."""
+    percent_per_percent: tuple[float, ...]
+    """Change of the model's frequency in % for a change of 1 % of the start value, by free parameter."""
+
+
+class SelectionResults(Record):
+    """Which parameters and combinations the data determine."""
+
+    jacobian_key: str | None
+    """Key of the scaled Jacobian ∂residual/∂(normalised parameter), shape (residuals, parameters); no unit."""
+    row_labels: tuple[str, ...]
+    """Residuals: "BC mode 1 frequency"."""
+    column_labels: tuple[str, ...]
+    """Free parameters."""
+    sensitivities: tuple[Sensitivity, ...] = ()
+    """One record a compared frequency, columns as column_labels; empty where frequencies are not compared."""
+    singular_values: tuple[float, ...]
+    """Of the scaled Jacobian, falling (no unit)."""
+    rank: int
+    """How many combinations the data determine."""
+    rank_threshold: float
+    """Singular values below this count as zero (no unit)."""
+    undetermined: tuple[CombinationRecord, ...]
+    """Combinations that no residual depends on."""
+    weakly_determined: tuple[CombinationRecord, ...]
+    """Combinations that the prior determines more than the data."""
+    correlation_key: str | None
+    """Key of the correlation matrix of the parameters, posterior, shape (parameters, parameters); None: not tested."""
+    parameters: tuple[IdentifiabilityResults, ...]
+    """One record a free parameter."""
+    model_checks: tuple[ModelCheck, ...] = ()
+    """What an update cannot mend: mass, lumping, mesh; empty where it was not looked at."""
+    sentences: tuple[str, ...] = ()
+    """What the data determine, in words for the reader of the report."""
+    measures: SelectionMeasures | None = None
+    """Likeness, information, order and energies; None in results without them."""
+
+
+class PairingEvent(Record):
+    """A change of pairing between two iterations."""
+
+    iteration: int
+    """Iteration after which it happened."""
+    configuration: str
+    """Name of the configuration."""
+    sentence: str
+    """What changed, in words."""
+
+
+class IterationRecord(Record):
+    """One point of the update's history."""
+
+    iteration: int
+    """Number, 0 at the start."""
+    objective_percent: float
+    """Weighted mean error √(Σr²/Σw²) in %."""
+    step_length: float | None
+    """Norm of the step in normalised parameters (no unit); None at the start."""
+    damping: float | None
+    """Damping of the step (no unit); None where there is none."""
+    parameters: tuple[float, ...]
+    """Values of the free parameters, each in its unit, in the order of UpdateResults.history_parameters."""
+    active_bounds: tuple[str, ...] = ()
+    """Names of parameters at a bound."""
+    events: tuple[str, ...] = ()
+    """Changes of pairing that followed, in words."""
+
+
+class WrittenValue(Record):
+    """A parameter's value in one field of the deck."""
+
+    field: str
+    """The field: "PBAR 1 I1"."""
+    value: float
+    """The value as its text reads, in units of the deck."""
+
+
+class ParameterResult(Record):
+    """A parameter after the update."""
+
+    name: str
+    """Name."""
+    value: float
+    """Final value, in the unit of the parameter."""
+    sd: float | None
+    """Its standard deviation, in the unit of the parameter; None with a reason beside it."""
+    sd_reason: str
+    """Why there is no sd: "at bound, σ not given"; "" where there is one."""
+    interval_95: tuple[float, float] | None = None
+    """95 % confidence interval in the unit of the parameter: normal where the scatter is the stated one, Student's t
+    where it was estimated from the residuals; None where there is no sd."""
+    change_percent: float | None
+    """(final − nominal)/|nominal| in %; None where the nominal value is zero."""
+    at_bound: BoundState
+    """"lower", "upper" or "" (inside)."""
+    written: tuple[WrittenValue, ...] = ()
+    """What stands in the updated deck."""
+
+
+class DerivedResult(Record):
+    """A quantity that follows from the parameters."""
+
+    name: str
+    """Name."""
+    expression: str
+    """Expression of parameters."""
+    unit: str
+    """Unit; "" where none is given."""
+    nominal: float | None
+    """Its value at the start, in `unit`; None where the expression has none."""
+    value: float | None
+    """Its value after the update, in `unit`; None where the expression has none there."""
+    sd: float | None
+    """Standard deviation by linear propagation, in `unit`; None where not given."""
+    sd_reason: str = ""
+    """Why none is given: "stiffness: at bound, σ not given"."""
+
+
+class ResidualCount(Record):
+    """How many residuals of one kind went in."""
+
+    kind: str
+    """"frequency", "shape", "mass", …"""
+    count: int
+    """How many."""
+    misfit: float
+    """Their root mean square at the end in units of the stated standard deviations (no unit), freed of the parameters'
+    share: about 1 where the data scatter as stated."""
+    freedom: float = 0.0
+    """How many of these residuals the fitted parameters leave free (no unit)."""
+    widened: bool = False
+    """True where they are larger than chance explains (1 % point of χ² with that freedom) if the scatter is as stated:
+    the residuals are not noise alone, and the standard deviations of the parameters are widened by the misfit."""
+    rms_before: float | None = None
+    """Their root mean square at the start, in units of the stated standard deviations (no unit); None: not known."""
+    rms_after: float | None = None
+    """The same at the end (no unit)."""
+    error_before_percent: float | None = None
+    """Weighted mean error √(Σr²/Σw²) of this kind at the start, in % of what is compared; None: not known."""
+    error_after_percent: float | None = None
+    """The same at the end, in %."""
+
+
+class ComparisonResults(Record):
+    """One comparison: a mode's frequency or shape, a load case, the mass …; before and after the update."""
+
+    configuration: str
+    """Name of the configuration."""
+    kind: str
+    """"frequency", "shape", "static displacement" …"""
+    label: str
+    """Label of the test mode, or of what else was measured."""
+    count: int
+    """How many residuals it has."""
+    error_before_percent: float | None
+    """Size of the misfit at the start, in % of what is compared; None where it was not compared then."""
+    error_after_percent: float
+    """The same at the end, in %."""
+    rms_after: float
+    """Root mean square of its residuals at the end, in units of the stated standard deviation (no unit)."""
+
+
+class UpdateResults(Record):
+    """How the parameters were found."""
+
+    status: str
+    """Name of the status: "CONVERGED_AT_BOUNDS"."""
+    message: str
+    """What happened, in a sentence."""
+    ok: bool
+    """True where the result is an optimum."""
+    method: str
+    """Name of the solver, in words."""
+    objective_before_percent: float
+    """Weighted mean error √(Σr²/Σw²) at the start, in %."""
+    objective_after_percent: float
+    """The same at the end, in %."""
+    objective_as_written_percent: float | None
+    """The same for the values written to the deck, in %; None where nothing was written."""
+    history_parameters: tuple[str, ...]
+    """Names of the columns of IterationRecord.parameters."""
+    history: tuple[IterationRecord, ...]
+    """One record an iteration, the start first."""
+    parameters: tuple[ParameterResult, ...]
+    """Free and tied parameters after the update."""
+    derived: tuple[DerivedResult, ...] = ()
+    """Quantities that follow from the parameters, as the study defines them."""
+    pairing_events: tuple[PairingEvent, ...]
+    """Changes of pairing; empty where there were none."""
+    regularisation: str
+    """Name of the regularisation; "none" where there is none."""
+    regularisation_weight: float | None
+    """Its weight (no unit)."""
+    residual_counts: tuple[ResidualCount, ...]
+    """Residuals by kind."""
+    comparisons: tuple[ComparisonResults, ...] = ()
+    """Every comparison by itself."""
+    citations: tuple[CitationRecord, ...] = ()
+    """Publications behind what ran in the update."""
+    goodness: GoodnessResults | None = None
+    """Whether the residuals are noise; None in results of before it was tested."""
+    stages: tuple[StageResults, ...] = ()
+    """Stages of a bottom-up study, in their order; the history has the best run of each, one after another."""
+    weight_choice: WeightChoiceResults | None = None
+    """How the weight of the regularisation was found; None where it was given or there is none."""
+    starts: StartsResults | None = None
+    """Many starts; None where the update had one."""
+    reduction: ReductionResults | None = None
+    """Reduced models that the update searched on; None where it ran on the full model."""
+
+
+class EditedField(Record):
+    """A field of the deck that was changed; references to new cards are in RepointedElements."""
+
+    card: str
+    """Card and identification: "PBAR 1"."""
+    field: str
+    """Name of the field: "I1"."""
+    file: str
+    """File of the deck that was read, relative to the study file."""
+    line: int
+    """Line in that file, from 1."""
+    old_text: str
+    """Text before."""
+    new_text: str
+    """Text after."""
+    value: float | None
+    """Value of the update, before rounding, in units of the deck; None where the field holds a word."""
+    rounded_value: float | None
+    """Value that the new text reads as, in units of the deck; None where the field holds a word."""
+    parameter: str = ""
+    """Parameter that sets it."""
+
+
+class NewCardValue(Record):
+    """A field in which a new card differs from the one that it was copied from."""
+
+    field: str
+    """Name of the field: "T"."""
+    old_text: str
+    """Text in the card that was copied, before the update."""
+    value: float
+    """Value of the update, before rounding, in units of the deck; the number of a card where it is a reference."""
+    rounded_value: float
+    """Value that the new card holds, in units of the deck."""
+    parameter: str = ""
+    """Parameter that sets it; "" for a reference to another new card."""
+
+
+class NewCardFacts(Record):
+    """A card that was added to the deck: a copy with other values, for the elements of a region."""
+
+    card: str
+    """Card and identification: "PSHELL 21"."""
+    copied_from: str
+    """Card that it is a copy of: "PSHELL 1"."""
+    region: str
+    """Parameters whose regions it is for."""
+    elements: int
+    """How many elements stand on it."""
+    values: tuple[NewCardValue, ...]
+    """Fields in which it differs, apart from its number."""
+
+
+class RepointedElements(Record):
+    """Elements of one kind that refer to a new card."""
+
+    card: str
+    """Kind of element: "CQUAD4"."""
+    field: str
+    """Field that holds the reference: "PID"."""
+    before: str
+    """What the field said before: "1"; "" where it was blank."""
+    after: str
+    """Card that it refers to now: "PSHELL 21"."""
+    elements: tuple[int, ...]
+    """Numbers of the elements."""
+
+
+class WriteBackResults(Record):
+    """What was written to the updated deck."""
+
+    files: tuple[str, ...]
+    """Files written, relative to the run folder."""
+    edits: tuple[EditedField, ...]
+    """Changed fields."""
+    new_cards: tuple[NewCardFacts, ...] = ()
+    """Cards that were added for the elements of regions."""
+    repointed: tuple[RepointedElements, ...] = ()
+    """Elements that refer to them now."""
+    splits: tuple[str, ...]
+    """Cards split because elements that are not updated share them, a sentence each."""
+    without_field: tuple[str, ...]
+    """Parameters that have no field, a sentence each."""
+    includes_changed: tuple[str, ...]
+    """INCLUDE lines whose path had to change, a sentence each."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records of derived quantities are made.
+
+
+_NO_VALUE = "its expression has no finite value at the updated parameters"
+
+
+def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
+    """The derived quantities of a study after an update; an expression without a value there says so."""
+    for quantity in quantities(study.file):
+        before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
+        sd = np.nan if after is None else result.spread(after.grad)
+        yield DerivedResult(
+            name=quantity.name,
+            expression=quantity.expression.text,
+            unit=quantity.unit,
+            nominal=None if before is None else float(before.value),
+            value=None if after is None else float(after.value),
+            sd=float(sd) if np.isfinite(sd) else None,
+            sd_reason="" if np.isfinite(sd) else _why_no_sd(result, after),
+        )
+
+
+def _known(quantity: DerivedQuantity, parameters: ParameterSet, x: np.ndarray) -> Jet | None:
+    try:
+        return quantity.at(parameters, x)
+    except FemtuneError:
+        return None
+
+
+def _why_no_sd(result: UpdateResult, after: Jet | None) -> str:
+    if after is None:
+        return _NO_VALUE
+    names = [p.name for p in result.parameters.free]
+    found = (int(i) for i in np.flatnonzero(after.grad) if int(i) in result.covariance.reasons)
+    return "; ".join(f"{names[i]}: {result.covariance.reasons[i]}" for i in found) or "σ not given"
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records of parameters are made: what the data determine, and what the update found.
+
+
+Arrays = dict[str, NDArray]
+
+
+def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
+    """Publications by key."""
+    found = (citation(key) for key in dict.fromkeys(keys))
+    return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
+
+
+_ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
+_OFFSETS = ("mottershead1996",)
+
+
+def what_ran(study: Study) -> tuple[CitationRecord, ...]:
+    """Publications of the comparison, of the elements that the deck has, and of the responses where they are asked."""
+    kinds = sorted({batch.kind for batch in study.built.structure.batches})
+    elements = (key for kind in kinds for key in KINDS[kind].papers)
+    moved = any(a.ref.card in BARS for a in study.model.assignments)
+    responses = () if study.file.response is None else ("heylen1996",)
+    return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
+
+
+def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
+    """The parameters as the study describes them."""
+    values = study.parameters.values(np.zeros(len(study.parameters.free)))
+    out = []
+    for p in study.parameters.parameters:
+        free, mine = p.free, [a for a in study.model.assignments if a.parameter == p.name]
+        out.append(
+            ParameterFacts(
+                name=p.name,
+                fields=tuple(str(a.ref) for a in mine),
+                elements=_region_size(study, mine),
+                unit=p.unit,
+                nominal=values[p.name],
+                lower=p.lower if free else None,
+                upper=p.upper if free else None,
+                prior_mean=p.mean if free else None,
+                prior_sd=float(p.sd) if free else None,
+                tie="" if p.tie is None else p.tie.text,
+            )
+        )
+    return tuple(out)
+
+
+def _region_size(study: Study, mine: Sequence[Assignment]) -> int | None:
+    """How many elements of a region use one of its fields; None without a region."""
+    if not mine or mine[0].elements is None:
+        return None
+    structure = study.built.structure
+    at = (structure.values.index(a.ref) for a in mine)
+    users = {int(n) for i in at if i is not None for n in structure.users(i)}
+    return len(users & mine[0].elements)
+
+
+def selection_results(
+    study: Study, result: Identifiability, evaluation: Evaluation, arrays: Arrays
+) -> SelectionResults:
+    """Identifiability as a record; its matrices are put into `arrays`."""
+    arrays["selection/jacobian"] = result.scaled_jacobian
+    arrays["selection/correlation"] = result.correlation
+    rows = tuple(b.label for b in evaluation.blocks for _ in b.values)
+    return SelectionResults(
+        jacobian_key="selection/jacobian",
+        row_labels=rows,
+        column_labels=result.names,
+        sensitivities=tuple(_sensitivities(evaluation)),
+        singular_values=tuple(float(s) for s in result.singular_values),
+        rank=result.rank,
+        rank_threshold=NO_EFFECT,
+        undetermined=tuple(_combination(result, c) for c in result.undetermined),
+        weakly_determined=tuple(_combination(result, c) for c in result.weak),
+        correlation_key="selection/correlation",
+        parameters=tuple(
+            IdentifiabilityResults(parameter=name, sd_ratio=float(ratio), verdict=verdict(float(ratio)))
+            for name, ratio in zip(result.names, result.reduction)
+        ),
+        sentences=tuple(sentences(result)),
+    )
+
+
+def _sensitivities(evaluation: Evaluation) -> Iterable[Sensitivity]:
+    """Logarithmic derivatives of the model's frequencies, where frequencies are compared."""
+    compared = {b.configuration for b in evaluation.blocks if b.kind == FrequencyResidual.label}
+    for state in evaluation.states:
+        for pair in state.pairs(True) if state.case.name in compared else ():
+            slopes = pair.eigenvalue_gradient / (2.0 * pair.eigenvalue)
+            yield Sensitivity(
+                configuration=state.case.name,
+                test_label=pair.label,
+                percent_per_percent=tuple(float(v) for v in slopes),
+            )
+
+
+def _combination(result: Identifiability, c: Combination) -> CombinationRecord:
+    shares = tuple(
+        Share(parameter=name, coefficient=float(a)) for name, a in zip(result.names, c.coefficients) if abs(a) >= 1e-3
+    )
+    return CombinationRecord(
+        singular_value=float(c.singular_value),
+        sd_ratio=float(c.reduction),
+        sentence=combination_text(result.names, c),
+        shares=shares,
+    )
+
+
+def update_results(
+    study: Study,
+    result: UpdateResult,
+    written: dict[str, tuple[WrittenValue, ...]],
+    mean_error_written: float | None,
+    reduction: ReductionResults | None = None,
+    starts: MultiStart | None = None,
+) -> UpdateResults:
+    """The update as a record.
+
+    `written` holds what stands in the deck by parameter; `mean_error_written` the mean error of these values.
+    """
+    table = study.file.update
+    return UpdateResults(
+        status=result.status.name,
+        message=result.status.value,
+        ok=result.status.ok,
+        method=f"sensitivity method: {_search_words(study)}",
+        objective_before_percent=100.0 * result.before.mean_error,
+        objective_after_percent=100.0 * result.after.mean_error,
+        objective_as_written_percent=None if mean_error_written is None else 100.0 * mean_error_written,
+        history_parameters=tuple(p.name for p in result.parameters.free),
+        history=tuple(_iteration(result, i) for i in range(len(result.history))),
+        parameters=tuple(_parameters(study, result, written)),
+        derived=tuple(derived_results(study, result)),
+        pairing_events=tuple(_events(result)),
+        regularisation=table.regularisation,
+        regularisation_weight=_weight(table, result),
+        weight_choice=weight_choice_results(result),
+        starts=None if starts is None else starts_results(starts, table.seed),
+        residual_counts=_counts(result),
+        comparisons=tuple(_comparisons(result)),
+        citations=citations((*result.citations, "bard1974", "wald1940")),
+        goodness=goodness_results(goodness(study, result)),
+        reduction=reduction,
+    )
+
+
+def _search_words(study: Study) -> str:
+    return method_of(study.file.update, study.parameters).search.words
+
+
+def _weight(table: UpdateTable, result: UpdateResult) -> float | None:
+    """The weight where the regularisation has one: as it was given or found."""
+    if table.regularisation in ("none", "prior"):
+        return None
+    return float(table.weight) if table.regularisation == "truncated" else result.side.weight
+
+
+def _iteration(result: UpdateResult, number: int) -> IterationRecord:
+    i = result.history[number]
+    return IterationRecord(
+        iteration=i.number,
+        objective_percent=100.0 * i.mean_error,
+        step_length=i.step if number else None,
+        damping=i.damping if number else None,
+        parameters=tuple(float(v) for v in result.parameters.denormalise(i.x)),
+        active_bounds=i.at_bound,
+        events=i.events,
+    )
+
+
+def _events(result: UpdateResult) -> Iterable[PairingEvent]:
+    # the longest name first: a name may hold a colon, and begin with another name
+    names = sorted((state.case.name for state in result.after.states), key=len, reverse=True)
+    for i in result.history:
+        for text in i.events:
+            name = next(n for n in names if text.startswith(f"{n}: "))
+            yield PairingEvent(iteration=i.number, configuration=name, sentence=text.removeprefix(f"{name}: "))
+
+
+def _parameters(
+    study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]]
+) -> Iterable[ParameterResult]:
+    values, sd, intervals = result.values, result.sd, result.interval()
+    nominal = result.parameters.values(np.zeros(len(result.x)))
+    for p in result.parameters.parameters:
+        spread = sd[p.name]
+        known = bool(np.isfinite(spread))
+        start = nominal[p.name]
+        yield ParameterResult(
+            name=p.name,
+            value=values[p.name],
+            sd=spread if known else None,
+            sd_reason="" if known else _reason(result, p.name),
+            interval_95=intervals[p.name] if known else None,
+            change_percent=100.0 * (values[p.name] - start) / abs(start) if start else None,
+            at_bound=_bound(result, p.name),
+            written=written.get(p.name, ()),
+        )
+
+
+def _reason(result: UpdateResult, name: str) -> str:
+    parameters = result.parameters
+    used = np.flatnonzero(parameters.jets(result.x)[name].grad)
+    reasons = {result.covariance.reasons[int(i)] for i in used if int(i) in result.covariance.reasons}
+    return "; ".join(sorted(reasons)) or "σ not given"
+
+
+def _bound(result: UpdateResult, name: str) -> BoundState:
+    for i, p in enumerate(result.parameters.free):
+        if p.name == name and name in result.history[-1].at_bound:
+            lower, upper = result.parameters.bounds
+            return "lower" if result.x[i] - lower[i] < upper[i] - result.x[i] else "upper"
+    return ""
+
+
+def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
+    counts = Counter(result.after.kinds)
+    found = result.covariance
+    return tuple(
+        ResidualCount(
+            kind=kind,
+            count=count,
+            misfit=found.misfit[kind],
+            freedom=found.freedom[kind],
+            widened=kind in found.widened,
+            rms_before=_rms(result.before, kind),
+            rms_after=_rms(result.after, kind),
+            error_before_percent=_error_percent(result.before, kind),
+            error_after_percent=_error_percent(result.after, kind),
+        )
+        for kind, count in counts.items()
+    )
+
+
+def _comparisons(result: UpdateResult) -> Iterable[ComparisonResults]:
+    before = {(b.configuration, b.kind, b.mode): b.error for b in result.before.blocks}
+    for b in result.after.blocks:
+        first = before.get((b.configuration, b.kind, b.mode))
+        yield ComparisonResults(
+            configuration=b.configuration,
+            kind=b.kind,
+            label=b.mode,
+            count=len(b.values),
+            error_before_percent=None if first is None else 100.0 * first,
+            error_after_percent=100.0 * b.error,
+            rms_after=float(np.sqrt(np.mean(b.values**2))) if len(b.values) else 0.0,
+        )
+
+
+def _rms(at: Evaluation, kind: str) -> float | None:
+    """In units of the stated standard deviations."""
+    values = [v for b in at.blocks if b.kind == kind for v in b.values]
+    return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+
+def _error_percent(at: Evaluation, kind: str) -> float | None:
+    """Weighted mean error of the comparisons of one kind."""
+    mine = replace(at, blocks=tuple(b for b in at.blocks if b.kind == kind))
+    return 100.0 * mine.mean_error if mine.blocks else None

@@ -1,0 +1,497 @@
+"""Validation as records: predictions on data that the update did not use, verdicts, and the goodness of fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from femtune.assembly.cases import HELD_OUT
+from femtune.files.study_file.residual import FrequencyResidualEntry
+from femtune.residuals import state_at
+from femtune.results.base import Record, VerdictWord
+from femtune.results.criteria import criteria_profile
+from femtune.updating.covariance import parameter_covariance
+from femtune.validation import (
+    assess,
+    frequency_miss,
+    goodness_of_fit,
+    held_out_sensors,
+)
+from femtune.validation.criteria import FREQUENCY, SELF, SHAPE
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.correlation import Correlation
+    from femtune.files.study_file import ConfigurationEntry
+    from femtune.model import EigenSolution
+    from femtune.results.versions import ModelRecords
+    from femtune.updating import UpdateResult
+    from femtune.validation import (
+        CriteriaProfile,
+        FrequencyMiss,
+        GoodnessOfFit,
+        HeldOutSensors,
+        Verdict,
+    )
+
+
+class Prediction(Record):
+    """A test mode that was not used in the update, beside what the updated model predicts."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """Label of the test mode."""
+    test_freq_hz: float
+    """Frequency of the test in Hz."""
+    model_number: int | None
+    """Number of the model mode; None where none answers."""
+    model_freq_hz: float | None
+    """Frequency of the updated model in Hz."""
+    freq_error_percent: float | None
+    """(model − test)/test in %."""
+    mac: float | None
+    """Modal assurance criterion, 0 to 1."""
+    before_freq_error_percent: float | None = None
+    """The same error before the update in %."""
+    remark: str = ""
+    """Why the mode was not used, or what to think of it."""
+    data: str = ""
+    """What kind of data it is: "held-out modes", "modified structure" …; "" where nothing is judged by it."""
+    paired: bool = True
+    """False where the two modes are not a pair, and the model mode is only the most alike."""
+    test_sd_percent: float | None = None
+    """Standard deviation of the test's frequency, in % of it; None where it is not known."""
+    parameter_sd_percent: float | None = None
+    """That of the prediction, from the covariance of the parameters; None where it is not known."""
+    z: float | None = None
+    """The error in units of the standard deviation of test and prediction together (no unit)."""
+    p_value: float | None = None
+    """Chance of an error as large by scatter alone, 0 to 1."""
+    noise: str = ""
+    """What part of the error scatter explains, in words."""
+
+
+class ValidationVerdict(Record):
+    """A criterion on data that the update did not use, with the measured number beside its own."""
+
+    configuration: str
+    """Name of the configuration."""
+    data: str
+    """What kind of data it is: "held-out modes", "beyond the frequencies used", "held-out sensors", "modified
+    structure", "other boundary conditions" or "another test"."""
+    criterion: str
+    """What is asked: "frequency error, NASA-STD-5002"."""
+    required: float
+    """The criterion's number, in `unit`."""
+    sense: Literal["at most", "at least"]
+    """Which side of it passes."""
+    measured: float | None
+    """The worst measured number, in `unit`; None where not tested."""
+    unit: str
+    """"%" or "" (none)."""
+    verdict: VerdictWord
+    """Outcome."""
+    remark: str
+    """The mode that decided, or why it was not tested."""
+    noise: str
+    """What part of a miss noise explains, in words; "" where nothing missed or nothing is known."""
+    sentence: str
+    """All of it in words."""
+
+
+class HeldOutShape(Record):
+    """The shape of a pair at the sensors that were held out."""
+
+    configuration: str
+    """Name of the configuration."""
+    test_label: str
+    """The test mode, in words."""
+    error_percent: float | None
+    """Root mean square of test − model at these sensors, in % of that of the test's shape at all sensors; the scale of
+    the model's shape is that of the sensors that were used. None where nothing was measured there."""
+    noise_percent: float | None
+    """What the scatter of the shape gives on average, likewise; None where it is not known."""
+
+
+class ValidationResults(Record):
+    """On data that were not used."""
+
+    predictions: tuple[Prediction, ...]
+    """Modes that were held out."""
+    not_tested: tuple[str, ...]
+    """What was not tested, a sentence each."""
+    profile: str = ""
+    """Name of the profile of criteria."""
+    verdicts: tuple[ValidationVerdict, ...] = ()
+    """A verdict on each criterion, by configuration and kind of data."""
+    held_out_sensors: tuple[str, ...] = ()
+    """Sensors that the update did not see, with their configuration."""
+    shapes: tuple[HeldOutShape, ...] = ()
+    """Shapes at these sensors."""
+
+
+class KindOfResiduals(Record):
+    """The chi-square test of one kind of residual by itself."""
+
+    kind: str
+    """"frequency", "shape" …"""
+    chi_square: float
+    """Sum of squares of what no parameters could remove, in units of the stated standard deviations."""
+    degrees_of_freedom: int
+    """How many independent residuals that are."""
+    p_value: float
+    """Chance of a sum as large or larger by noise of the stated size."""
+
+
+class GoodnessResults(Record):
+    """Whether the residuals at the end of the update are noise of the stated size."""
+
+    chi_square: float | None
+    """Sum of squares of the part of the residuals that no parameters could remove; None where not tested."""
+    degrees_of_freedom: int
+    """Residuals less the rank of the Jacobian, and less what normalising shapes takes."""
+    p_value: float | None
+    """Chance of a sum as large or larger by noise of the stated size; None where not tested."""
+    runs: int | None
+    """Runs of one sign in the order of the comparisons; None for fewer than ten residuals."""
+    runs_p_value: float | None
+    """Chance of as few runs; None likewise."""
+    largest: float | None
+    """Largest residual, with its sign, in units of its own standard deviation."""
+    largest_label: str
+    """What it compares."""
+    by_kind: tuple[KindOfResiduals, ...]
+    """The same by kind of residual."""
+    verdict: VerdictWord
+    """"fail" where the residuals are not noise (at 1 %)."""
+    sentence: str
+    """Outcome in words."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# Prediction of frequencies that the update did not use: sensitivities, and the covariance of the parameters.
+
+
+def judged_tests(case: StudyCase) -> list[int]:
+    """Positions of the test modes that the update did not use and that the model is judged by."""
+    if case.modal is None:
+        return []
+    kept = range(len(case.modal.test)) if case.entry.use == "validation" else case.held.modes
+    return sorted(set(kept) - set(case.modal.left_out))
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """∂(f/f_test)/∂x of the predicted frequencies, by configuration and position of the test mode."""
+
+    found: dict[tuple[str, int], Reals] = field(default_factory=dict)
+
+    def add(self, case: StudyCase, solution: EigenSolution) -> None:
+        """Those of a configuration at its solved modes; nothing where it has no mode to judge by."""
+        tests = judged_tests(case)
+        if case.modal is None or not tests:
+            return
+        state = state_at(case.modal, solution.point.x, solution)
+        groups = tuple(group for group in state.groups if set(group[0]) & set(tests))
+        for pair in replace(state, groups=groups).pairs(derivatives=True):
+            omega, test = np.sqrt(max(pair.eigenvalue, 0.0)), 2.0 * np.pi * pair.test_hz
+            if omega > 0.0:
+                self.found[case.name, pair.position] = pair.eigenvalue_gradient / (2.0 * omega * test)
+
+
+@dataclass(frozen=True)
+class Predictions:
+    """The update's result as a prediction.
+
+    `covariance` (k, k) is of the normalised parameters; combinations that the data leave open have their prior spread.
+    """
+
+    sensitivities: Sensitivities
+    covariance: Reals
+
+    def miss(self, study: Study, case: StudyCase, test: int, error: float) -> FrequencyMiss | None:
+        """An error of a predicted frequency beside its scatter; None where that is not known."""
+        gradient = self.sensitivities.found.get((case.name, test))
+        if gradient is None:
+            return None
+        return frequency_miss(error, gradient, self.covariance, scatter_of_test(study, case, test) or 0.0)
+
+    def misses(self, study: Study, case: StudyCase, c: Correlation) -> list[tuple[int, FrequencyMiss]]:
+        """Those of all pairs of a configuration, by position of the test mode."""
+        pairs = zip(c.pairing.pairs, c.frequency_errors)
+        found = ((p.test, self.miss(study, case, p.test, float(error))) for p, error in pairs)
+        return [(test, miss) for test, miss in found if miss is not None]
+
+
+def predictions(study: Study, result: UpdateResult, sensitivities: Sensitivities) -> Predictions:
+    """What the end of an update predicts with.
+
+    The covariance is that of the least-squares estimate with the priors of the parameters beside the data, so that a
+    parameter at a bound and an undetermined combination keep a finite spread. Stated scatter is taken as it is, also
+    where the residuals are larger: what the model lacks is no noise.
+    """
+    sd = np.asarray(result.parameters.prior[1], dtype=float)
+    at, free = result.after, np.zeros(len(sd), dtype=bool)
+    scatter = study.file.residuals.scatter
+    r = at.residuals if scatter == "estimated" else np.zeros_like(at.residuals)
+    spread = parameter_covariance(r, at.jacobian, at.kinds, np.diag(1.0 / sd), free, sd, scatter=scatter, lost=at.lost)
+    return Predictions(sensitivities, spread.matrix)
+
+
+def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
+    """Relative standard deviation of a measured frequency: of [validate], the test's own, or that of the residuals."""
+    stated = study.file.validation.frequency_sd
+    if stated is not None:
+        return stated
+    assert case.modal is not None
+    known = case.modal.test.freq_sd_hz
+    if known is not None and known[test] > 0.0:
+        return float(known[test] / case.modal.test.freq_hz[test])
+    entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidualEntry)]
+    # of residuals of frequencies in this configuration, else in the others, the largest one
+    own = [e for e in entries if e.configuration in (None, case.name)]
+    return max((e.sd_of_frequency for e in own or entries if e.sd_of_frequency is not None), default=None)
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records of validation are made: predictions, verdicts on them, and what was not tested.
+
+
+_FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
+_LINEARITY = "linearity: the test's modes were taken as those of one linear structure"
+_MESH = "mesh convergence: the deck's mesh was taken as it is; refinement = true in [checks] refines it once"
+_NOTHING = "the updated model on data that were not used: the study holds out neither a configuration, nor modes"
+_UNUSED = "this configuration was not used in the update"
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Some data that the update did not use: a kind of data in one configuration."""
+
+    case: StudyCase
+    data: str
+    tests: tuple[int, ...]
+    sensors: bool = False
+
+
+def validation(
+    study: Study, before: ModelRecords, after: ModelRecords, predicted: Predictions | None = None
+) -> ValidationResults:
+    """Modes that the update did not use beside their predictions, verdicts on them, and what was not tested."""
+    asked, scopes = criteria_profile(study), list(scopes_of(study))
+    shapes = {s: _sensors(s, after) for s in scopes if s.sensors}
+    verdicts = (v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s)))
+    return ValidationResults(
+        predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
+        not_tested=tuple(_not_tested(study, scopes, after)),
+        profile=asked.name,
+        verdicts=tuple(verdicts),
+        held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
+        shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
+    )
+
+
+def scopes_of(study: Study) -> Iterable[Scope]:
+    """Kinds of data that were kept from the update, each in its configuration."""
+    for case in study.cases:
+        if case.modal is None:
+            continue
+        by_data: dict[str, list[int]] = {}
+        for i in judged_tests(case):
+            by_data.setdefault(_data(study, case, i), []).append(i)
+        yield from (Scope(case, data, tuple(tests)) for data, tests in by_data.items())
+        if case.held.sensors:
+            used = set(range(len(case.modal.test))) - set(case.modal.left_out) - case.held.modes
+            yield Scope(case, "held-out sensors", tuple(sorted(used)), sensors=True)
+
+
+def _data(study: Study, case: StudyCase, test: int) -> str:
+    if case.entry.use == "validation":
+        return _difference(case.entry, [c.entry for c in study.cases if c.used is not None])
+    assert case.modal is not None
+    used = case.modal.test.freq_hz[sorted(set(range(len(case.modal.test))) - case.held.modes)]
+    hz = case.modal.test.freq_hz[test]
+    return "held-out modes" if used.min() <= hz <= used.max() else "beyond the frequencies used"
+
+
+def _difference(entry: ConfigurationEntry, used: Sequence[ConfigurationEntry]) -> str:
+    """In what a configuration differs from every one that was used."""
+    structure = all((e.masses, e.elements_off) != (entry.masses, entry.elements_off) for e in used)
+    supports = all(_supports(e) != _supports(entry) for e in used)
+    words = ["modified structure"] * structure + ["other boundary conditions"] * supports
+    return ", ".join(words) or "another test"
+
+
+def _supports(entry: ConfigurationEntry) -> tuple[object, ...]:
+    return entry.spc, entry.mpc, entry.supports_added, entry.supports_removed
+
+
+def _sensors(scope: Scope, after: ModelRecords) -> HeldOutSensors:
+    return held_out_sensors(after.raw[scope.case.name], scope.case.held.sensors, scope.tests)
+
+
+def _shapes(scope: Scope, found: HeldOutSensors) -> Iterable[HeldOutShape]:
+    for label, error, noise in zip(found.labels, found.error, found.noise):
+        yield HeldOutShape(
+            configuration=scope.case.name,
+            test_label=label,
+            error_percent=100.0 * float(error) if np.isfinite(error) else None,
+            noise_percent=100.0 * float(noise) if np.isfinite(noise) else None,
+        )
+
+
+def _verdicts(
+    study: Study,
+    scope: Scope,
+    asked: CriteriaProfile,
+    after: ModelRecords,
+    predicted: Predictions | None,
+    sensors: HeldOutSensors | None,
+) -> Iterable[ValidationVerdict]:
+    # held-out sensors say nothing of frequencies, and without them there is no error at them
+    skipped = (FREQUENCY, SELF) if scope.sensors else (SHAPE,)
+    criteria = [c for c in asked.criteria if c.quantity not in skipped]
+    c = after.raw[scope.case.name]
+    misses = [] if predicted is None else predicted.misses(study, scope.case, c)
+    return (_verdict(scope, v) for v in assess(c, criteria, scope.tests, misses, sensors))
+
+
+def _verdict(scope: Scope, v: Verdict) -> ValidationVerdict:
+    c = v.criterion
+    scale = 100.0 if c.percent else 1.0
+    return ValidationVerdict(
+        configuration=scope.case.name,
+        data=scope.data,
+        criterion=f"{c.quantity}, {c.standard}",
+        required=scale * v.required,
+        sense="at most" if c.at_most else "at least",
+        measured=None if v.measured is None or not np.isfinite(v.measured) else scale * v.measured,
+        unit="%" if c.percent else "",
+        verdict=v.outcome.value,
+        remark=v.remark,
+        noise=v.noise,
+        sentence=f"{scope.case.name}, {scope.data}: {v.sentence}",
+    )
+
+
+def _predictions(
+    study: Study, case: StudyCase, before: ModelRecords, after: ModelRecords, predicted: Predictions | None
+) -> Iterable[Prediction]:
+    """Of all test modes that the update did not use, those left out with a reason too."""
+    if case.modal is None:
+        return
+    judged, c = judged_tests(case), after.raw[case.name]
+    for i in sorted({*judged, *case.modal.left_out}):
+        remark = case.modal.left_out.get(i, HELD_OUT if case.entry.use == "update" else _UNUSED)
+        record = prediction(case.name, c, i, remark, before.raw[case.name])
+        if i in judged:
+            miss = None if predicted is None else predicted.miss(study, case, i, _error(record))
+            record = record.model_copy(update={"data": _data(study, case, i), **_scatter(miss, record.paired)})
+        yield record
+
+
+def _error(record: Prediction) -> float:
+    return float("nan") if record.freq_error_percent is None else record.freq_error_percent / 100.0
+
+
+def _scatter(miss: FrequencyMiss | None, paired: bool) -> dict[str, object]:
+    """What is known of the scatter of a pair's error."""
+    if miss is None or not paired:
+        return {}
+    known, finite = miss.parameter_sd is not None, np.isfinite(miss.z)
+    return {
+        "test_sd_percent": 100.0 * miss.test_sd,
+        "parameter_sd_percent": 100.0 * (miss.parameter_sd or 0.0) if known else None,
+        "z": miss.z if finite else None,
+        "p_value": miss.p_value if finite else None,
+        "noise": str(miss),
+    }
+
+
+def prediction(name: str, c: Correlation, i: int, remark: str, before: Correlation | None = None) -> Prediction:
+    """The partner of a test mode; where it has none, the model mode that resembles it most."""
+    paired, j = _answer(c, i)
+    test_hz = float(c.test.freq_hz[i])
+    k = None if before is None else _answer(before, i)[1]
+    return Prediction(
+        configuration=name,
+        test_label=c.test.labels[i],
+        test_freq_hz=test_hz,
+        model_number=None if j is None else j + 1,
+        model_freq_hz=None if j is None else float(c.model.freq_hz[j]),
+        freq_error_percent=None if j is None else 100.0 * (float(c.model.freq_hz[j]) / test_hz - 1.0),
+        mac=None if j is None or not np.isfinite(c.mac[i, j]) else float(c.mac[i, j]),
+        before_freq_error_percent=(
+            None if k is None or before is None else 100.0 * (float(before.model.freq_hz[k]) / test_hz - 1.0)
+        ),
+        remark=remark,
+        paired=paired,
+    )
+
+
+def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
+    """Whether a test mode is paired, and with which model mode, or which one resembles it."""
+    for pair in c.pairing.pairs:
+        if pair.test == i:
+            return True, pair.model
+    row = np.nan_to_num(c.mac[i], nan=-1.0)
+    return False, int(np.argmax(row)) if len(row) and row.max() > 0.0 else None
+
+
+def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> Iterable[str]:
+    yield from (f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None)
+    kinds = {word for s in scopes for word in s.data.split(", ")}
+    if not kinds:
+        yield _NOTHING
+    else:
+        yield from _kinds_not_tested(kinds)
+    if not any(r.frfs is not None and r.frfs.test_values_key for r in after.responses):
+        yield _FORCED
+    yield from (_LINEARITY, *([] if study.file.checks.refinement else [_MESH]))
+
+
+def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:
+    if "modified structure" not in kinds:
+        yield "a modified structure: no configuration that was kept has other masses or elements"
+    if "other boundary conditions" not in kinds:
+        yield "other boundary conditions: no configuration that was kept has other supports"
+    if "beyond the frequencies used" not in kinds:
+        yield "frequencies beyond those used: no mode above or below them was held out"
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the record of the goodness of fit is made.
+
+
+_ESTIMATED = "their standard deviations are estimated from the residuals themselves"
+
+
+def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
+    """The test at the end of an update, by the standard deviations that the study states."""
+    if not result.after.has_derivatives:
+        return goodness_of_fit([])
+    estimated = study.file.residuals.scatter == "estimated"
+    return goodness_of_fit(result.after.blocks, untested=_ESTIMATED if estimated else "")
+
+
+def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
+    """The test as a record."""
+    kinds = (KindOfResiduals(kind=k, chi_square=c, degrees_of_freedom=d, p_value=p) for k, c, d, p in found.by_kind)
+    return GoodnessResults(
+        chi_square=found.chi_square,
+        degrees_of_freedom=found.degrees_of_freedom,
+        p_value=found.p_value,
+        runs=found.runs,
+        runs_p_value=found.runs_p_value,
+        largest=found.largest,
+        largest_label=found.largest_label,
+        by_kind=tuple(kinds),
+        verdict=found.outcome.value,
+        sentence=found.sentence,
+    )

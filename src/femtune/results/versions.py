@@ -1,0 +1,124 @@
+"""Records of one version of the model: modes and correlations before the update, after it, and as written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.assembly.cases import StudyCase
+from femtune.assembly.error_places import errors_at, errors_at_configuration, errors_at_deck, place_of
+from femtune.assembly.progress import silent
+from femtune.model import EigenSolution
+from femtune.residuals import CaseState, Evaluation, state_at
+from femtune.results.correlation import array_prefix, correlate_case, correlation_results
+from femtune.results.criteria import of_whole_tests
+from femtune.results.model import model_modes
+from femtune.results.shapes import mode_shapes
+from femtune.results.solved import nominal, solve, solved_if_any
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.correlation import Correlation
+    from femtune.results.base import ModelVersion
+    from femtune.results.correlation import CorrelationResults
+    from femtune.results.model import ModelModes
+    from femtune.results.response import ResponseResults
+    from femtune.results.shapes import ModeShapes
+
+
+Arrays = dict[str, NDArray]
+Solutions = Mapping[str, EigenSolution]
+Solved = Callable[[StudyCase, EigenSolution], None]
+
+
+def nothing(case: StudyCase, solution: EigenSolution) -> None:
+    """Nobody wants to know of a solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelRecords:
+    """Modes, correlations and responses of all configurations at one parameter vector; `raw` by configuration."""
+
+    modes: tuple[ModelModes, ...]
+    correlations: tuple[CorrelationResults, ...]
+    shapes: tuple[ModeShapes, ...]
+    raw: dict[str, Correlation]
+    responses: tuple[ResponseResults, ...] = ()
+
+
+def start(study: Study, progress: Progress) -> Evaluation:
+    """The update problem at the start values; its errors point into the study or the deck.
+
+    Raises
+    ------
+    FemtuneError : ``study.no-test``, ``correlate.no-pairs``, ``residual.*``, ``eigen.*``
+    """
+    problem, x, states = study.problem(), nominal(study), []
+    cases = [c for c in study.cases if c.used is not None]
+    for i, case in enumerate(cases):
+        progress.step(f"solving and pairing the modes: {case.name}", i, len(cases))
+        assert case.used is not None
+        solution = solve(study, case, x) if case.modal is not None else None
+        with errors_at_configuration(study.file, case.entry, "test"):
+            states.append(state_at(case.used, x, solution))
+    of_modes = next((c.entry for c in cases if c.modal is not None), cases[0].entry)
+    with errors_at(place_of(study.file, of_modes, "test")):
+        problem.check_paired(states)
+    at_fault = ("residual",) if study.file.residual else ("residuals", "frequency_sd")
+    with errors_at(study.file.where(*at_fault)):
+        found = problem.assess(x, states)
+        problem.check_compared(found)
+        return found
+
+
+def model_records(
+    study: Study,
+    version: ModelVersion,
+    x: NDArray,
+    known: Solutions,
+    arrays: Arrays,
+    progress: Progress,
+    solved: Solved = nothing,
+) -> ModelRecords:
+    """Modes and correlations at `x`; what `known` has is not solved again. `solved` is told each solution."""
+    found, records, shapes, raw = [], [], [], {}
+    criteria = of_whole_tests(study)
+    for i, case in enumerate(study.cases):
+        progress.step(f"modes and correlation, {version}: {case.name}", i, len(study.cases))
+        solution = known[case.name] if case.name in known else solved_if_any(study, case, x)
+        if solution is None:
+            continue
+        solved(case, solution)
+        found.append(model_modes(case.name, version, solution))
+        prefix = array_prefix(version, case.name, i + 1)
+        # a model of matrices is never written: what comes after the update is its last version
+        if version != "after" or study.file.imported:
+            shapes.append(mode_shapes(case, version, solution, prefix, arrays))
+        if case.modal is not None:
+            with errors_at_configuration(study.file, case.entry, "test"):
+                raw[case.name] = correlate_case(case.modal, solution)
+            record = correlation_results(
+                case.name, version, raw[case.name], prefix, arrays, criteria, found[-1].rigid_body_modes
+            )
+            records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
+    return ModelRecords(tuple(found), tuple(records), tuple(shapes), raw)
+
+
+def as_written(study: Study, after: Evaluation) -> Evaluation:
+    """The study on the written deck, its modes paired as at the end of the update.
+
+    Modes are tracked by their shapes, so that the two mean errors compare the same pairs; where the free DOFs
+    differ they are paired afresh.
+    """
+    problem = study.problem()
+    same = all(c.configured.n_free == s.case.configured.n_free for c, s in zip(problem.cases, after.states))
+    if not same:
+        return start(study, silent)
+    states = tuple(CaseState(c, s.point, s.groups, s.solved) for c, s in zip(problem.cases, after.states))
+    with errors_at_deck(study.built.deck):
+        return problem.follow(np.zeros(0), Evaluation(np.zeros(0), states, ()))

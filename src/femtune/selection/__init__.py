@@ -1,0 +1,50 @@
+"""Which parameters the data can determine, and which of them are worth updating."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.selection.combinations import (
+        NO_EFFECT,
+        Combination,
+        Identifiability,
+        combination_text,
+        determined,
+        identifiability,
+        sentences,
+        verdict,
+    )
+    from femtune.selection.energies import EnergyMap, element_energies, energy_map
+    from femtune.selection.information import Collinearity, Information, collinearity, fisher_information
+    from femtune.selection.localise import ResidualEnergy, residual_energy
+    from femtune.selection.output_covariance import CosineDistances, cosine_distances
+    from femtune.selection.subset import Subset, SubsetStep, forward_selection, stepwise_selection
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "NO_EFFECT",
+    "Collinearity",
+    "Combination",
+    "CosineDistances",
+    "EnergyMap",
+    "Identifiability",
+    "Information",
+    "ResidualEnergy",
+    "Subset",
+    "SubsetStep",
+    "collinearity",
+    "combination_text",
+    "cosine_distances",
+    "determined",
+    "element_energies",
+    "energy_map",
+    "fisher_information",
+    "forward_selection",
+    "identifiability",
+    "residual_energy",
+    "sentences",
+    "stepwise_selection",
+    "verdict",
+]

@@ -1,0 +1,205 @@
+"""Which parameters, and which combinations of them, the data determine.
+
+Scaled Jacobian S = ∂r/∂x · diag(prior sd), with r in units of its own standard deviation: a singular value of one is
+a combination that the data know as well as the prior does. Posterior covariance (Bayes, linear):
+(SᵀS + I)⁻¹ in prior standard deviations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+
+NO_EFFECT, NO_SHARE = 0.1, 1e-3
+ROUNDING = 1e-9
+_STARTS = 8
+
+
+def determined(singular_values: Reals) -> NDArray[np.bool_]:
+    """Which combinations the data determine.
+
+    One prior standard deviation along an undetermined combination changes all residuals together by less than
+    NO_EFFECT of their standard deviation, and by less than NO_SHARE of what the best determined one does (so that
+    residuals with unit weights, whose size says nothing, are not called blind). What is below ROUNDING is none.
+    """
+    s = singular_values
+    return np.asarray((s > NO_EFFECT) | (s > max(NO_SHARE * s.max(initial=0.0), ROUNDING)))
+
+
+WEAK = 0.5
+"""A combination whose posterior is wider than this fraction of its prior is weakly determined."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A direction in parameter space, unit length in prior standard deviations.
+
+    `reduction` is posterior sd / prior sd along it: 1 where the data say nothing.
+    """
+
+    coefficients: Reals
+    singular_value: float
+    reduction: float
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a Jacobian says about k parameters.
+
+    Parameters
+    ----------
+    scaled_jacobian : (n, k) in prior standard deviations
+    singular_values : (k,) descending, zeros appended where there are fewer residuals
+    rank : number of combinations that the data determine, see `determined`
+    undetermined : combinations that the data do not determine, as sparse as they can be made
+    weak : further combinations that the data determine worse than WEAK
+    reduction : (k,) posterior sd / prior sd of each parameter
+    correlation : (k, k) of the posterior
+    sensitivity : (k,) length of each parameter's column: its effect over one prior sd, in residual sds
+    """
+
+    names: tuple[str, ...]
+    scaled_jacobian: Reals
+    singular_values: Reals
+    rank: int
+    undetermined: tuple[Combination, ...]
+    weak: tuple[Combination, ...]
+    reduction: Reals
+    correlation: Reals
+    sensitivity: Reals
+
+
+def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) -> Identifiability:
+    """Singular values and vectors, posterior to prior ratios and correlations.
+
+    Parameters
+    ----------
+    jacobian : (n, k) ∂r/∂x of residuals in units of their standard deviation
+    prior_sd : (k,) of x
+    names : of the k parameters
+    """
+    S = jacobian * prior_sd
+    k = S.shape[1]
+    _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
+    null = ~determined(s)
+    covariance = (vt.T / (1.0 + s**2)) @ vt
+    sd = np.sqrt(np.diag(covariance))
+    undetermined = [_combination(S, v) for v in sparse_basis(vt[null])]
+    ratio = 1.0 / np.sqrt(1.0 + s**2)
+    weak = [
+        Combination(_signed(vt[i]), float(s[i]), float(ratio[i])) for i in range(k) if ratio[i] > WEAK and not null[i]
+    ]
+    return Identifiability(
+        names, S, s, int((~null).sum()), tuple(undetermined), tuple(weak), sd,
+        covariance / np.outer(sd, sd), np.linalg.norm(S, axis=0),
+    )  # fmt: skip
+
+
+def _combination(S: Reals, direction: Reals) -> Combination:
+    effect = float(np.linalg.norm(S @ direction))
+    return Combination(direction, effect, 1.0 / float(np.sqrt(1.0 + effect**2)))
+
+
+def sparse_basis(vectors: Reals) -> Reals:
+    """Rotate orthonormal rows (m, k) so that each touches as few parameters as it can (varimax).
+
+    A null space is known only as a space; any basis is right, and the sparsest is the one that can be read.
+    """
+    m = len(vectors)
+    if m < 2:
+        return np.array([_signed(row) for row in vectors]).reshape(vectors.shape)
+    # the criterion has saddles, (1, 1) and (1, −1) for one, so that it is climbed from several turned bases
+    rng = np.random.default_rng(0)
+    starts = [np.linalg.qr(rng.standard_normal((m, m)))[0] for _ in range(_STARTS)]
+    found = [_varimax(vectors, start) for start in starts]
+    basis = max(found, key=lambda rows: float((rows**4).sum()))
+    basis[np.abs(basis) < 1e-3] = 0.0
+    return np.array([_signed(row) for row in basis])
+
+
+def _varimax(vectors: Reals, turn: Reals) -> Reals:
+    """Local optimum of the variance of squared coefficients, as (m, k) rows."""
+    last = 0.0
+    for _ in range(500):
+        L = vectors.T @ turn
+        u, s, vt = np.linalg.svd(vectors @ L**3)
+        turn = u @ vt
+        if s.sum() <= last * (1.0 + 1e-14):
+            break
+        last = float(s.sum())
+    return np.asarray(turn.T @ vectors)
+
+
+def _signed(v: Reals) -> Reals:
+    """The sign that makes the largest coefficient positive."""
+    return v * (np.sign(v[np.argmax(np.abs(v))]) or 1.0)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Identifiability in sentences.
+
+
+_WELL, _PARTLY, _SMALL = 1 / 3, 2 / 3, 0.1
+
+
+def verdict(reduction: float) -> str:
+    """What a posterior to prior ratio means for one parameter."""
+    if reduction < _WELL:
+        return "determined by the data"
+    if reduction < _PARTLY:
+        return "partly determined: the bounds or the prior still matter"
+    return "not determined by these data"
+
+
+def combination_text(names: tuple[str, ...], combination: Combination) -> str:
+    """Such as ``+0.71 Icx2 −0.50 Ibx1``, small coefficients left out, in prior standard deviations."""
+    c: NDArray = combination.coefficients
+    order = [i for i in np.argsort(-np.abs(c)) if abs(c[i]) >= _SMALL * np.abs(c).max()]
+    return " ".join(f"{'+' if c[i] > 0 else '−'}{abs(c[i]):.2f} {names[i]}" for i in order)
+
+
+def sentences(result: Identifiability) -> list[str]:
+    """What the data determine: undetermined combinations first, then weak ones; `verdict` speaks of parameters."""
+    k, m = len(result.names), len(result.undetermined)
+    if not k:
+        return ["There is no free parameter."]
+    out = [
+        f"The data leave {_count(m)} of the {k} free parameters undetermined."
+        if m
+        else f"The data determine all {k} free parameters, some better than others."
+    ]
+    out += [_undetermined(result, c) for c in result.undetermined]
+    return out + [_weak(result, c) for c in result.weak]
+
+
+def _count(m: int) -> str:
+    return "one combination" if m == 1 else f"{m} combinations"
+
+
+def _undetermined(result: Identifiability, c: Combination) -> str:
+    together = [
+        result.names[i] for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL * np.abs(c.coefficients).max())
+    ]
+    if len(together) == 1:
+        return f"{together[0]} changes nothing that was measured: fix it, or measure where it acts."
+    return (
+        f"Moving {listed(together)} together ({combination_text(result.names, c)}) changes nothing that was measured "
+        f"by more than {c.singular_value:.1g} of its uncertainty: fix one of them, tie two, or measure something else."
+    )
+
+
+def _weak(result: Identifiability, c: Combination) -> str:
+    return (
+        f"The combination {combination_text(result.names, c)} is weakly determined: "
+        f"its spread only falls to {100 * c.reduction:.0f} % of the prior's."
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -1,0 +1,152 @@
+"""Which parameters scatter: sensitivity columns beside the leading space of the outputs' covariance.
+
+With independent parameters Cov z̃ = Σ σ_j² s̃_j s̃_jᵀ: the covariance of outputs that are scaled by their means is a sum
+of rank-one matrices of the parameters that scatter, so that their columns lie in its range and others do not.
+
+Source: Silva, Maia, Link and Mottershead (2016). The rank is estimated here, and the threshold follows the scatter:
+for each rank the columns are sorted by distance, and the rank is taken at which as many independent columns stand apart
+from the next one and leave little of the scatter unexplained (the product of both is least).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+
+_EXACT, _CLEAR, _FAR = 1e-10, 0.25, 0.1
+_INSENSITIVE, _ROUNDING, _ALIKE = 1e-12, 1e-14, 1e-7
+
+
+@dataclass(frozen=True)
+class CosineDistances:
+    """Distance of each of k columns from the leading space of the output covariance.
+
+    Parameters
+    ----------
+    distance : (k,) 1 − cos between a column and its projection; 0 for a column without any effect
+    insensitive : (k,) True where no output depends on the parameter, so that nothing can be said of it
+    rank : dimension of the leading space
+    threshold : geometric mean of the distances on both sides of the gap
+    margin : distance of the farthest column inside by that of the nearest outside; near 1 nothing separates them
+    unexplained : share of the scaled outputs' variance outside the span of the columns inside
+    eigenvalues : (m,) of the scaled covariance, descending
+    """
+
+    names: tuple[str, ...]
+    distance: Reals
+    insensitive: NDArray[np.bool_]
+    rank: int
+    threshold: float
+    margin: float
+    unexplained: float
+    eigenvalues: Reals
+
+    @property
+    def scatters(self) -> tuple[str, ...]:
+        """Names of the parameters whose columns lie in the leading space."""
+        inside = (self.distance <= self.threshold) & ~self.insensitive
+        return tuple(n for n, yes in zip(self.names, inside) if yes)
+
+    @property
+    def clear(self) -> bool:
+        """True where a gap separates the parameters that scatter from the others, and they lie near the space."""
+        return self.margin <= _CLEAR and self.threshold <= _FAR
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict, and what it does not cover."""
+        which = ", ".join(self.scatters) or "none"
+        found = f"The outputs scatter in {self.rank} independent ways, which these parameters explain: {which}."
+        if not self.clear:
+            found = (
+                f"The scatter of the outputs points at no set of these parameters clearly; nearest are {which}: a "
+                "parameter that scatters is not among the candidates, or the scatter is too large for first-order "
+                "sensitivities."
+            )
+        blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
+        return (found, *([f"No output depends on {', '.join(blind)}: nothing can be said."] if blind else []))
+
+
+def cosine_distances(
+    covariance: Reals, mean: Reals, jacobian: Reals, values: Reals, names: tuple[str, ...], rank: int | None = None
+) -> CosineDistances:
+    """Distances of the scaled columns s̃_j = (θ_j/z_i) ∂z_i/∂θ_j from the range of the scaled output covariance.
+
+    Parameters
+    ----------
+    covariance, mean : (m, m), (m,) of the outputs
+    jacobian : (m, k) ∂z/∂θ
+    values : (k,) θ
+    rank : dimension of the leading space, estimated where None
+
+    Raises
+    ------
+    FemtuneError : ``select.covariance`` for a covariance without any scatter, or of another size
+    """
+    if covariance.shape != (len(mean), len(mean)) or len(jacobian) != len(mean) or not np.trace(covariance) > 0.0:
+        raise FemtuneError(
+            "select.covariance",
+            values={"covariance": covariance.shape, "outputs": len(mean), "sensitivities": jacobian.shape},
+        )
+    S, C = jacobian * values / mean[:, None], covariance / np.outer(mean, mean)
+    size = np.linalg.norm(S, axis=0)
+    blind = size <= _INSENSITIVE * size.max(initial=0.0)
+    unit, own = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
+    tried = [_at_rank(C, unit[:, own], r) for r in (_possible(C, own) if rank is None else [rank])]
+    best = min(tried, key=lambda t: t.margin * max(t.unexplained, _ROUNDING))
+    distance = np.zeros(len(names))
+    distance[own] = best.distance
+    eigenvalues = np.maximum(np.linalg.eigvalsh(C)[::-1], 0.0)
+    return CosineDistances(
+        names, distance, blind, best.rank, best.threshold, best.margin, best.unexplained, eigenvalues
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Tried:
+    rank: int
+    distance: Reals
+    threshold: float
+    margin: float
+    unexplained: float
+
+
+def _possible(C: Reals, own: NDArray[np.int64]) -> range:
+    """Ranks to try, at most half of the outputs: a larger space holds columns by chance."""
+    eigenvalues = np.linalg.eigvalsh(C)
+    largest = int((eigenvalues > _ROUNDING * eigenvalues[-1]).sum())
+    return range(1, 1 + max(1, min(len(C) // 2, largest, len(own))))
+
+
+def _at_rank(C: Reals, unit: Reals, rank: int) -> _Tried:
+    """Threshold and margin between the nearest columns, as many as have this rank, and the others.
+
+    Parameters of a symmetric structure share columns, so that there may be more of them than the rank.
+    """
+    distance = _distances(np.linalg.eigh(C)[1][:, ::-1][:, :rank], unit)
+    order = np.argsort(distance)
+    ranks = [np.linalg.matrix_rank(unit[:, order[: n + 1]], _ALIKE) for n in range(len(order))]
+    count = int(np.searchsorted(ranks, rank, side="right"))
+    inside = max(float(distance[order[count - 1]]), _EXACT)
+    outside = max(float(distance[order[count]]) if count < len(order) else 1.0, _EXACT)
+    left = _left(C, unit[:, order[:count]])
+    return _Tried(rank, distance, float(np.sqrt(inside * outside)), inside / outside, left)
+
+
+def _left(C: Reals, columns: Reals) -> float:
+    """Share of the scatter outside the span of columns."""
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    u = u[:, s > _ALIKE * s[0]]
+    return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
+
+
+def _distances(space: Reals, unit: Reals) -> Reals:
+    # 1 − cos of a small angle from its sine, which has not lost its digits
+    inside = space.T @ unit
+    sine = np.linalg.norm(unit - space @ inside, axis=0)
+    return np.asarray(sine**2 / (1.0 + np.linalg.norm(inside, axis=0)))

@@ -1,0 +1,41 @@
+"""The words of the command line as functions; `femtune` has them under the same names.
+
+A name is imported when it is asked for, so that a step loads nothing that only others need.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.of_model import info, modes, respond, simulate
+    from femtune.steps.of_record import identify
+    from femtune.steps.of_run import read_results, run, update, validate
+    from femtune.steps.of_study import correlate, quantify, select
+    from femtune.steps.pages import report
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "correlate",
+    "identify",
+    "info",
+    "modes",
+    "quantify",
+    "read_deck",
+    "read_matrices",
+    "read_results",
+    "read_test",
+    "report",
+    "respond",
+    "run",
+    "select",
+    "simulate",
+    "update",
+    "validate",
+    "write_deck",
+    "write_test",
+]

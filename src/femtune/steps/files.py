@@ -1,0 +1,177 @@
+"""Files in and out: decks, matrices and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femtune.arguments import checked
+from femtune.assembly.described import Model, model_of_deck, model_of_matrices, units_word
+from femtune.errors import FemtuneError
+from femtune.files.nastran.field_refs import parse_field_ref, resolve
+from femtune.files.nastran.write import plan_edits
+from femtune.files.nastran.write import write_deck as write_files
+from femtune.files.uff import read_uff, write_uff_frfs, write_uff_modes
+from femtune.units import unit_system
+
+if TYPE_CHECKING:
+    from femtune.testdata import ModalTest
+    from femtune.units import UnitSystem
+
+
+@checked
+def read_deck(path: Path | str, *, units: str | UnitSystem | None = None, allow_ignored: Sequence[str] = ()) -> Model:
+    """Read a Nastran deck, with its INCLUDEs.
+
+    Parameters
+    ----------
+    path : the main file
+    units : length-mass-s of the deck: "m-kg-s", "mm-t-s", "in-slinch-s" …; needed where a test is compared
+    allow_ignored : names of element cards that are not understood and may be ignored
+
+    Raises
+    ------
+    FemtuneError : ``deck.*`` with file and line, several together; ``units.unknown``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> model = ft.read_deck(example_deck(), units="m-kg-s")
+    >>> ft.modes(model, count=3).freq_hz.round(2)
+    array([ 28.27,  44.7 , 201.1 ])
+    """
+    return model_of_deck(path, units, allow_ignored)
+
+
+@checked
+def read_matrices(
+    *,
+    stiffness: Path | str | Sequence[Mapping[str, Any]],
+    mass: Path | str | Sequence[Mapping[str, Any]],
+    viscous: Path | str | Sequence[Mapping[str, Any]] = (),
+    hysteretic: Path | str | Sequence[Mapping[str, Any]] = (),
+    units: str | UnitSystem | None = None,
+    **words: Any,
+) -> Model:
+    """Read a model of the matrices that another solver wrote: OP4, OP2, DMIG, Abaqus, CalculiX, Matrix Market, Ansys.
+
+    Parameters
+    ----------
+    stiffness, mass, viscous, hysteretic : a file, or a list of mappings with the keys of [[matrix]]: ``name``,
+        ``file``, ``record``, ``format``, ``factor``, ``at``; a parameter moves the factor of a matrix by its name,
+        which is K, M, C or H for a single file
+    units : length-mass-s of the matrices; needed where a test is compared
+    words : keys of [model]: ``grid``, ``dofs``, ``hold_singular``, ``listed_hz``, ``listing`` …; and ``variable``, a
+        list of mappings with the keys of [[variable]]
+
+    Raises
+    ------
+    FemtuneError : ``matrices.*``, ``study.missing-file``, several together
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> import scipy.io, scipy.sparse as sp
+    >>> scipy.io.mmwrite("k.mtx", sp.diags_array([400.0, 900.0]))
+    >>> scipy.io.mmwrite("m.mtx", sp.eye_array(2))
+    >>> model = ft.read_matrices(stiffness="k.mtx", mass="m.mtx")
+    >>> ft.modes(model, count=1).freq_hz.round(4)
+    array([3.1831])
+    """
+    kinds = {"stiffness": stiffness, "mass": mass, "viscous": viscous, "hysteretic": hysteretic}
+    matrices: list[dict[str, Any]] = []
+    for name, (kind, given) in zip("KMCH", kinds.items()):
+        entries = [{"name": name, "file": str(given)}] if isinstance(given, str | Path) else given
+        matrices += [{"kind": kind, **entry} for entry in entries]
+    return model_of_matrices(matrices, units, **words)
+
+
+@checked
+def read_test(
+    path: Path | str, *, units: str | UnitSystem | None = None, records: str | None = None, name: str = ""
+) -> ModalTest:
+    """Read a test from a Universal File: geometry, modes, frequency response functions.
+
+    Parameters
+    ----------
+    path : the file (UFF, UNV)
+    units : length-mass-s of the file, where it has no data set 164 that says it; a study converts the test to its own
+    records : read only the modes whose ID lines contain this word
+    name : of the test; else `records`, else the name of the file
+
+    Raises
+    ------
+    FemtuneError : ``uff.*`` with the line of the file, ``units.unknown``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_test
+    >>> test = ft.read_test(example_test())
+    >>> test.modes.freq_hz.round(2), test.modes.shapes.shape
+    (array([ 27.08,  44.7 , 202.89, 317.97]), (8, 4))
+    """
+    own = None if units is None else unit_system(units_word(units))
+    return read_uff(path, units=None, file_units=own, records=records, name=name).test
+
+
+@checked
+def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Path | str, *, wide: bool = False) -> Path:
+    """Write a deck with other values in some of its fields; every other line stays as it is.
+
+    Parameters
+    ----------
+    model : what `read_deck` returned, or the path of a deck
+    values : new values by field, ``{"PBAR 1 I1": 2.5e-7}``, in units of the deck
+    path : the main file to write; INCLUDEs that change are written beside it
+    wide : write changed cards in large field (16 columns) where a value would be cut
+
+    Raises
+    ------
+    FemtuneError : ``study.unknown-field``, ``write.*``, ``run.unwritable``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> stiffer = ft.write_deck(example_deck(), {"PBAR 1 I1": 4.0e-7}, "stiffer.bdf")
+    >>> ft.modes(stiffer, count=2).freq_hz.round(2)
+    array([38.29, 44.7 ])
+    """
+    read = model if isinstance(model, Model) else read_deck(model)
+    if read.tables.get("matrix"):
+        raise FemtuneError("write.no-deck")
+    refs = {parse_field_ref(field): float(value) for field, value in values.items()}
+    for ref in refs:
+        resolve(read.built, ref)
+    path = Path(path)
+    return write_files(plan_edits(read.built, refs, wide=wide).edited, path.parent, path.name).main
+
+
+@checked
+def write_test(test: ModalTest, path: Path | str) -> Path:
+    """Write a test as a Universal File: its modes, or where it has none its frequency response functions.
+
+    Parameters
+    ----------
+    test : what `read_test` or `simulate` returned
+    path : the file
+
+    Raises
+    ------
+    FemtuneError : ``uff.cannot-write`` for what the format cannot hold, and where the file cannot be written
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> test = ft.simulate(example_deck(), ["2 THRU 5:23"], units="m-kg-s", count=4)
+    >>> ft.read_test(ft.write_test(test, "test.uff")).modes.freq_hz.round(2)
+    array([ 28.27,  44.7 , 201.1 , 317.97])
+    """
+    if test.modes is None and test.frfs is not None:
+        return write_uff_frfs(path, test)
+    write_uff_modes(path, test)
+    return Path(path)

@@ -1,0 +1,205 @@
+"""Steps that need a model alone: info, modes, respond."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femtune.arguments import checked
+from femtune.assembly.described import source_of, units_word
+from femtune.assembly.progress import silent
+from femtune.assembly.study import load_study
+from femtune.errors import FemtuneError
+from femtune.results.model import model_facts
+from femtune.results.step_results import InfoResult
+from femtune.steps.pages import checked_page, with_page
+
+if TYPE_CHECKING:
+    from femtune.assembly.described import Model, Study
+    from femtune.assembly.progress import Progress
+    from femtune.results.step_results import ModesResult, RespondResult
+    from femtune.study.simulated_test import SimulatedTest
+    from femtune.testdata import ModalTest
+    from femtune.units import UnitSystem
+
+
+@checked
+def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> InfoResult:
+    """What is in the deck of a study, or in a deck: cards, mass, rigid-body check, supports.
+
+    Parameters
+    ----------
+    source : a study, or a model: an object, or the path of a TOML file or of a deck
+    progress : is told how far it is
+
+    Raises
+    ------
+    FemtuneError : whatever is wrong with the files
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> ft.info(example_deck())
+    InfoResult: 15 cards used, 0 not used
+      as the deck: 5 points, 24 free DOFs, mass 9.85, rigid-body check: pass
+    """
+    study = load_study(source_of(source), progress)
+    progress.step("mass and rigid-body check", 0, None)
+    return InfoResult(model_facts(study))
+
+
+@checked
+def modes(
+    source: Path | str | Study | Model,
+    *,
+    count: int | None = None,
+    max_hz: float | None = None,
+    report: Path | str | None = None,
+    simulate: SimulatedTest | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+) -> ModesResult:
+    """Natural modes of each configuration of a study, or of a deck, at the start values of the parameters.
+
+    Parameters
+    ----------
+    source : as for `info`
+    count, max_hz : number of modes, or highest frequency in Hz, in place of [modes] of the study and METHOD of the deck
+    report : HTML page to write, with a picture of each mode: one file that loads nothing from elsewhere
+    simulate : a Universal File to write the modes to, as a test would have measured them
+    fresh : solve again what the journal of an earlier run of the study holds
+    progress : is told how far it is
+
+    Raises
+    ------
+    FemtuneError : ``eigen.*``, ``run.unwritable`` and ``write.overwrites-input`` before anything is solved, and
+        whatever is wrong with the files
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> found = ft.modes(example_deck(), count=3)
+    >>> found
+    ModesResult: as the deck: 3 modes: 28.268, 44.695, 201.1 Hz
+    >>> found.frequencies
+    configuration  mode  freq_hz  rigid_body
+    as the deck       1  28.2677          no
+    as the deck       2  44.6952          no
+    as the deck       3  201.105          no
+    >>> found.mode_sets["as the deck"].shapes.shape
+    (30, 3)
+    """
+    # the journal and the solvers are imported by those who solve
+    from femtune.study.natural_modes import solve_modes  # noqa: PLC0415
+
+    page = checked_page(report)
+    result = solve_modes(
+        source_of(source), progress, fresh=fresh, keep=page, count=count, max_hz=max_hz, simulate=simulate
+    )
+    return with_page(result, page, progress)
+
+
+@checked
+def respond(
+    source: Path | str | Study | Model,
+    *,
+    uff: Path | str | None = None,
+    units: str | None = None,
+    report: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **options: Any,
+) -> RespondResult:
+    """Frequency responses, complex modes and static displacements of a study, or of a deck alone.
+
+    Parameters
+    ----------
+    source : as for `info`
+    uff : Universal File to write the functions to; with several configurations each has its own, numbered
+    units : length-mass-s of a deck alone, where a Universal File is wanted
+    report : HTML page to write, with pictures of the functions
+    fresh : solve again what the journal of an earlier run of the study holds
+    progress : is told how far it is
+    options : keys of [response] that take the place of the study's, or stand for them: ``inputs=["12Z+"]``,
+        ``outputs``, ``from_hz``, ``to_hz``, ``step_hz``, ``kind``, ``method``, ``ratio`` …
+
+    Raises
+    ------
+    FemtuneError : ``response.*``, ``uff.cannot-write``, and as `modes`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> found = ft.respond(example_deck(), inputs=["5Z+"], from_hz=1.0, to_hz=100.0, step_hz=0.5, ratio=0.01)
+    >>> found
+    RespondResult: as the deck: 1 × 1 accelerance, 1 to 100 Hz, 199 lines, real modes
+    >>> found.frfs.values.shape
+    (1, 1, 199)
+    """
+    from femtune.study.respond import solve_responses  # noqa: PLC0415
+
+    page = checked_page(report)
+    file = None if uff is None else Path(uff)
+    result = solve_responses(source_of(source), options, progress, fresh=fresh, uff=file, units=units, keep=page)
+    return with_page(result, page, progress)
+
+
+@checked
+def simulate(
+    source: Path | str | Study | Model,
+    sensors: Sequence[str],
+    *,
+    configuration: str | None = None,
+    count: int | None = None,
+    max_hz: float | None = None,
+    units: str | UnitSystem | None = None,
+    frequency_scatter: float = 0.0,
+    shape_scatter: float = 0.0,
+    seed: int = 1,
+    progress: Progress = silent,
+) -> ModalTest:
+    """The test that the modes of a model would give: at sensors, with scatter; rigid-body modes are left out.
+
+    Parameters
+    ----------
+    source : as for `info`
+    sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
+    configuration : which one, where the study has several
+    count, max_hz : as for `modes`
+    units : length-mass-s of a deck alone, which tells none
+    frequency_scatter : standard deviation of each frequency, as a part of it
+    shape_scatter : standard deviation at each sensor, as a part of the largest entry of the shape
+    seed : the same seed gives the same scatter
+
+    Raises
+    ------
+    FemtuneError : ``response.units-needed``, ``response.units-given``, ``dof.syntax``, ``study.support``,
+        ``model.unknown-node``, ``study.unknown-configuration``, and as `modes`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> test = ft.simulate(example_deck(), ["5Y+", "5Z+"], units="m-kg-s", count=4, frequency_scatter=0.002)
+    >>> test.modes.shapes.shape
+    (2, 4)
+    """
+    from femtune.study.natural_modes import simulate_tests  # noqa: PLC0415
+    from femtune.study.simulated_test import SimulatedTest  # noqa: PLC0415
+
+    wanted = SimulatedTest(
+        None, tuple(sensors), units_word(units) or None, frequency_scatter, shape_scatter, seed
+    )  # fmt: skip
+    tests = simulate_tests(source_of(source), wanted, progress, count=count, max_hz=max_hz)
+    names = [test.name for test in tests]
+    if configuration is None and len(tests) == 1:
+        return tests[0]
+    if configuration not in names:
+        code = "study.unknown-configuration/none-named" if configuration is None else "study.unknown-configuration/name"
+        values = {"configurations": ", ".join(names)}
+        raise FemtuneError(code, values=values, configuration=configuration, first=names[0])
+    return tests[names.index(configuration)]

@@ -1,0 +1,217 @@
+"""Steps that write a run folder: update, validate, run; and what such a folder holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femtune.arguments import checked
+from femtune.assembly.described import StudySource, Test, source_of
+from femtune.assembly.progress import silent
+from femtune.assembly.study import read_study
+from femtune.results import folder as run_folder
+from femtune.results.provenance import Stopwatch, call, inputs_of
+from femtune.results.step_results import RunResult
+from femtune.steps.pages import report
+from femtune.study.run import Run
+from femtune.study.run_lock import locked
+from femtune.study.select import check_parameters
+from femtune.study.solutions import keeping
+from femtune.study.starts import forget_starts
+from femtune.study.write_back import check_inputs_safe
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import StudyFile
+    from femtune.files.study_file.objects import Parameter
+
+
+@checked
+def update(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    output: Path | str | None = None,
+    wide: bool | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> RunResult:
+    """Find the parameters and write the updated deck: all steps of a study but the report.
+
+    What an earlier run in the folder has solved, interrupted or not, is taken from its journal.
+
+    Parameters
+    ----------
+    source, test, tables : as for `correlate`
+    parameters, residuals : as for `Study`
+    output : run folder instead of the study's, which is ``run`` beside it
+    wide : write changed cards in large field; the study decides where None
+    fresh : empty the journal and solve everything again
+    progress : is told how far it is
+
+    Raises
+    ------
+    FemtuneError : whatever is wrong with the study, its files or the run folder; ``run.locked`` where another run is
+        at work there. Once the parameters are found results.json is written, whatever happens to the deck afterwards
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> result = ft.update(model, test, parameters=free, residuals=[ft.FrequencyResidual(sd=0.01)])
+    >>> result.status
+    'CONVERGED'
+    >>> {name: round(value, 3) for name, value in result.values.items()}
+    {'root': 0.9, 'tip': 1.15}
+    >>> result.deck.name
+    'updated.bdf'
+    """
+    study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    return _run(study, "update", output, wide, fresh, progress)
+
+
+@checked
+def validate(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    output: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> RunResult:
+    """Judge the updated model on data that the update did not use: `update`, then ``verdicts`` of the result.
+
+    What an earlier run has solved is taken from its journal.
+
+    Parameters
+    ----------
+    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`
+
+    Raises
+    ------
+    FemtuneError : as `update`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> result = ft.validate(model, test, parameters=free, hold_out=[{"modes": ["3"]}])
+    >>> [row.freq_error_percent < 1.0 for row in result.predictions]
+    [True]
+    """
+    study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    return _run(study, "validate", output, None, fresh, progress)
+
+
+@checked
+def run(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    output: Path | str | None = None,
+    wide: bool | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> RunResult:
+    """All steps in their order: a run folder with results.json, arrays.npz, updated.bdf and report.html.
+
+    Parameters
+    ----------
+    source, test, parameters, residuals, output, wide, fresh, progress, tables : as for `update`
+
+    Raises
+    ------
+    FemtuneError : as `update`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> result = ft.run(model, test, parameters=free, output="cantilever")
+    >>> result.report.name, result.folder.name
+    ('report.html', 'cantilever')
+    """
+    study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    result = _run(study, "run", output, wide, fresh, progress)
+    return replace(result, report=report(result, progress=progress))
+
+
+def _run(
+    source: Path | str | StudyFile,
+    word: str,
+    output: Path | str | None,
+    wide: bool | None,
+    fresh: bool,
+    progress: Progress,
+) -> RunResult:
+    """The run of a study; `word` is the function that the provenance names."""
+    watch = Stopwatch(call(word, source))
+    with watch.step("read"):
+        study = read_study(source, progress)
+        study.problem()
+        check_parameters(study)
+        inputs = inputs_of(study)
+    folder = _folder(study, output)
+    with locked(folder):
+        study, journal = keeping(study, folder, fresh)
+        if fresh:
+            forget_starts(folder)
+        wide = study.file.write.wide if wide is None else wide
+        return Run(study, folder, wide, watch, progress, inputs, journal).go()
+
+
+def _folder(study: Study, output: Path | str | None) -> Path:
+    """The run folder, proven to be writable and to hold no input that would be overwritten."""
+    folder = Path(output) if output is not None else study.file.output_folder
+    run_folder.check_writable(folder)
+    check_inputs_safe(study, folder)
+    return folder
+
+
+@checked
+def read_results(folder: Path | str) -> RunResult:
+    """What a run folder holds: results, arrays and report.
+
+    Parameters
+    ----------
+    folder : the run folder
+
+    Raises
+    ------
+    FemtuneError : ``run.missing``, ``run.damaged``, ``run.version`` or ``run.arrays``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> made = ft.update(model, test, parameters=free, output="cantilever")
+    >>> ft.read_results("cantilever").values == made.values
+    True
+    """
+    folder = Path(folder)
+    page = folder / "report.html"
+    return RunResult(folder, *run_folder.read_results(folder), page if page.is_file() else None)

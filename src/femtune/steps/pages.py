@@ -1,0 +1,103 @@
+"""The verb report: the page of a result, or of a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from femtune.arguments import checked
+from femtune.assembly.described import Study
+from femtune.assembly.progress import silent
+from femtune.errors import FemtuneError
+from femtune.files.study_file import read_study_file
+from femtune.results.step_results import ModesResult, RespondResult, RunResult
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.reporting.document import Document
+    from femtune.study.identification import IdentifyResult
+
+REPORT_FILE = "report.html"
+R = TypeVar("R", ModesResult, RespondResult)
+
+
+def checked_page(path: Path | str | None) -> Path | None:
+    """The page that is wanted, tried before anything is solved (error ``run.unwritable``); None where there is none."""
+    if path is None:
+        return None
+    # pictures take a second to import, and most calls need none
+    from femtune.reporting import check_page  # noqa: PLC0415
+
+    check_page(Path(path))
+    return Path(path)
+
+
+def with_page(result: R, page: Path | None, progress: Progress) -> R:
+    """The result with its page written, where one is wanted."""
+    return result if page is None else replace(result, report=report(result, page, progress=progress))
+
+
+@checked
+def report(
+    source: Path | str | Study | RunResult | ModesResult | RespondResult | IdentifyResult,
+    path: Path | str | None = None,
+    *,
+    progress: Progress = silent,
+) -> Path:
+    """Write the page of a result, or that of a run folder again; returns the path of the page.
+
+    Parameters
+    ----------
+    source : what `run`, `update`, `validate`, `modes`, `respond` or `identify` returned; or a run folder, or the study
+        whose run folder is meant
+    path : HTML file to write; ``report.html`` in the folder of the result where nothing is said
+    progress : is told how far it is
+
+    Raises
+    ------
+    FemtuneError : ``run.missing``, ``run.damaged``, ``run.version``, ``run.unwritable``
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> ft.report(ft.modes(example_deck()), "modes.html").name
+    'modes.html'
+    """
+    from femtune.reporting import write_html  # noqa: PLC0415
+
+    page = checked_page(path)
+    result = _read(source) if isinstance(source, Path | str | Study) else source
+    if page is None:
+        folder = getattr(result, "folder", None)
+        if folder is None:
+            raise FemtuneError("run.unwritable/report-2")
+        page = Path(folder) / REPORT_FILE
+    progress.step("writing the report", 0, None)
+    return write_html(document_of(result), page, progress)
+
+
+def _read(source: Path | str | Study) -> RunResult:
+    # records of all steps, which only a run has
+    from femtune.results.folder import read_results  # noqa: PLC0415
+
+    if isinstance(source, Study):
+        folder = source.file.output_folder
+    else:
+        folder = Path(source)
+        folder = read_study_file(folder).output_folder if folder.is_file() else folder
+    return RunResult(folder, *read_results(folder))
+
+
+def document_of(result: RunResult | ModesResult | RespondResult | IdentifyResult) -> Document:
+    """The page of a result as data."""
+    from femtune import reporting  # noqa: PLC0415
+
+    if isinstance(result, RunResult):
+        return reporting.build_report(result.results, result.arrays)
+    if isinstance(result, ModesResult):
+        return reporting.build_modes_page(result.results, result.arrays)
+    if isinstance(result, RespondResult):
+        return reporting.build_responses_page(result.results, result.arrays)
+    return reporting.build_identification_page(result)

@@ -1,0 +1,73 @@
+"""The free parameters of a study, found as it asks: at once, in stages, from many starts, on reduced models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from femtune.assembly.error_places import errors_at
+from femtune.assembly.stages import bottom_up
+from femtune.assembly.update_method import method_of
+from femtune.study.reduction import find_on_reduced
+from femtune.study.starts import History, find_from_starts
+from femtune.updating import update
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.residuals import Evaluation
+    from femtune.results.reduction import ReductionResults
+    from femtune.updating import Iteration, MultiStart, StageResult, UpdateResult
+
+
+@dataclass(frozen=True, eq=False)
+class FoundParameters:
+    """The update as a whole, and what is known of its parts.
+
+    Parameters
+    ----------
+    result : from the start values to the end
+    reduction : how the reduced models did, where the study asks for them
+    starts : the starts, where the study asks for several
+    stages : the stages of a bottom-up study
+    """
+
+    result: UpdateResult
+    reduction: ReductionResults | None = None
+    starts: MultiStart | None = None
+    stages: tuple[StageResult, ...] = ()
+
+
+def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
+    """Find the free parameters from an evaluation at the start values; the history of iterations goes into `folder`.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``, ``study.stage``, and what the update method raises
+    """
+    table, reduction = study.file.update, study.file.reduction
+    with errors_at(study.file.where("update", "regularisation")):
+        method = method_of(table, study.parameters)
+    history = History(folder, study.parameters)
+    history.begin()
+
+    def tell(iteration: Iteration, where: str = "update", most: int | None = table.max_iterations) -> None:
+        # kept before it is shown: whoever shows it may be interrupted
+        history.add(iteration)
+        progress.step(f"{where}: weighted mean error {100 * iteration.mean_error:.4g} %", iteration.number, most)
+
+    def tell_of_stage(stage: str, seed: int, iteration: Iteration) -> None:
+        tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
+
+    if study.file.stage:
+        result, stages = bottom_up(study, at, tell_of_stage)
+        return FoundParameters(result, stages=stages)
+    if table.starts > 1:
+        starts, facts = find_from_starts(study, method, folder, at, progress)
+        for iteration in starts.best.history:
+            history.add(iteration)
+        return FoundParameters(starts.best, facts, starts)
+    if reduction is not None:
+        return FoundParameters(*find_on_reduced(study, reduction, method, tell, at, progress))
+    return FoundParameters(update(study.problem(), method, tell, at))

@@ -1,0 +1,154 @@
+"""What is asked for: an identification file, or a measured file with options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from femtune.errors import FemtuneError, Where
+from femtune.files.identification_file import (
+    KNOWN_INPUT,
+    OUTPUT_ONLY,
+    IdentifyFile,
+    is_identification_file,
+    read_identify_file,
+)
+from femtune.files.study_file.problems import problems
+from femtune.files.study_file.source import StudyLines
+from femtune.files.uff.measured_functions import read_header
+from femtune.files.uff.scan import scan_uff
+from femtune.identification.operational import prepared, segment_of
+from femtune.identification.record_checks import dead_channels
+
+if TYPE_CHECKING:
+    from femtune.identification.operational import Operational
+    from femtune.modal import TimeSeries
+
+_FUNCTIONS = (".uff", ".unv")
+_TIME_RESPONSE = 1
+
+
+def asked_of(path: Path | str, options: Mapping[str, Any]) -> IdentifyFile:
+    """An identification file, or one made for a measured file; `options` are keys of [identify] that take precedence.
+
+    Raises
+    ------
+    FemtuneError : ``study.*`` and ``identify.*`` of the file; ``record.missing``
+    """
+    path = Path(path)
+    given = {key: value for key, value in options.items() if value is not None}
+    if is_identification_file(path):
+        file = read_identify_file(path)
+        table = {**file.identify.model_dump(exclude_none=True), **given}
+        changed = _checked({**file.model_dump(exclude_none=True), "identify": table}, path)
+        changed._path, changed._source = file._path, file._source
+        return changed
+    if not path.is_file():
+        code = "record.missing/folder" if path.is_dir() else "record.missing/request"
+        raise FemtuneError(code, where=Where(str(path)))
+    made = _checked({"identify": {_kind_of(path): path.name, **given}}, path)
+    made._path, made._source = path, StudyLines(str(path))
+    return made
+
+
+def _checked(data: dict[str, Any], path: Path) -> IdentifyFile:
+    try:
+        return IdentifyFile.model_validate(data)
+    except ValidationError as findings:
+        raise problems(findings, StudyLines(str(path), {}, "docs/identify-file.md"), IdentifyFile)[0] from findings
+
+
+def _kind_of(path: Path) -> str:
+    """ "frfs" for a Universal File, unless its functions are records in time."""
+    if path.suffix.lower() not in _FUNCTIONS:
+        return "record"
+    types = [read_header(one).function_type for one in scan_uff(path) if one.number == 58]
+    return "record" if types and all(t == _TIME_RESPONSE for t in types) else "frfs"
+
+
+# ----------------------------------------------------------------------------------------------------
+# Whether anything can be identified from a record: asked before any method works on it.
+
+
+LARGEST, SMALLEST = 1e60, 1e-60
+"""Between these the fourth powers that standard deviations need neither overflow nor vanish."""
+LEAST_SAMPLES, LEAST_LINES = 128, 4
+"""Of a piece of record, and of spectra in the band, that any method can work on."""
+
+
+def check_usable(record: TimeSeries) -> None:
+    """Responses that move, in numbers that can be squared.
+
+    Raises
+    ------
+    FemtuneError : ``record.dead`` where no response moves, ``record.values`` for numbers that are too large or small
+    """
+    # sizes first: the squares that tell a dead channel would overflow
+    _check_size(record)
+    responses = record.select_channels([*record.positions("reference"), *record.positions("response")])
+    if len(responses) and dead_channels(responses).all():
+        raise FemtuneError("record.dead/check-usable")
+
+
+def _check_size(record: TimeSeries) -> None:
+    largest = np.nanmax(np.abs(record.values), axis=1, initial=0.0)
+    bad = np.flatnonzero((largest > LARGEST) | ((largest < SMALLEST) & (largest > 0.0)))
+    if len(bad):
+        names = ", ".join(str(record.channels[i]) for i in bad[:5])
+        values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST:g} to {LARGEST:g}"}
+        raise FemtuneError("record.values/check-size", values=values, names=names)
+
+
+def check_methods(file: IdentifyFile, forces: bool) -> None:
+    """Methods suit what the record holds.
+
+    Raises
+    ------
+    FemtuneError : ``identify.output-only``
+    """
+    known = KNOWN_INPUT if forces else OUTPUT_ONLY
+    wrong = [m for m in file.identify.methods or () if m not in known]
+    if wrong:
+        raise FemtuneError(
+            "identify.output-only" if forces else "identify.output-only/no-forces",
+            where=file.where("identify", "methods"),
+            values={"methods": ", ".join(wrong)},
+            method=wrong[0],
+            methods=", ".join(known),
+        )
+
+
+def check_length(record: TimeSeries, asked: Operational, file: IdentifyFile) -> None:
+    """Pieces of the record are long enough for the correlations of the largest order and for lines in the band.
+
+    Raises
+    ------
+    FemtuneError : ``identify.short-record``, ``identify.band``
+    """
+    fragments = file.identify.fragments
+    if record.samples // fragments >= LEAST_SAMPLES:
+        piece = prepared(record.select_samples(0, record.samples // fragments), asked)
+        lags = 2 * asked.rows(piece)
+        if piece.samples > 2 * lags + asked.pieces:
+            return _check_lines(piece, asked)
+    raise FemtuneError(
+        "identify.short-record" if fragments == 1 else "identify.short-record/fragments",
+        values={"samples": record.samples, "fragments": fragments, "duration": f"{record.duration_s:g} s"},
+    )
+
+
+def _check_lines(piece: TimeSeries, asked: Operational) -> None:
+    step = piece.even_hz / segment_of(piece, asked)
+    low, high = asked.band_hz
+    if high - low < LEAST_LINES * step:
+        raise FemtuneError(
+            "identify.band/check-lines",
+            values={"lines": f"{step:.3g} Hz apart", "duration": f"{piece.duration_s:g} s"},
+            low=low,
+            high=high,
+            least_lines=LEAST_LINES,
+        )

@@ -1,0 +1,165 @@
+"""The step modes: natural modes of a study or deck, and their page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import NDArray
+
+from femtune.assembly.cases import StudyCase
+from femtune.assembly.progress import silent
+from femtune.assembly.study import load_study, with_modes_asked
+from femtune.errors import FemtuneError, Where
+from femtune.modal import ModeSet
+from femtune.model import EigenSolution
+from femtune.results.model import model_facts, model_modes
+from femtune.results.provenance import Stopwatch, call, input_paths, inputs_of, provenance, study_facts
+from femtune.results.solved import solved_cases
+from femtune.results.step_results import ModesResult
+from femtune.study.solutions import looking_up
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import StudyFile
+    from femtune.results.model import ModelModes
+    from femtune.results.provenance import Inputs
+    from femtune.results.results import Results
+    from femtune.results.shapes import ModeShapes
+    from femtune.study.simulated_test import SimulatedTest
+    from femtune.testdata import ModalTest
+
+Arrays = dict[str, NDArray]
+
+
+def solve_modes(
+    source: Path | str | StudyFile,
+    progress: Progress = silent,
+    *,
+    fresh: bool = False,
+    keep: Path | None = None,
+    count: int | None = None,
+    max_hz: float | None = None,
+    simulate: SimulatedTest | None = None,
+) -> ModesResult:
+    """Modes of a study, or of a deck, at the start values of the parameters.
+
+    Parameters
+    ----------
+    fresh : do not take solutions from the journal of the study's run folder
+    keep : a file that will be written with what this returns; it must not be one that was read
+    count, max_hz : in place of [modes] of the study and of METHOD of the deck
+    simulate : writes the modes as a test would have measured them
+
+    Raises
+    ------
+    FemtuneError : ``write.overwrites-input``, ``eigen.*``, and as `check_simulated`
+    """
+    if simulate is not None:
+        from femtune.study.simulated_test import check_simulated, write_simulated  # noqa: PLC0415
+
+    watch = Stopwatch(call("modes", source))
+    with watch.step("read"):
+        loaded = with_modes_asked(load_study(source, progress), count, max_hz)
+        _check_kept(loaded, keep)
+        if simulate is not None:
+            check_simulated(loaded, simulate)
+        inputs = _each_once(inputs_of(loaded))
+    with watch.step("modes"), looking_up(loaded, fresh) as found:
+        solved = list(solved_cases(found.study, progress))
+        records = tuple(model_modes(case.name, "before", solution) for case, solution in solved)
+    if simulate is not None:
+        write_simulated(loaded, simulate, solved)
+    for _, solution in solved:
+        # whoever keeps the result need not keep gigabytes of factors
+        solution.forget_factors()
+
+    def whole() -> tuple[Results, Arrays]:
+        return _whole(loaded, solved, records, inputs, watch, progress)
+
+    return ModesResult(records, remarks=tuple(found.remarks), shapes=lambda: _mode_sets(loaded, solved), whole=whole)
+
+
+Solved = Sequence[tuple[StudyCase, EigenSolution]]
+
+
+def simulate_tests(
+    source: Path | str | StudyFile,
+    wanted: SimulatedTest,
+    progress: Progress = silent,
+    *,
+    count: int | None = None,
+    max_hz: float | None = None,
+    fresh: bool = False,
+) -> list[ModalTest]:
+    """The tests that the modes of a study or deck would give, one a configuration; parameters as of `solve_modes`."""
+    from femtune.study.simulated_test import check_simulated, simulated  # noqa: PLC0415
+
+    loaded = with_modes_asked(load_study(source, progress), count, max_hz)
+    check_simulated(loaded, wanted)
+    with looking_up(loaded, fresh) as found:
+        return simulated(loaded, wanted, list(solved_cases(found.study, progress)))
+
+
+def _mode_sets(study: Study, solved: Solved) -> dict[str, ModeSet]:
+    """By configuration, with shapes at all DOFs of the model."""
+    dofs = study.model.structure.nodes.dof_set()
+    return {
+        case.name: ModeSet(
+            solution.freq_hz,
+            case.configured.transformation @ solution.shapes[:, : solution.wanted],
+            dofs,
+            normalisation="mass",
+            source=f"model, {case.name}",
+        )
+        for case, solution in solved
+    }
+
+
+def _whole(
+    study: Study, solved: Solved, records: tuple[ModelModes, ...], inputs: Inputs, watch: Stopwatch, progress: Progress
+) -> tuple[Results, Arrays]:
+    """All that a page of the modes shows."""
+    from femtune.results.results import Results  # noqa: PLC0415  records of all steps, which only a page wants
+
+    arrays: Arrays = {}
+    shapes = tuple(_drawn(i, case, solution, arrays) for i, (case, solution) in enumerate(solved))
+    progress.step("mass and rigid-body check", 0, None)
+    with watch.step("checks"):
+        model = model_facts(study)
+    facts = study_facts(study)
+    if not study.units_known:
+        facts = facts.model_copy(update={"units": ""})
+    found = Results(
+        provenance=provenance(inputs, watch, records),
+        study=facts,
+        model=model,
+        modes=records,
+        mode_shapes=shapes,
+    )
+    return found, arrays
+
+
+def _drawn(i: int, case: StudyCase, solution: EigenSolution, arrays: Arrays) -> ModeShapes:
+    """The shapes for pictures; what was measured is no matter here."""
+    from femtune.results.correlation import array_prefix  # noqa: PLC0415
+    from femtune.results.shapes import MOST_MODES, mode_shapes  # noqa: PLC0415
+
+    first = replace(solution, wanted=min(solution.wanted, MOST_MODES))
+    alone = replace(case, test=None, sensors=None, compared=None)
+    return mode_shapes(alone, "before", first, array_prefix("before", case.name, i + 1), arrays)
+
+
+def _each_once(inputs: Inputs) -> Inputs:
+    """A deck alone stands for its study."""
+    return replace(inputs, files=tuple(file for file in inputs.files if file != inputs.study_file))
+
+
+def _check_kept(study: Study, page: Path | None) -> None:
+    inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
+    if page is not None and os.path.realpath(page) in inputs:
+        raise FemtuneError("write.overwrites-input/check-kept", where=Where(str(page)))

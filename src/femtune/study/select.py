@@ -1,0 +1,41 @@
+"""The step select: which parameters, and which combinations of them, the data determine."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femtune.errors import FemtuneError
+from femtune.results.checks import model_checks
+from femtune.results.selection import selection_measures
+from femtune.results.solved import solutions_of
+from femtune.results.update import selection_results
+from femtune.selection import identifiability
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.residuals import Evaluation
+    from femtune.results.update import SelectionResults
+
+
+def check_parameters(study: Study) -> None:
+    """Refuse a study without free parameters (error ``study.no-parameters``)."""
+    if not study.parameters.free:
+        raise FemtuneError(
+            "study.no-parameters",
+            where=study.file.where("parameter") if study.file.parameter else study.file.where("study"),
+        )
+
+
+def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress: Progress) -> SelectionResults:
+    """Which parameters, and which combinations of them, the data determine at an evaluation."""
+    progress.step("sensitivities", 0, None)
+    names = tuple(p.name for p in study.parameters.free)
+    known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
+    found = selection_results(study, known, at, arrays)
+    progress.step("measures of the parameters", 0, None)
+    more = {"measures": selection_measures(study, known, at)}
+    return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})

@@ -1,0 +1,91 @@
+"""Studies whose full-model solutions come from the journal of their run folder where it has them."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from femtune.assembly.study import solved_by
+from femtune.errors import FemtuneError
+from femtune.journal.journal import JOURNAL_FOLDER, open_journal
+from femtune.results.journal import JournalResults, SolutionCount
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.journal.journal import Journal
+
+
+@dataclass(frozen=True)
+class LookedUp:
+    """A study whose solutions are taken from the journal where it has them, and the remarks on that."""
+
+    study: Study
+    remarks: list[str]
+
+
+@contextmanager
+def looking_up(study: Study, fresh: bool) -> Iterator[LookedUp]:
+    """The study for a step that writes nothing: what an earlier run solved is taken from its journal.
+
+    The remarks hold the warnings of the reader at once; what came from the journal, and what was damaged, when the
+    block has ended. An error inside the block carries the warnings as notes.
+    """
+    folder, table = study.file.output_folder, study.file.study
+    found = LookedUp(study, warnings_of(study))
+    journal = None
+    if not fresh and table.journal and os.path.isdir(folder / JOURNAL_FOLDER):
+        journal = open_journal(folder, table.journal_gib, writes=False)
+        found = LookedUp(_journaled(study, journal), found.remarks)
+    try:
+        yield found
+    except FemtuneError as error:
+        for text in found.remarks:
+            error.add_note(text)
+        raise
+    if journal is not None:
+        found.remarks.extend(text for text in (journal.sentence, *map(str, journal.notices)) if text)
+
+
+def _journaled(study: Study, journal: Journal) -> Study:
+    """The study whose full model is solved where the journal does not have the solution."""
+    from femtune.journal.solver import JournaledSolver  # noqa: PLC0415  most folders have no journal yet
+
+    return solved_by(study, JournaledSolver(journal))
+
+
+def warnings_of(study: Study) -> list[str]:
+    """What the reader warns of, the first of each kind with the number of the others."""
+    loud = [n for n in (*study.built.notices, *study.notices) if n.level != "info"]
+    counts = Counter(n.code for n in loud)
+    first = {n.code: n for n in reversed(loud)}
+    more = {code: f"; and {count - 1} more of this kind" if count > 1 else "" for code, count in counts.items()}
+    return [f"{first[code]}{more[code]}" for code in counts]
+
+
+def keeping(study: Study, folder: Path, fresh: bool) -> tuple[Study, Journal | None]:
+    """The study for a run into `folder`, which must be locked, and the journal that it keeps; None where it keeps none.
+
+    `fresh` empties the journal, in a study without one too.
+    """
+    table = study.file.study
+    if not table.journal and not fresh:
+        return study, None
+    journal = open_journal(folder, table.journal_gib, fresh=fresh)
+    return (_journaled(study, journal), journal) if table.journal else (study, None)
+
+
+def journal_results(journal: Journal | None) -> JournalResults | None:
+    """How much was solved and how much taken from the journal."""
+    if journal is None:
+        return None
+    kinds = sorted({*journal.solved, *journal.recalled}, reverse=True)
+    return JournalResults(
+        solved=journal.solved.total(),
+        recalled=journal.recalled.total(),
+        kinds=tuple(SolutionCount(kind=k, solved=journal.solved[k], recalled=journal.recalled[k]) for k in kinds),
+    )

@@ -1,0 +1,144 @@
+"""Forward check: the distribution that was found, propagated through the model, beside what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from femtune.arrays import Reals
+from femtune.uncertainty.outputs import Counted, Outputs
+from femtune.uncertainty.repeats import OutputStatistics, covariance_distance, factor
+from femtune.uncertainty.stochastic import StochasticResult, latin_hypercube, propagate
+
+_BEYOND_CHANCE = 3.0
+_CURVED = 0.1
+
+
+@dataclass(frozen=True)
+class ForwardCheck:
+    """A cloud of parameters (n, k), its outputs (n, m), and the measured ones.
+
+    `solutions` is what it cost.
+    """
+
+    names: tuple[str, ...]
+    theta: Reals
+    z: Reals
+    measured: OutputStatistics
+    solutions: int
+
+    @property
+    def mean(self) -> Reals:
+        """(m,) of the cloud."""
+        return np.asarray(self.z.mean(axis=0))
+
+    @property
+    def covariance(self) -> Reals:
+        """(m, m) of the cloud."""
+        return np.atleast_2d(np.cov(self.z.T))
+
+    @property
+    def sd(self) -> Reals:
+        """(m,) of the cloud."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def mean_error(self) -> Reals:
+        """(m,) (cloud − measured)/measured sd."""
+        return np.asarray((self.mean - self.measured.mean) / self.measured.sd)
+
+    @property
+    def sd_error(self) -> Reals:
+        """(m,) (cloud − measured)/measured of the standard deviations."""
+        return np.asarray(self.sd / self.measured.sd - 1.0)
+
+    @property
+    def covariance_error(self) -> float:
+        """|C − C_m|/|C_m| in measured standard deviations."""
+        return covariance_distance(self.covariance, self.measured.covariance)
+
+    @property
+    def chance_error(self) -> float:
+        """Size of `covariance_error` between a covariance of the measured number of repeats and the true one.
+
+        Of n normal repeats E|S − C|² = (|C|² + (tr C)²)/(n − 1); zero where no repeats are known.
+        """
+        n = len(self.measured.repeats)
+        if n < 2:
+            return 0.0
+        sd = self.measured.sd
+        C = self.measured.covariance / np.outer(sd, sd)
+        return float(np.sqrt((1.0 + np.trace(C) ** 2 / np.linalg.norm(C) ** 2) / (n - 1)))
+
+    @property
+    def agrees(self) -> bool:
+        """True where the cloud's covariance differs from the measured one by no more than a tenth, and so the means."""
+        near = bool((np.abs(self.mean_error) <= self._mean_limit).all())
+        return near and self.covariance_error <= _CURVED
+
+    @property
+    def _mean_limit(self) -> float:
+        n = len(self.measured.repeats)
+        return max(_CURVED, _BEYOND_CHANCE / np.sqrt(n)) if n else _CURVED
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What the check says, the verdict first."""
+        return (self._verdict, *self._of_means(), *self._of_spreads())
+
+    @property
+    def _verdict(self) -> str:
+        if self.agrees:
+            return (
+                "The cloud of the updated parameters has the measured means and covariance "
+                f"(covariances differ by {100 * self.covariance_error:.1f} %)."
+            )
+        return (
+            "The cloud of the updated parameters does not repeat what was measured "
+            f"(covariances differ by {100 * self.covariance_error:.0f} %): the parameters are not those that scatter, "
+            "or not all of them, or the measurement scatters by itself."
+        )
+
+    def _of_means(self) -> list[str]:
+        far = np.flatnonzero(np.abs(self.mean_error) > self._mean_limit)
+        return [
+            f"The mean of {self.measured.labels[i]} is {abs(self.mean_error[i]):.2g} measured standard deviations "
+            f"{'above' if self.mean_error[i] > 0 else 'below'} the measured one."
+            for i in far
+        ]
+
+    def _of_spreads(self) -> list[str]:
+        n = len(self.measured.repeats)
+        limit = max(_CURVED, _BEYOND_CHANCE / np.sqrt(2.0 * (n - 1))) if n > 1 else _CURVED
+        return [
+            f"The scatter of {self.measured.labels[i]} is {100 * self.sd_error[i]:+.0f} % of the measured one."
+            for i in np.flatnonzero(np.abs(self.sd_error) > limit)
+        ]
+
+
+def forward_check(outputs: Outputs, found: StochasticResult, samples: int = 1000, seed: int = 1) -> ForwardCheck:
+    """Propagate a Latin hypercube of the updated distribution; its moments are exactly those that were found.
+
+    Raises
+    ------
+    FemtuneError : ``quantify.not-positive``, ``quantify.not-finite``, and what the model raises
+    """
+    counted = Counted(outputs)
+    theta = latin_hypercube(found.mean, found.covariance, samples, seed)
+    return ForwardCheck(found.names, theta, propagate(counted, theta), found.measured, counted.solutions)
+
+
+def ellipse(mean: Reals, covariance: Reals, probability: float = 0.95, points: int = 121) -> Reals:
+    """(points, 2) closed curve that holds a share of a normal distribution of two values.
+
+    95 % lie within 2.45 standard deviations; within two, which is often drawn, 86 %.
+
+    Parameters
+    ----------
+    mean, covariance : (2,), (2, 2)
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    radius = np.sqrt(chdtri(2, 1.0 - probability))
+    return np.asarray(mean + radius * np.column_stack([np.cos(angle), np.sin(angle)]) @ factor(covariance).T)

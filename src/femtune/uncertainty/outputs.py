@@ -1,0 +1,311 @@
+"""Outputs z(θ) of a model and their derivatives, with a count of what they cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.subspace import clusters
+from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes
+from femtune.residuals import CaseState, Evaluation, UpdateProblem
+from femtune.residuals.case import Group
+from femtune.residuals.frequency import FrequencyResidual
+
+
+class Outputs(Protocol):
+    """What a model predicts for k parameters θ in their own units: m outputs and their sensitivity matrix."""
+
+    def values(self, theta: Reals) -> Reals:
+        """z (m,)."""
+        ...
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """z (m,) and G = ∂z/∂θ (m, k), at the price of one model solution."""
+        ...
+
+
+@dataclass
+class Counted:
+    """Outputs whose model solutions are counted; the last point is remembered, so that it is solved once.
+
+    `solutions` is how many there were.
+    """
+
+    outputs: Outputs
+    solutions: int = 0
+    _last: tuple[Reals, Reals, Reals | None] | None = field(default=None, repr=False)
+
+    def values(self, theta: Reals) -> Reals:
+        """As of the outputs; ``quantify.not-finite`` where they are no numbers."""
+        if self._last is None or not np.array_equal(self._last[0], theta):
+            self.solutions += 1
+            self._last = (theta.copy(), _finite(self.outputs.values(theta), theta), None)
+        return self._last[1]
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """As of the outputs; ``quantify.not-finite`` where they are no numbers."""
+        known = self._last
+        if known is not None and known[2] is not None and np.array_equal(known[0], theta):
+            return known[1], known[2]
+        self.solutions += 1
+        z, G = self.outputs.linearised(theta)
+        self._last = (theta.copy(), _finite(z, theta), _finite(G, theta))
+        return z, G
+
+
+def _finite(a: Reals, theta: Reals) -> Reals:
+    if np.isfinite(a).all():
+        return a
+    raise FemtuneError("quantify.not-finite", values={"parameters": ", ".join(f"{t:.6g}" for t in theta)})
+
+
+@dataclass(frozen=True)
+class FunctionOutputs:
+    """Outputs of two functions: z(θ) and G(θ)."""
+
+    function: Callable[[Reals], Reals]
+    jacobian: Callable[[Reals], Reals]
+
+    def values(self, theta: Reals) -> Reals:
+        """z (m,)."""
+        return np.asarray(self.function(theta), float)
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """z (m,) and G (m, k)."""
+        return self.values(theta), np.asarray(self.jacobian(theta), float)
+
+
+@dataclass(frozen=True)
+class FrequencyOutputs:
+    """Frequencies in Hz of the paired modes of an update problem, each motion followed from where it was paired.
+
+    Modes of a close cluster are those of its subspace turned to the test's shapes, which are smooth where the modes
+    cross.
+
+    Parameters
+    ----------
+    problem : its residual rules do not matter, its pairing does
+    paired : where the motions are followed from
+    """
+
+    problem: UpdateProblem
+    paired: Evaluation
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """(m,) configuration and test mode."""
+        alone = len(self.problem.cases) == 1
+        return tuple(f"{'' if alone else b.configuration + ' '}mode {b.mode}" for b in _frequencies(self.paired))
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """(m,) labels of the test modes."""
+        return tuple(b.mode for b in _frequencies(self.paired))
+
+    @property
+    def test_hz(self) -> Reals:
+        """(m,) the test's own frequencies."""
+        return np.array([_test_hz(self.paired, b.configuration, b.mode) for b in _frequencies(self.paired)])
+
+    def values(self, theta: Reals) -> Reals:
+        """(m,) Hz."""
+        return self._hz(self._at(theta, derivatives=False))
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(m,) Hz and (m, k) Hz by the unit of each parameter."""
+        at = self._at(theta, derivatives=True)
+        slopes = np.concatenate([b.jacobian for b in _frequencies(at)])
+        return self._hz(at), slopes * self.test_hz[:, None] / self.problem.parameters.scale
+
+    def _at(self, theta: Reals, derivatives: bool) -> Evaluation:
+        return self.problem.follow(self.problem.parameters.normalise(theta), self.paired, derivatives)
+
+    def _hz(self, at: Evaluation) -> Reals:
+        return np.asarray((np.concatenate([b.values for b in _frequencies(at)]) + 1.0) * self.test_hz)
+
+
+def frequency_outputs(problem: UpdateProblem, theta: Reals | None = None) -> FrequencyOutputs:
+    """Outputs of the modes that are paired at θ, the nominal values where none are given.
+
+    Raises
+    ------
+    FemtuneError : ``correlate.no-pairs``, and what an eigen-solution raises
+    """
+    cases = tuple(replace(case, residuals=()) for case in problem.cases if len(case.test))
+    plain = replace(problem, cases=cases, residuals=(FrequencyResidual(1.0),))
+    x = np.zeros(len(problem.parameters.free)) if theta is None else problem.parameters.normalise(theta)
+    at = plain.start(x)
+    return FrequencyOutputs(plain, plain.assess(at.x, [replace(s, groups=_close_together(s)) for s in at.states]))
+
+
+def _close_together(state: CaseState) -> tuple[Group, ...]:
+    """The groups of a state with those of close modes joined, however well each finds its partner here.
+
+    Elsewhere in the cloud they may repeat, where only their subspace can be followed.
+    """
+    close = {j: n for n, c in enumerate(clusters(state.solution.freq_hz, state.case.rules.relative_gap)) for j in c}
+    found: dict[int, tuple[list[int], list[int]]] = {}
+    for tests, models in state.groups:
+        joined = found.setdefault(close.get(models[0], -1 - models[0]), ([], []))
+        joined[0].extend(tests)
+        joined[1].extend(models)
+    return tuple(sorted((tuple(sorted(t)), tuple(sorted(m))) for t, m in found.values()))
+
+
+def _frequencies(at: Evaluation) -> list:
+    return [b for b in at.blocks if b.kind == FrequencyResidual.label]
+
+
+def _test_hz(at: Evaluation, configuration: str, mode: str) -> float:
+    case = next(s.case for s in at.states if s.case.name == configuration)
+    return float(case.test.freq_hz[case.test.labels.index(mode)])
+
+
+def second_derivatives(outputs: Counted, theta: Reals, step: Reals) -> tuple[Reals, Reals, Reals]:
+    """z (m,), G (m, k) and H = ∂²z/∂θ∂θ (m, k, k), symmetric, by k differences of the sensitivity matrix.
+
+    Parameters
+    ----------
+    step : (k,) step of each parameter
+    """
+    z, G = outputs.linearised(theta)
+    columns = [(outputs.linearised(theta + h)[1] - G) / s for h, s in zip(np.diag(step), step)]
+    H = np.stack(columns, axis=-1)
+    return z, G, np.asarray(0.5 * (H + np.swapaxes(H, 1, 2)))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Eigenvalues of a configured model as outputs, followed from a reference by their subspaces.
+
+
+_DENSE, _ZERO = 2000, 1e-10
+
+
+@dataclass(frozen=True)
+class EigenvalueOutputs:
+    """The `count` lowest eigenvalues in rad²/s² at θ, the parameters in their own units.
+
+    Modes that are close at the reference (within `relative_gap` in frequency) are one subspace. Each subspace is
+    followed by its overlap with the reference's, whatever modes cross it; inside it eigenvalues are in ascending
+    order, which is continuous and, with definite matrices, monotone where single motions cross.
+
+    Parameters
+    ----------
+    reference : (k,) θ of the reference
+    more : modes solved for beyond `count`, in case others come down
+    """
+
+    configured: ConfiguredModel
+    count: int
+    reference: Reals
+    relative_gap: float = 0.05
+    more: int = 2
+
+    def values(self, theta: Reals) -> Reals:
+        """(count,) rad²/s²."""
+        solution = self._solved(theta)
+        return solution.eigenvalues[self._order(solution)]
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(count,) and (count, k), rad²/s² by the unit of each parameter.
+
+        At a repeated eigenvalue the slopes are those of some vectors of its subspace: one of many that are as good.
+        """
+        solution = self._solved(theta)
+        order = self._order(solution)
+        slopes = eigenvalue_derivatives(solution)[order] / self.configured.model.parameters.scale
+        return solution.eigenvalues[order], slopes
+
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Positions of the modes of each subspace at the reference."""
+        found = clusters(self._reference.freq_hz[: self.count], self.relative_gap)
+        return tuple(tuple(sorted(g)) for g in found)
+
+    def _solved(self, theta: Reals) -> EigenSolution:
+        x = self.configured.model.parameters.normalise(theta)
+        return solve_modes(self.configured.at(x), min(self.count + self.more, self.configured.n_free))
+
+    @cached_property
+    def _reference(self) -> EigenSolution:
+        return self._solved(self.reference)
+
+    def _order(self, solution: EigenSolution) -> list[int]:
+        """Positions of the followed modes in a solution, subspace by subspace."""
+        old, new = self._reference, solution
+        overlap = (old.shapes[:, : self.count].T @ (old.point.mass @ new.shapes)) ** 2
+        share = np.vstack([np.tile(overlap[list(g)].sum(axis=0), (len(g), 1)) for g in self.groups])
+        found = linear_sum_assignment(-share)[1]
+        out, at = [0] * self.count, 0
+        for g in self.groups:
+            for position, mode in zip(g, sorted(found[at : at + len(g)].tolist())):
+                out[position] = int(mode)
+            at += len(g)
+        return out
+
+
+@dataclass(frozen=True)
+class FrequenciesByOrder:
+    """The `count` lowest frequencies in Hz at θ, whatever motions they are of; not smooth where two cross."""
+
+    configured: ConfiguredModel
+    count: int
+
+    def values(self, theta: Reals) -> Reals:
+        """(count,) Hz."""
+        return np.asarray(self._solved(theta).freq_hz[: self.count])
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """(count,) Hz and (count, k) Hz by the unit of each parameter."""
+        solution = self._solved(theta)
+        hz = solution.freq_hz[: self.count]
+        slopes = eigenvalue_derivatives(solution)[: self.count] / self.configured.model.parameters.scale
+        return hz, slopes / (8.0 * np.pi**2 * hz[:, None])
+
+    def _solved(self, theta: Reals) -> EigenSolution:
+        return solve_modes(self.configured.at(self.configured.model.parameters.normalise(theta)), self.count)
+
+
+def definite_signs(configured: ConfiguredModel) -> Reals:
+    """(k,) +1 where every eigenvalue grows with a free parameter, −1 where every one falls, 0 where nothing is known.
+
+    A parameter that enters K linearly through a positive semidefinite matrix and not M lets no eigenvalue fall; one
+    that enters M so lets none grow. Known for small models only (dense eigenvalues of the matrices).
+    """
+    k = len(configured.model.parameters.free)
+    if configured.n_free > _DENSE:
+        return np.zeros(k)
+    point = configured.at(np.zeros(k))
+    stiffness = [_sign(d.toarray()) for d in point.stiffness_derivatives]
+    mass = [_sign(d.toarray()) for d in point.mass_derivatives]
+    linear = np.array([_is_linear(configured, i) for i in range(k)])
+    both = [s if m == 0.0 else -m if s == 0.0 else np.nan for s, m in zip(stiffness, mass)]
+    return np.where(linear & np.isfinite(both), np.nan_to_num(both), 0.0)
+
+
+def _sign(matrix: Reals) -> float:
+    """+1 or −1 for a semidefinite matrix, 0 for none at all, NaN for an indefinite one."""
+    values = np.linalg.eigvalsh(matrix)
+    size = np.abs(values).max(initial=0.0)
+    if size == 0.0:
+        return 0.0
+    if values.min() >= -_ZERO * size:
+        return 1.0
+    return -1.0 if values.max() <= _ZERO * size else float("nan")
+
+
+def _is_linear(configured: ConfiguredModel, i: int) -> bool:
+    point = configured.at(np.zeros(len(configured.model.parameters.free)))
+    second = [
+        f(i, j)
+        for f in (point.stiffness_second_derivative, point.mass_second_derivative)
+        for j in range(point.n_parameters)
+    ]
+    return not any(np.abs(m.data).max(initial=0.0) > 0.0 for m in second)

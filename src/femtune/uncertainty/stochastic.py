@@ -1,0 +1,680 @@
+"""Stochastic model updating: mean and covariance of parameters from mean and covariance of measured outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtri
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.uncertainty.outputs import Counted, Outputs, second_derivatives
+from femtune.uncertainty.repeats import OutputStatistics, check_positive, correlation_of, factor, least_eigenvalue
+
+# ----------------------------------------------------------------------------------------------------
+# How a stochastic update ended.
+
+
+class StochasticStatus(Enum):
+    """Outcome; `ok` says whether mean and covariance may be used."""
+
+    CONVERGED = "converged: the answer does not change any more"
+    UNDETERMINED = "converged, but the outputs do not determine every parameter: the nearest to the start was taken"
+    MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last ones are kept"
+    CLOUD_LIMIT = "stopped at the iteration limit before the cloud converged; the last one is kept"
+    MEANS_STALLED = "no step of any length brings the means nearer; the best ones are kept"
+    TOO_CURVED = "the curvature of the outputs is too strong for the second-order correction; that of (39) is kept"
+    NOT_POSITIVE = "a step left no positive definite covariance; the last one that was is kept"
+
+    @property
+    def ok(self) -> bool:
+        """True where the iteration ended at its goal."""
+        return self in (StochasticStatus.CONVERGED, StochasticStatus.UNDETERMINED)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The transformation T that takes changes of outputs to changes of parameters, chapter equations (22) and (36).
+
+
+Weighting = Literal["relative", "covariance"]
+
+_RANK = 1e-8
+
+
+@dataclass(frozen=True)
+class LinearEstimator:
+    """T = (GᵀWG + μ²W_θ)⁻¹GᵀW, through a singular value decomposition of the stacked and scaled matrix.
+
+    Parameters
+    ----------
+    root : (m, m) R with RᵀR = W
+    scale : (k,) unit of each parameter; W_θ = diag(1/scale²)
+    regularisation : μ
+    """
+
+    root: Reals
+    scale: Reals
+    regularisation: float = 0.0
+
+    def matrix(self, G: Reals) -> Reals:
+        """T (k, m); the minimum-norm one, in units of `scale`, where the outputs do not determine the parameters."""
+        return np.asarray(self.scale[:, None] * self._inverse(G)[:, : len(self.root)] @ self.root)
+
+    def rank(self, G: Reals) -> int:
+        """Number of combinations of parameters that the outputs determine to first order."""
+        s = np.linalg.svd(self.root @ (G * self.scale), compute_uv=False)
+        return int((s > _RANK * s.max(initial=0.0)).sum())
+
+    def _inverse(self, G: Reals) -> Reals:
+        rows = self.root @ (G * self.scale)
+        if self.regularisation:
+            rows = np.vstack([rows, self.regularisation * np.eye(len(self.scale))])
+        return np.asarray(np.linalg.pinv(rows, rcond=_RANK), dtype=float)
+
+
+def estimator(
+    measured: OutputStatistics, scale: Reals, weighting: Weighting = "relative", regularisation: float = 0.0
+) -> LinearEstimator:
+    """An estimator for measured outputs.
+
+    Parameters
+    ----------
+    weighting : "relative": W = diag(1/z²); "covariance": W is the inverse of the measured covariance
+    regularisation : μ ≥ 0 of the chapter's equation (22), with the parameters in units of `scale`
+
+    Raises
+    ------
+    FemtuneError : ``quantify.singular`` where a singular covariance is to be inverted; ``quantify.zero-mean`` where a
+        mean is zero and outputs are to be weighted relative to it
+    """
+    if weighting == "covariance":
+        return LinearEstimator(_inverse_root(measured), scale, regularisation)
+    if (measured.mean == 0.0).any():
+        raise FemtuneError("quantify.zero-mean", labels=measured.labels[int(np.argmin(np.abs(measured.mean)))])
+    return LinearEstimator(np.diag(1.0 / np.abs(measured.mean)), scale, regularisation)
+
+
+def _inverse_root(measured: OutputStatistics) -> Reals:
+    if measured.singular:
+        raise FemtuneError(
+            "quantify.singular/inverse-root", values={"repeats": len(measured.repeats), "outputs": len(measured.mean)}
+        )
+    return np.asarray(np.linalg.inv(factor(measured.covariance)), dtype=float)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Means of the parameters from means of the outputs: chapter equation (35), a step that goes wrong shortened.
+
+
+_SHORTEST = 1e-3
+
+
+@dataclass(frozen=True)
+class MeanStep:
+    """One point of the iteration: means (k,), outputs there (m,), weighted error and model solutions so far."""
+
+    theta: Reals
+    outputs: Reals
+    error: float
+    solutions: int
+
+
+@dataclass(frozen=True)
+class Means:
+    """Where the means ended: θ (k,), z(θ) (m,), G (m, k), T (k, m) of the last step, all steps."""
+
+    theta: Reals
+    outputs: Reals
+    G: Reals
+    T: Reals
+    steps: tuple[MeanStep, ...]
+    status: StochasticStatus
+
+
+def update_means(
+    outputs: Counted,
+    target: Reals,
+    start: Reals,
+    by: LinearEstimator,
+    max_iterations: int = 50,
+    tolerance: float = 1e-6,
+) -> Means:
+    """θ with z(θ) as near to the target as the estimator brings it: θ ← θ + T(z_m − z(θ)).
+
+    Ends where a step is below `tolerance` in units of the estimator's scale, or where the outputs are within
+    `tolerance` of the target in its weights.
+
+    Parameters
+    ----------
+    target : (m,) mean outputs
+    start : (k,)
+
+    Raises
+    ------
+    FemtuneError : what the model raises at the start
+    """
+    z, G = outputs.linearised(start)
+    theta, steps = start, [MeanStep(start, z, _error(by, target - z), outputs.solutions)]
+    status = StochasticStatus.MEANS_LIMIT
+    while len(steps) <= max_iterations:
+        d = by.matrix(G) @ (target - z)
+        if _small(d, by, steps[-1].error, tolerance):
+            status = _converged(by, G)
+            break
+        taken = _shortened(outputs, by, target, theta, d, steps[-1].error)
+        if taken is None:
+            status = StochasticStatus.MEANS_STALLED
+            break
+        theta = taken
+        z, G = outputs.linearised(theta)
+        steps.append(MeanStep(theta, z, _error(by, target - z), outputs.solutions))
+    return Means(theta, z, G, by.matrix(G), tuple(steps), status)
+
+
+def _small(d: Reals, by: LinearEstimator, error: float, tolerance: float) -> bool:
+    return error <= tolerance or float(np.abs(d / by.scale).max(initial=0.0)) <= tolerance
+
+
+def _converged(by: LinearEstimator, G: Reals) -> StochasticStatus:
+    full = bool(by.regularisation) or by.rank(G) == G.shape[1]
+    return StochasticStatus.CONVERGED if full else StochasticStatus.UNDETERMINED
+
+
+def _error(by: LinearEstimator, residual: Reals) -> float:
+    return float(np.sqrt(np.mean((by.root @ residual) ** 2)))
+
+
+def _shortened(
+    outputs: Counted, by: LinearEstimator, target: Reals, theta: Reals, d: Reals, error: float
+) -> Reals | None:
+    """The longest of d, d/2, d/4 … that lowers the error; None where none does."""
+    length = 1.0
+    while length > _SHORTEST:
+        try:
+            z = outputs.linearised(theta + length * d)[0]
+        except FemtuneError:
+            # a full step from far away may reach values without meaning
+            length *= 0.5
+            continue
+        if _error(by, target - z) < error:
+            return theta + length * d
+        length *= 0.5
+    return None
+
+
+# ----------------------------------------------------------------------------------------------------
+# Means and covariances to second order at the price of (39): k further model solutions.
+#
+# Equation (39) takes z(θ) as linear over the cloud, so that its means are those of a model without curvature: off by
+# ½ T H:Cov θ, percents at a scatter of 20 %. With H from k differences of the sensitivity matrix the quadratic model
+#
+#     z(θ) = z₀ + G d + ½ H[d, d],  d = θ − θ₀
+#
+# stands for the structure, and no further solution is needed. Where the repeats are at hand each of them is inverted
+# through it, and mean and covariance are those of the inverted repeats: exact to the quadratic model for any
+# distribution. Where only moments are known, or repeats have gaps, the moments of a normal distribution are matched:
+# mean z₀ + G d + ½ H:C and covariance G C Gᵀ + ½ tr(H_i C H_j C).
+
+
+_STEP, _TOLERANCE, _MOST = 1e-3, 1e-10, 60
+
+
+@dataclass(frozen=True)
+class QuadraticModel:
+    """Outputs around θ₀ to second order: z₀ (m,), G (m, k), H (m, k, k)."""
+
+    theta: Reals
+    z: Reals
+    G: Reals
+    H: Reals
+
+    def values(self, theta: Reals) -> Reals:
+        """z (m,) at θ (k,)."""
+        d = theta - self.theta
+        return np.asarray(self.z + self.G @ d + 0.5 * (self.H @ d) @ d)
+
+    def slope(self, theta: Reals) -> Reals:
+        """∂z/∂θ (m, k)."""
+        return np.asarray(self.G + self.H @ (theta - self.theta))
+
+    def mean(self, theta: Reals, C: Reals) -> Reals:
+        """Mean outputs (m,) of a distribution of mean θ and covariance C."""
+        return np.asarray(self.values(theta) + 0.5 * np.einsum("ijk,jk->i", self.H, C))
+
+    def covariance(self, theta: Reals, C: Reals) -> Reals:
+        """Covariance (m, m) of the outputs of a normal distribution."""
+        slope, HC = self.slope(theta), self.H @ C
+        return np.asarray(slope @ C @ slope.T + 0.5 * np.einsum("iab,jba->ij", HC, HC))
+
+
+def quadratic_model(outputs: Counted, at: Means, scale: Reals) -> QuadraticModel:
+    """The quadratic model where the means ended, by k model solutions at steps of a thousandth of `scale`."""
+    return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _STEP * scale))
+
+
+def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
+    """Mean (k,) and covariance (k, k) of the parameters; None where the curvature is too strong for the cloud."""
+    if measured.complete:
+        return _of_repeats(model, measured.repeats, by)
+    return _of_moments(model, measured, by)
+
+
+def _of_repeats(model: QuadraticModel, repeats: Reals, by: LinearEstimator) -> tuple[Reals, Reals] | None:
+    found = [_inverse(model, z, by) for z in repeats]
+    cloud = np.array([theta for theta in found if theta is not None])
+    if len(cloud) < len(repeats):
+        return None
+    return cloud.mean(axis=0), np.atleast_2d(np.cov(cloud.T))
+
+
+def _inverse(model: QuadraticModel, z: Reals, by: LinearEstimator) -> Reals | None:
+    """θ whose quadratic outputs are z, by Newton's method from θ₀; None where it does not end."""
+    theta = model.theta
+    for _ in range(_MOST):
+        d = by.matrix(model.slope(theta)) @ (z - model.values(theta)) - _pull(model, theta, by)
+        theta = theta + d
+        if np.abs(d / by.scale).max(initial=0.0) <= _TOLERANCE:
+            return theta
+    return None
+
+
+def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
+    """What a regularised repeat gives way to: μ²W_θ holds it near the mean, and not near its last iterate."""
+    if not by.regularisation:
+        return np.zeros_like(theta)
+    A = by.root @ model.slope(theta) * by.scale
+    normal = A.T @ A + by.regularisation**2 * np.eye(len(theta))
+    return np.asarray(by.scale * np.linalg.solve(normal, by.regularisation**2 * (theta - model.theta) / by.scale))
+
+
+def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
+    T = by.matrix(model.G)
+    theta, C = model.theta, T @ measured.covariance @ T.T
+    for _ in range(_MOST):
+        T = by.matrix(model.slope(theta))
+        curved = model.covariance(theta, C) - model.slope(theta) @ C @ model.slope(theta).T
+        new = T @ (measured.covariance - curved) @ T.T
+        d = T @ (measured.mean - model.mean(theta, C)) - _pull(model, theta, by)
+        moved = max(np.abs(d / by.scale).max(), np.abs((new - C) / np.outer(by.scale, by.scale)).max())
+        theta, C = theta + d, new
+        if moved <= _TOLERANCE:
+            return theta, C
+    return None
+
+
+# ----------------------------------------------------------------------------------------------------
+# Latin hypercube samples of a normal distribution with imposed correlation.
+#
+# Every parameter's range is cut into as many strata of equal probability as there are samples, and each stratum is
+# met once (McKay, Beckman and Conover 1979). The correlation is imposed by re-ordering the ranks (Iman and Conover
+# 1982), which leaves every parameter's strata as they are, or by a linear map of the normal scores after which mean
+# and covariance of the sample are those asked for, exactly.
+
+
+Imposed = Literal["ranks", "moments"]
+
+
+def latin_hypercube(mean: Reals, covariance: Reals, count: int, seed: int = 0, imposed: Imposed = "moments") -> Reals:
+    """(count, k) samples of a normal distribution.
+
+    Parameters
+    ----------
+    mean, covariance : (k,) and (k, k)
+    count : number of samples, more than k
+    seed : of the permutations and of the places within the strata
+    imposed : "moments": sample mean and covariance are exactly those asked for; "ranks": strata are kept exactly and
+        the correlation is met as nearly as ranks can
+
+    Raises
+    ------
+    FemtuneError : ``quantify.not-positive``, ``quantify.too-few-samples``
+    """
+    check_positive(covariance, "the covariance of the parameters")
+    if count <= len(mean) + 1:
+        raise FemtuneError("quantify.too-few-samples", values={"samples": count, "parameters": len(mean)})
+    scores = _scores(count, len(mean), np.random.default_rng(seed))
+    if imposed == "moments":
+        return np.asarray(mean + _white(scores) @ factor(covariance).T)
+    sd = np.sqrt(np.diag(covariance))
+    return np.asarray(mean + sd * _ranked(scores, factor(correlation_of(covariance))))
+
+
+def _scores(n: int, k: int, rng: np.random.Generator) -> Reals:
+    """Normal scores (n, k), one in each stratum of probability 1/n, in random order."""
+    strata = np.column_stack([rng.permutation(n) for _ in range(k)])
+    return np.asarray(ndtri((strata + rng.uniform(size=(n, k))) / n))
+
+
+def _white(scores: Reals) -> Reals:
+    """Scores of zero mean and unit covariance, by the linear map that changes them least."""
+    centred = scores - scores.mean(axis=0)
+    values, vectors = np.linalg.eigh(np.atleast_2d(np.cov(centred.T)))
+    return np.asarray(centred @ (vectors / np.sqrt(values)) @ vectors.T)
+
+
+def _ranked(scores: Reals, L: Reals) -> Reals:
+    """Each column's own scores in the order of correlated ones (Iman and Conover 1982)."""
+    wanted = _white(scores) @ L.T
+    ranks = wanted.argsort(axis=0).argsort(axis=0)
+    return np.take_along_axis(np.sort(scores, axis=0), ranks, axis=0)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Means and covariances by propagating a cloud through the model: chapter equations (40) and (41).
+
+
+Formula = Literal["cross-covariance", "output-difference"]
+
+_SHORTEST_CLOUD_STEP, _LEAST, _TRIES = 1e-2, 1e-3, 8
+
+
+@dataclass(frozen=True)
+class CloudRules:
+    """How the cloud is drawn and when it has converged.
+
+    Parameters
+    ----------
+    samples : model solutions of one cloud
+    seed : of the Latin hypercube; every iteration draws with the same one, so that the iteration has a limit
+    max_iterations : clouds at most
+    tolerance : change of means and standard deviations, in units of the start's standard deviations, that is none
+    """
+
+    samples: int = 1000
+    seed: int = 0
+    max_iterations: int = 30
+    tolerance: float = 1e-4
+
+
+@dataclass(frozen=True)
+class CloudStep:
+    """One cloud: mean (k,) and covariance (k, k) of the parameters, mean outputs (m,) and solutions so far."""
+
+    mean: Reals
+    covariance: Reals
+    outputs: Reals
+    solutions: int
+
+
+@dataclass(frozen=True)
+class CloudResult:
+    """Where the cloud ended, and T (k, m) of the last step."""
+
+    steps: tuple[CloudStep, ...]
+    T: Reals
+    status: StochasticStatus
+
+
+def propagate(outputs: Counted, theta: Reals) -> Reals:
+    """Outputs (n, m) of samples (n, k).
+
+    Raises
+    ------
+    FemtuneError : ``quantify.not-finite``, and what the model raises
+    """
+    return np.array([outputs.values(row) for row in theta])
+
+
+def update_cloud(
+    outputs: Counted,
+    measured: OutputStatistics,
+    mean: Reals,
+    C: Reals,
+    by: LinearEstimator,
+    formula: Formula,
+    rules: CloudRules = CloudRules(),
+) -> CloudResult:
+    """Move a cloud of parameters until its outputs have the measured mean and covariance.
+
+    Means by (35) with the mean of the propagated outputs. Covariance with "cross-covariance" by (40), Khodaparast,
+    Mottershead and Friswell (2008), with "output-difference" by (41), Govers and Link (2010).
+
+    Parameters
+    ----------
+    mean, C : (k,), (k, k) of the first cloud
+
+    Raises
+    ------
+    FemtuneError : ``quantify.not-positive``, ``quantify.too-few-samples``, ``quantify.not-finite``
+    """  # fmt: skip
+    steps: list[CloudStep] = []
+    status, scale = StochasticStatus.CLOUD_LIMIT, by.scale
+    T = np.zeros((len(mean), len(measured.mean)))
+    while len(steps) < rules.max_iterations:
+        mean, C, theta, z = _drawn(outputs, mean, C, steps, rules)
+        T = by.matrix(outputs.linearised(mean)[1])
+        steps.append(CloudStep(mean, C, z.mean(axis=0), outputs.solutions))
+        moved = T @ (measured.mean - z.mean(axis=0))
+        new = _next(formula, T, theta, z, measured.covariance)
+        if _small_change(moved / scale, new, C, scale, rules.tolerance):
+            status = StochasticStatus.CONVERGED
+            break
+        toward = _positive(C, new)
+        if toward is None:
+            status = StochasticStatus.NOT_POSITIVE
+            break
+        mean, C = mean + moved, toward
+    return CloudResult(tuple(steps), T, status)
+
+
+def _drawn(
+    outputs: Counted, mean: Reals, C: Reals, before: list[CloudStep], rules: CloudRules
+) -> tuple[Reals, Reals, Reals, Reals]:
+    """A cloud and its outputs, drawn back towards the one before where it reaches values without meaning."""
+    for _ in range(_TRIES):
+        theta = latin_hypercube(mean, C, rules.samples, rules.seed)
+        try:
+            return mean, C, theta, propagate(outputs, theta)
+        except FemtuneError:
+            if not before:
+                raise
+            mean, C = 0.5 * (mean + before[-1].mean), 0.5 * (C + before[-1].covariance)
+    return mean, C, theta, propagate(outputs, theta)
+
+
+def _next(formula: Formula, T: Reals, theta: Reals, z: Reals, measured: Reals) -> Reals:
+    k = theta.shape[1]
+    joint = np.cov(np.hstack([theta, z]).T)
+    C, cross, spread = joint[:k, :k], joint[:k, k:], joint[k:, k:]
+    if formula == "output-difference":
+        return np.asarray(C + T @ (measured - spread) @ T.T)
+    return np.asarray(C - cross @ T.T + T @ (spread + measured) @ T.T - T @ cross.T)
+
+
+def _positive(old: Reals, new: Reals) -> Reals | None:
+    """The new covariance, or a point so far towards it that it is positive definite; None where none is."""
+    length = 1.0
+    while length > _SHORTEST_CLOUD_STEP:
+        C = old + length * (new - old)
+        if least_eigenvalue(C) > _LEAST:
+            return np.asarray(C)
+        length *= 0.5
+    return None
+
+
+def _small_change(moved: Reals, new: Reals, old: Reals, scale: Reals, tolerance: float) -> bool:
+    sd = [np.sqrt(np.maximum(np.diag(c), 0.0)) / scale for c in (new, old)]
+    change = np.abs((new - old) / np.outer(scale, scale)).max()
+    return max(np.abs(moved).max(), np.abs(sd[0] - sd[1]).max(), change) <= tolerance
+
+
+Method = Literal["perturbation", "cross-covariance", "output-difference", "second-order"]
+
+
+@dataclass(frozen=True)
+class StochasticRules:
+    """How a stochastic update goes.
+
+    Parameters
+    ----------
+    method : of the covariance. "perturbation" is chapter equation (39), "cross-covariance" (40), "output-difference"
+        (41), "second-order" is (39) with the curvature of the outputs taken into account
+    weighting, regularisation : of the estimator, see `estimator`
+    max_iterations, tolerance : of the means, see `update_means`
+    cloud : of (40) and (41)
+    """
+
+    method: Method = "second-order"
+    weighting: Weighting = "relative"
+    regularisation: float = 0.0
+    max_iterations: int = 50
+    tolerance: float = 1e-6
+    cloud: CloudRules = field(default_factory=CloudRules)
+
+
+@dataclass(frozen=True)
+class StochasticResult:
+    """Distribution of the parameters.
+
+    Parameters
+    ----------
+    names : (k,) parameters
+    mean, covariance : (k,), (k, k) in their own units
+    start, start_sd : (k,) where the update began
+    T : (k, m) of the last step
+    steps : the iteration of the means, or of the clouds
+    solutions : model solutions, the update of the means included
+    unexplained : share of the outputs' variance that no choice of these parameters reaches, to first order
+    """
+
+    names: tuple[str, ...]
+    mean: Reals
+    covariance: Reals
+    start: Reals
+    start_sd: Reals
+    measured: OutputStatistics
+    T: Reals
+    G: Reals
+    steps: tuple[MeanStep | CloudStep, ...]
+    solutions: int
+    status: StochasticStatus
+    rules: StochasticRules
+    unexplained: float
+
+    @property
+    def sd(self) -> Reals:
+        """(k,) standard deviations."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> Reals:
+        """(k, k)."""
+        return correlation_of(self.covariance)
+
+    @property
+    def citations(self) -> tuple[str, ...]:
+        """Keys of `femtune.citations`."""
+        own = {"cross-covariance": ("khodaparast2008",), "output-difference": ("govers2010",)}
+        return ("mottershead2011", "silva2016", *own.get(self.rules.method, ()))
+
+
+def stochastic_update(
+    outputs: Outputs,
+    measured: OutputStatistics,
+    names: Sequence[str],
+    start: Reals,
+    start_sd: Reals,
+    rules: StochasticRules = StochasticRules(),
+) -> StochasticResult:
+    """Mean and covariance of k parameters for which the outputs scatter as they were measured.
+
+    Parameters
+    ----------
+    outputs : model, in the units of `measured`
+    measured : m outputs
+    start, start_sd : (k,) first means and standard deviations; the standard deviations are the units in which steps
+        are measured, in which a regularisation weighs, and of the first cloud
+
+    Raises
+    ------
+    FemtuneError : ``quantify.size``, ``quantify.start-sd``, ``quantify.singular``, ``quantify.zero-mean``,
+        ``quantify.not-finite``, and what the model raises at the start
+    """  # fmt: skip
+    start, start_sd = np.asarray(start, float), np.asarray(start_sd, float)
+    _check_start(tuple(names), start, start_sd)
+    by = estimator(measured, start_sd, rules.weighting, rules.regularisation)
+    counted = Counted(outputs)
+    _check_outputs(counted, measured, start)
+    if rules.method in ("cross-covariance", "output-difference"):
+        found = _by_cloud(counted, measured, by, start, start_sd, rules)
+    else:
+        found = _by_means(counted, measured, by, start, rules)
+    G = counted.linearised(found.mean)[1] if found.G is None else found.G
+    return StochasticResult(
+        tuple(names), found.mean, found.covariance, start, start_sd, measured, found.T, G, found.steps,
+        found.solutions, found.status, rules, unexplained(G, measured),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Found:
+    mean: Reals
+    covariance: Reals
+    T: Reals
+    G: Reals | None
+    steps: tuple[MeanStep | CloudStep, ...]
+    status: StochasticStatus
+    solutions: int
+
+
+def _by_means(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, rules: StochasticRules
+) -> _Found:
+    at = update_means(counted, measured.mean, start, by, rules.max_iterations, rules.tolerance)
+    moments, status = (at.theta, at.T @ measured.covariance @ at.T.T), at.status
+    if rules.method == "second-order" and status.ok:
+        moments, status = _second_order(counted, measured, by, at, moments)
+    return _Found(*moments, at.T, at.G, at.steps, status, counted.solutions)
+
+
+def _second_order(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, at: Means, linear: tuple[Reals, Reals]
+) -> tuple[tuple[Reals, Reals], StochasticStatus]:
+    better = corrected(quadratic_model(counted, at, by.scale), measured, by)
+    return (linear, StochasticStatus.TOO_CURVED) if better is None else (better, at.status)
+
+
+def _by_cloud(
+    counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, sd: Reals, rules: StochasticRules
+) -> _Found:
+    formula: Literal["cross-covariance", "output-difference"] = (
+        "cross-covariance" if rules.method == "cross-covariance" else "output-difference"
+    )
+    found = update_cloud(counted, measured, start, np.diag(sd**2), by, formula, rules.cloud)
+    last = found.steps[-1]
+    return _Found(last.mean, last.covariance, found.T, None, found.steps, found.status, counted.solutions)
+
+
+def unexplained(G: Reals, measured: OutputStatistics) -> float:
+    """Share of the outputs' variance outside the range of G, to first order; zero for a square G of full rank.
+
+    A set of parameters that is not the one that scatters can still meet the mean; here it shows. Outputs are scaled by
+    their means, as their weights are, and variances are summed over all of them.
+    """
+    scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)
+    u, s, _ = np.linalg.svd(G / scale[:, None], full_matrices=False)
+    u = u[:, s > 1e-8 * s.max(initial=0.0)]
+    C = measured.covariance / np.outer(scale, scale)
+    return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
+
+
+def _check_start(names: tuple[str, ...], start: Reals, sd: Reals) -> None:
+    if not len(names) == len(start) == len(sd):
+        raise FemtuneError(
+            "quantify.size/check-start",
+            values={"names": len(names), "means": len(start), "standard deviations": len(sd)},
+        )
+    if not (np.isfinite(sd) & (sd > 0.0)).all():
+        i = int(np.argmin(np.where(np.isfinite(sd), sd, -np.inf)))
+        raise FemtuneError("quantify.start-sd", values={"standard deviation": sd[i]}, names=names[i])
+    check_positive(np.diag(sd**2), "the covariance of the parameters at the start")
+
+
+def _check_outputs(counted: Counted, measured: OutputStatistics, start: Reals) -> None:
+    found = len(counted.linearised(start)[0])
+    if found != len(measured.mean):
+        raise FemtuneError("quantify.size/check-outputs", values={"predicted": found, "measured": len(measured.mean)})

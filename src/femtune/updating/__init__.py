@@ -1,0 +1,108 @@
+"""Find the parameters."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.updating.covariance import ParameterCovariance, parameter_covariance
+    from femtune.updating.equation_error import EquationError, equation_error_phases
+    from femtune.updating.on_reduced_model import (
+        ReducedCaseFacts,
+        ReducedStarts,
+        ReducedUpdate,
+        ReductionRules,
+        multi_start_reduced,
+        update_reduced,
+    )
+    from femtune.updating.prior import Prior, correlated_prior
+    from femtune.updating.regularisation import (
+        Distance,
+        Identical,
+        Link,
+        MinimumChange,
+        NoRegularisation,
+        Regularisation,
+        SideConstraint,
+        Together,
+        Truncated,
+        WeightChoice,
+        WeightStatus,
+    )
+    from femtune.updating.result import Iteration, UpdateResult
+    from femtune.updating.search import GaussNewton, LevenbergMarquardt, LineSearch, Search
+    from femtune.updating.sensitivity_method import SensitivityMethod, update
+    from femtune.updating.stages import (
+        Belief,
+        ErrorSum,
+        Learned,
+        Misfit,
+        Stage,
+        StageResult,
+        first_belief,
+        learned,
+        run_stage,
+        run_stages,
+    )
+    from femtune.updating.starts import (
+        MultiStart,
+        Optimum,
+        StartOutcome,
+        StartResult,
+        StartRules,
+        multi_start,
+        starting_points,
+    )
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "Belief",
+    "Distance",
+    "EquationError",
+    "ErrorSum",
+    "GaussNewton",
+    "Identical",
+    "Iteration",
+    "Learned",
+    "LevenbergMarquardt",
+    "LineSearch",
+    "Link",
+    "MinimumChange",
+    "Misfit",
+    "MultiStart",
+    "NoRegularisation",
+    "Optimum",
+    "ParameterCovariance",
+    "Prior",
+    "ReducedCaseFacts",
+    "ReducedStarts",
+    "ReducedUpdate",
+    "ReductionRules",
+    "Regularisation",
+    "Search",
+    "SensitivityMethod",
+    "SideConstraint",
+    "Stage",
+    "StageResult",
+    "StartOutcome",
+    "StartResult",
+    "StartRules",
+    "Together",
+    "Truncated",
+    "UpdateResult",
+    "WeightChoice",
+    "WeightStatus",
+    "correlated_prior",
+    "equation_error_phases",
+    "first_belief",
+    "learned",
+    "multi_start",
+    "multi_start_reduced",
+    "parameter_covariance",
+    "run_stage",
+    "run_stages",
+    "starting_points",
+    "update",
+    "update_reduced",
+]

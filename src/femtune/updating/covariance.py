@@ -1,0 +1,164 @@
+"""Standard deviations and intervals of updated parameters.
+
+Source: G. A. F. Seber, C. J. Wild, Nonlinear Regression, 1989, sections 2.1 and 5.1 (linear approximation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, stdtrit
+
+from femtune.arrays import Reals
+from femtune.selection import determined
+
+Scatter = Literal["stated", "estimated"]
+
+NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
+
+_SHARE = 0.05
+_BY_CHANCE = 0.01
+"""Residuals that a right model exceeds this rarely are larger than stated."""
+_LEAST_FREEDOM = 0.5
+
+
+@dataclass(frozen=True)
+class ParameterCovariance:
+    """Covariance of x (k, k), NaN in rows and columns for which none is given, with the reason by position.
+
+    Parameters
+    ----------
+    misfit : by kind of residual, the root mean square of the residuals in units of their stated standard deviations,
+        freed of the parameters' share: 1 where the data scatter as they were said to
+    degrees_of_freedom : of the scatter that the covariance rests on: infinite where it is the stated one
+    widened : kinds whose residuals are larger than chance explains, and whose scatter was estimated for that
+    freedom : by kind of residual, how many residuals the parameters leave free
+    """
+
+    matrix: Reals
+    reasons: dict[int, str]
+    misfit: dict[str, float]
+    degrees_of_freedom: float = np.inf
+    widened: tuple[str, ...] = ()
+    freedom: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def sd(self) -> Reals:
+        """(k,) standard deviations, NaN where none is given."""
+        return np.sqrt(np.diag(self.matrix))
+
+    def coverage_factor(self, level: float = 0.95) -> float:
+        """Half width of an interval in standard deviations: normal, or Student's t where the scatter is estimated."""
+        return float(stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * level))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """The linear estimate: x̂ = −E r, E (k, n + m) for data and prior rows, on determined combinations."""
+
+    rows: Reals
+    estimator: Reals
+    undetermined: Reals
+
+
+def parameter_covariance(
+    r: Reals,
+    J: Reals,
+    kinds: Sequence[str],
+    extra: Reals,
+    at_bound: NDArray[np.bool_],
+    prior_sd: Reals,
+    moving: NDArray[np.bool_] | None = None,
+    scatter: Scatter = "stated",
+    lost: Mapping[str, int] = NOTHING_LOST,
+) -> ParameterCovariance:
+    """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
+
+    With stated scatter S is one, but for kinds of residual whose sum of squares is larger than chance explains (one
+    per cent point of χ² with the freedom that the parameters leave them): there it is their misfit, so that the result
+    is wider; none that fits better narrows it (a loose deviation of shapes says nothing of the frequencies). With
+    estimated scatter the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
+
+    Parameters
+    ----------
+    r, J : (n,), (n, k) residuals in units of their standard deviations, and Jacobian
+    kinds : (n,) kind of each residual
+    extra : (m, k) rows R of a prior, (0, k) without
+    at_bound : (k,) parameters at a bound get no standard deviation
+    prior_sd : (k,) spreads that tell whether a parameter is determined
+    moving : (k,) parameters that the update moves, all where it is None; the others get no standard deviation
+    lost : by kind, combinations of residuals that vanish whatever the noise: one of each shape of unit norm
+    """
+    moving = np.ones(len(at_bound), bool) if moving is None else moving
+    free = np.flatnonzero(moving & ~at_bound)
+    fit = _fit(np.vstack([J, extra])[:, free] * prior_sd[free], bool(len(extra)))
+    freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
+    misfit = _misfit(r, kinds, freedom)
+    size = _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
+    known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
+    reasons = {int(i): "not moved by this update, σ not given" for i in np.flatnonzero(~moving)}
+    reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
+    reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}
+    if size is None:
+        reasons |= {int(i): "no residual is left over to estimate the scatter from, σ not given" for i in free[known]}
+        size, known = _Size({}, np.inf), np.zeros(len(free), bool)
+    rows = np.concatenate([[size.by_kind.get(kind, 1.0) for kind in kinds], np.ones(len(extra))])
+    spread = prior_sd[free, None] * fit.estimator * rows
+    matrix = np.full((len(at_bound), len(at_bound)), np.nan)
+    matrix[np.ix_(free[known], free[known])] = (spread @ spread.T)[np.ix_(known, known)]
+    widened = tuple(size.by_kind) if scatter == "stated" else ()
+    return ParameterCovariance(matrix, reasons, misfit, size.degrees, widened, freedom)
+
+
+@dataclass(frozen=True)
+class _Size:
+    """By how much kinds of residual scatter more than stated (others: one), and the freedom of that estimate."""
+
+    by_kind: dict[str, float]
+    degrees: float
+
+
+def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
+    """One size for all; None where nothing is left to estimate it from."""
+    degrees = sum(freedom.values())
+    return _Size(dict.fromkeys(freedom, float(np.sqrt(r @ r / degrees))), degrees) if degrees > _LEAST_FREEDOM else None
+
+
+def _widened(misfit: dict[str, float], freedom: dict[str, float]) -> _Size:
+    large = {kind: s for kind, s in misfit.items() if _larger_than_stated(s, freedom[kind])}
+    return _Size(large, min((freedom[kind] for kind in large), default=np.inf))
+
+
+def _fit(rows: Reals, has_prior: bool) -> _Fit:
+    s, vt = _directions(rows)
+    good = s > 0.0 if has_prior else determined(s)
+    return _Fit(rows, (vt[good].T / s[good] ** 2) @ vt[good] @ rows.T, vt[~good])
+
+
+def _freedom(fit: _Fit, kinds: Sequence[str]) -> dict[str, float]:
+    """Residuals of each kind less what the fit takes of them: Σ(1 − h) with the diagonal h of the hat matrix."""
+    left = 1.0 - np.einsum("ia,ai->i", fit.rows, fit.estimator)[: len(kinds)]
+    names = np.asarray(kinds)
+    return {kind: float(left[names == kind].sum()) for kind in dict.fromkeys(kinds)}
+
+
+def _misfit(r: Reals, kinds: Sequence[str], freedom: dict[str, float]) -> dict[str, float]:
+    """Root mean square by kind over its freedom; over its count where nothing is left free."""
+    names = np.asarray(kinds)
+    counts = {kind: free if free > _LEAST_FREEDOM else float((names == kind).sum()) for kind, free in freedom.items()}
+    return {kind: float(np.sqrt(np.sum(r[names == kind] ** 2) / count)) for kind, count in counts.items()}
+
+
+def _larger_than_stated(misfit: float, freedom: float) -> bool:
+    return freedom > _LEAST_FREEDOM and freedom * misfit**2 > chdtri(freedom, _BY_CHANCE)
+
+
+def _directions(rows: Reals) -> tuple[Reals, Reals]:
+    k = rows.shape[1]
+    _, s, vt = np.linalg.svd(np.vstack([rows, np.zeros((max(0, k - len(rows)), k))]), full_matrices=False)
+    return s, vt

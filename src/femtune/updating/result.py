@@ -1,0 +1,88 @@
+"""UpdateResult: what an update found, how it went, and how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.parameters import ParameterSet
+from femtune.residuals import Evaluation
+from femtune.status import Status
+from femtune.updating.covariance import ParameterCovariance
+from femtune.updating.regularisation import SideConstraint
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One accepted point.
+
+    Parameters
+    ----------
+    objective : ½ rᵀr with the side constraints
+    mean_error : weighted mean error of the comparisons, see `Evaluation.mean_error`
+    x : normalised parameters
+    step : largest change of a parameter in this iteration
+    damping : state of the search after the accepted step: its damping, or the part of the whole step that it tries
+    at_bound : names of parameters at a bound
+    events : pairing changes that followed
+    """
+
+    number: int
+    objective: float
+    mean_error: float
+    x: Reals
+    step: float
+    damping: float
+    at_bound: tuple[str, ...]
+    events: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class UpdateResult:
+    """Outcome of an update.
+
+    `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
+    `side` is the side constraint as it was settled.
+    """
+
+    parameters: ParameterSet
+    status: Status
+    x: Reals
+    before: Evaluation
+    after: Evaluation
+    history: tuple[Iteration, ...]
+    covariance: ParameterCovariance
+    citations: tuple[str, ...]
+    active: tuple[str, ...]
+    side: SideConstraint
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Updated values of all parameters, tied ones too."""
+        return self.parameters.values(self.x)
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviations of all parameters; NaN where none is given. Tied ones by linear propagation."""
+        jets = self.parameters.jets(self.x)
+        return {name: self.spread(jets[name].grad) for name in self.parameters.names}
+
+    def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Confidence intervals of all parameters, NaN where no standard deviation is given.
+
+        They are those of the linear model: normal, or of Student's t where the scatter was estimated.
+        """
+        k, values = self.covariance.coverage_factor(level), self.values
+        return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}
+
+    def spread(self, gradient: Reals) -> float:
+        """Standard deviation of what has this gradient in x, by linear propagation; NaN where none is given."""
+        used = np.flatnonzero(gradient)
+        return float(np.sqrt(gradient[used] @ self.covariance.matrix[np.ix_(used, used)] @ gradient[used]))
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """All pairing changes."""
+        return tuple(f"iteration {i.number}: {text}" for i in self.history for text in i.events)

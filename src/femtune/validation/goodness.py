@@ -1,0 +1,178 @@
+"""Are the residuals noise? Chi-square test with the stated standard deviations, a test of runs, the largest residual.
+
+The part of the residuals that no parameters could remove is looked at: r⊥ = r − U Uᵀ r with U spanning the Jacobian's
+range. Where the model is right and the data scatter as stated, |r⊥|² is chi-square with n − rank degrees of freedom,
+whatever the regularisation, the bounds and the last step did to the parameters (to first order).
+
+Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowitz (1940) for runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from scipy.special import chdtrc
+
+from femtune.arrays import Reals
+from femtune.residuals import ResidualBlock
+from femtune.validation.criteria import Outcome
+
+LEVEL = 0.01
+"""Residuals that chance makes less often than this are not called noise."""
+_FEWEST_RUNS = 10
+_RANK = 1e-10
+
+
+@dataclass(frozen=True)
+class GoodnessOfFit:
+    """Outcome of the tests; numbers are None where nothing was tested.
+
+    Parameters
+    ----------
+    chi_square, degrees_of_freedom : |r⊥|² and n − rank
+    p_value : chance of a chi-square as large or larger where the residuals are noise of the stated size
+    runs, runs_p_value : runs of one sign in the order of the comparisons, and the chance of as few; None for fewer than
+        ten residuals
+    largest, largest_label : largest studentised residual, with its sign, and what it compares
+    by_kind : chi-square, degrees of freedom and p-value of each kind of residual by itself
+    untested : by kind of residual, why it is not in the test
+    """
+
+    chi_square: float | None
+    degrees_of_freedom: int
+    p_value: float | None
+    runs: int | None = None
+    runs_p_value: float | None = None
+    largest: float | None = None
+    largest_label: str = ""
+    by_kind: tuple[tuple[str, float, int, float], ...] = ()
+    untested: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def outcome(self) -> Outcome:
+        """Pass where the residuals may be noise of the stated size, or of a smaller one."""
+        if self.p_value is None:
+            return Outcome.NOT_TESTED
+        few = self.runs_p_value is not None and self.runs_p_value < LEVEL
+        return Outcome.FAIL if self.p_value < LEVEL or few else Outcome.PASS
+
+    @property
+    def sentence(self) -> str:
+        """Outcome in words with the numbers."""
+        if self.p_value is None or self.chi_square is None:
+            return f"not tested: {self._why_not()}"
+        numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} degrees of freedom"
+        if self.outcome is Outcome.FAIL:
+            return f"the residuals are not noise: {numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
+        if self.p_value > 1.0 - LEVEL:
+            what = "the residuals are smaller than the stated standard deviations imply"
+            return f"{what}: {numbers}; these are probably too large"
+        return f"the residuals may be noise of the stated size: {numbers}, p = {self.p_value:.2g}"
+
+    def _why_not(self) -> str:
+        if self.untested:
+            return "; ".join(f"{kind} residuals: {reason}" for kind, reason in self.untested)
+        return "there are as many parameters as data, so that nothing is left over"
+
+    def _runs(self) -> str:
+        if self.runs is None or self.runs_p_value is None or self.runs_p_value >= LEVEL:
+            return ""
+        return f"; their signs come in {self.runs} runs only ({_chance(self.runs_p_value)})"
+
+    def _largest(self) -> str:
+        return f"; the largest is {self.largest:+.1f} σ, {self.largest_label}" if self.largest is not None else ""
+
+
+def _chance(p: float) -> str:
+    return f"p = {p:.2g}" if p >= 1e-12 else "p < 1e-12"
+
+
+def goodness_of_fit(
+    blocks: Sequence[ResidualBlock],
+    *,
+    untested: str = "",
+) -> GoodnessOfFit:
+    """Test the residuals of an update at its last point.
+
+    Blocks that have no normal distribution are left out of the test with their reason; of the others each says how many
+    of its values are independent, and their covariance.
+
+    Parameters
+    ----------
+    blocks : with derivatives
+    untested : why none of them can be tested; "" where they can
+    """
+    why = {b.kind: untested or b.not_normal for b in blocks if untested or b.not_normal}
+    kept = [b.whitened() for b in blocks if b.kind not in why]
+    skipped = tuple(why.items())
+    chi2, dof = _chi_square(kept)
+    if dof <= 0:
+        return GoodnessOfFit(None, 0, None, untested=skipped)
+    rest, spread = _left_over(kept)
+    runs, chance = _runs(rest)
+    at = int(np.argmax(np.abs(rest) / spread))
+    label = [b.label for b in kept for _ in b.values][at]
+    numbers = GoodnessOfFit(chi2, dof, _p_value(chi2, dof), runs, chance, float(rest[at] / spread[at]), label)
+    return GoodnessOfFit(**{**numbers.__dict__, "by_kind": tuple(_by_kind(kept)), "untested": skipped})
+
+
+def _chi_square(blocks: Sequence[ResidualBlock]) -> tuple[float, int]:
+    if not blocks:
+        return 0.0, 0
+    r, U = _range(blocks)
+    rest = r - U @ (U.T @ r)
+    return float(rest @ rest), len(r) - U.shape[1] - sum(b.lost for b in blocks)
+
+
+def _range(blocks: Sequence[ResidualBlock]) -> tuple[Reals, Reals]:
+    """Residuals (n,) and an orthonormal basis (n, rank) of the Jacobian's range; columns are scaled first."""
+    r = np.concatenate([b.values for b in blocks])
+    J = np.vstack([b.jacobian for b in blocks])
+    size = np.linalg.norm(J, axis=0)
+    U, s, _ = np.linalg.svd(J[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return r, U[:, s > _RANK * s.max(initial=0.0)]
+
+
+def _left_over(blocks: Sequence[ResidualBlock]) -> tuple[Reals, Reals]:
+    """r⊥ and the standard deviation of each entry, √(1 − leverage)."""
+    r, U = _range(blocks)
+    return r - U @ (U.T @ r), np.sqrt(np.maximum(1.0 - np.sum(U**2, axis=1), 1e-6))
+
+
+def _p_value(chi2: float, dof: int) -> float:
+    return float(chdtrc(dof, chi2))
+
+
+def _by_kind(blocks: Sequence[ResidualBlock]) -> Iterator[tuple[str, float, int, float]]:
+    for kind in dict.fromkeys(b.kind for b in blocks):
+        chi2, dof = _chi_square([b for b in blocks if b.kind == kind])
+        if dof > 0:
+            yield kind, chi2, dof, _p_value(chi2, dof)
+
+
+def _runs(rest: Reals) -> tuple[int | None, float | None]:
+    signs = np.sign(rest[rest != 0.0])
+    if len(signs) < _FEWEST_RUNS:
+        return None, None
+    runs = 1 + int(np.count_nonzero(np.diff(signs)))
+    positive = int(np.count_nonzero(signs > 0))
+    return runs, fewest_runs(runs, positive, len(signs) - positive)
+
+
+def fewest_runs(runs: int, first: int, second: int) -> float:
+    """Chance of `runs` or fewer runs in a random order of `first` signs of one kind and `second` of the other."""
+    if not first or not second:
+        return 1.0
+    ways = sum(_orders(r, first, second) for r in range(2, runs + 1))
+    return ways / comb(first + second, first)
+
+
+def _orders(runs: int, first: int, second: int) -> int:
+    """Number of orders with exactly so many runs."""
+    half, odd = divmod(runs, 2)
+    if not odd:
+        return 2 * comb(first - 1, half - 1) * comb(second - 1, half - 1)
+    return comb(first - 1, half) * comb(second - 1, half - 1) + comb(first - 1, half - 1) * comb(second - 1, half)

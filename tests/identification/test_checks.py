@@ -1,0 +1,188 @@
+"""Channels and functions with one thing wrong: each is found and named, and sound ones are left alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune.dofs import DofSet, parse_dof
+from femtune.errors import FemtuneError
+from femtune.identification.frf_checks import (
+    apparent_mass,
+    check_frfs,
+    check_mass,
+    compare_levels,
+    exchanged,
+    levels_notice,
+    power_in,
+    reciprocity,
+)
+from femtune.identification.record_checks import check_record
+from femtune.identification.shapes import driving_points
+from femtune.modal import Channel, FrfSet, TimeSeries, as_kind
+from femtune.modal.frf_set import KINDS
+
+_LINES = np.linspace(5.0, 62.0, 700)
+
+
+def _values() -> np.ndarray:
+    """Four channels of narrow-band noise of other sizes, with 12-bit steps."""
+    rng = np.random.default_rng(0)
+    waves = np.array([np.convolve(rng.standard_normal(5000), np.hanning(9), "same") for _ in range(4)])
+    return np.round(waves * np.array([[1.0], [0.2], [3.0], [0.5]]) * 100.0) / 100.0
+
+
+def _record(values: np.ndarray) -> TimeSeries:
+    channels = tuple(Channel(parse_dof(f"{i + 1}Z+"), "acceleration", "m/s^2") for i in range(4))
+    return TimeSeries(values, channels, 100.0)
+
+
+def _dead(v: np.ndarray) -> None:
+    v[1] = 0.02
+
+
+def _weak(v: np.ndarray) -> None:
+    v[1] *= 1e-4
+
+
+def _clipped(v: np.ndarray) -> None:
+    v[1] = np.clip(v[1], -0.5 * v[1].std(), 0.5 * v[1].std())
+
+
+def _drifting(v: np.ndarray) -> None:
+    v[1] += np.linspace(-5.0, 3.0, 5000) * v[1].std()
+
+
+def _lost(v: np.ndarray) -> None:
+    v[1, 100:103] = np.nan
+
+
+def _cut(v: np.ndarray) -> None:
+    v[:, 4000:] = v[:, [4000]]
+
+
+def _doubled(v: np.ndarray) -> None:
+    v[1] = -2.0 * v[2]
+
+
+def test_a_sound_record_has_nothing_to_tell() -> None:
+    assert check_record(_record(_values())) == ()
+
+
+@pytest.mark.parametrize(
+    ("harm", "code"),
+    [
+        (_dead, "record.dead"),
+        (_weak, "record.dead"),
+        (_clipped, "record.clipped"),
+        (_drifting, "record.drifting"),
+        (_lost, "record.lost-samples"),
+        (_cut, "record.cut-short"),
+        (_doubled, "record.same-signal"),
+    ],
+)
+def test_a_bad_channel_is_found_and_named(harm: Callable[[np.ndarray], None], code: str) -> None:
+    values = _values()
+    harm(values)
+    (notice,) = check_record(_record(values))
+    assert notice.code == code
+    assert "2Z+" in notice.what or (code == "record.cut-short" and "40 s" in notice.what)
+
+
+def test_sound_functions_have_nothing_to_tell(eight_modes: Any) -> None:
+    for kind in KINDS:
+        assert check_frfs(eight_modes.frfs(_LINES, noise=0.03, kind=kind)) == ()
+
+
+@pytest.mark.parametrize(("true", "stated"), [("accelerance", "mobility"), ("mobility", "receptance")])
+def test_another_kind_than_stated_is_told(eight_modes: Any, true: str, stated: str) -> None:
+    """A receptance and an accelerance differ in sign besides: taken for the other, all power comes out."""
+    frfs = eight_modes.frfs(_LINES, kind=true)
+    found = check_frfs(dataclasses.replace(frfs, kind=stated))
+    assert {n.code for n in found} == {"frf.kind-contradicts"}
+    assert true in found[0].what
+    assert power_in(frfs, driving_points(frfs)[0]) == pytest.approx(1.0)
+
+
+def test_a_turned_driving_point_is_told(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES, kind="mobility")
+    values = frfs.values * np.array([-1.0, 1.0])[None, :, None]
+    (one, *rest) = check_frfs(dataclasses.replace(frfs, values=values))
+    assert one.code == "frf.driving-point"
+    assert "1Z+" in one.what
+    assert [n.code for n in rest] == ["frf.not-reciprocal"]
+
+
+def test_reciprocity_is_a_difference(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES)
+    (pair,) = reciprocity(frfs)
+    assert (pair.first, pair.second) == ("1Z+", "6Z+")
+    assert pair.difference == pytest.approx(0.0, abs=1e-12)
+    values = frfs.values.copy()
+    values[5, 0] *= 1.4
+    (notice,) = check_frfs(dataclasses.replace(frfs, values=values))
+    assert notice.code == "frf.not-reciprocal"
+
+
+def test_dead_responses_are_named(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES)
+    values = frfs.values.copy()
+    values[[3, 7]] = 0.0
+    (notice,) = check_frfs(dataclasses.replace(frfs, values=values))
+    assert notice.what.endswith("4Z+, 8Z+")
+
+
+def _free_mass(mass: float, factor: float) -> FrfSet:
+    """Driving point of a free structure: its mass, and an elastic mode far above."""
+    lines = np.linspace(1.0, 10.0, 50)
+    dofs = DofSet.parse(["1Z+"])
+    elastic = -((2 * np.pi * lines) ** 2) / ((2 * np.pi * 100.0) ** 2 - (2 * np.pi * lines) ** 2) / mass
+    return FrfSet(lines, factor * (1.0 / mass + elastic)[None, None] + 0j, dofs, dofs, "accelerance")
+
+
+def test_the_mass_line_tells_units() -> None:
+    assert apparent_mass(_free_mass(42.0, 1.0), 10.0)[0] == pytest.approx(42.0, rel=0.01)
+    assert check_mass(_free_mass(42.0, 1.0), 42.0, 10.0) == ()
+    assert apparent_mass(as_kind(_free_mass(42.0, 1.0), "receptance"), 10.0)[0] == pytest.approx(42.0, rel=0.01)
+    (notice,) = check_mass(_free_mass(42.0, 1 / 9.80665), 42.0, 10.0)
+    assert notice.code == "frf.mass-line"
+    assert "g in place of m/s²" in notice.what
+
+
+def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
+    one, other = eight_modes.frfs(_LINES, 0.01, 1), eight_modes.frfs(_LINES, 0.01, 2)
+    assert exchanged(one, other) == ()
+    values = one.values.copy()
+    values[[2, 9]] = values[[9, 2]]
+    values[4] *= -1.0
+    found = exchanged(dataclasses.replace(one, values=values), other)
+    assert [n.what for n in found if n.code == "frf.exchanged"] == [
+        "what is called 3Z+ was measured at 10Z+",
+        "what is called 10Z+ was measured at 3Z+",
+    ]
+    assert [n.what.split()[3] for n in found if n.code == "frf.inverted"] == ["5Z+"]
+
+
+def test_levels_of_a_linear_structure_differ_by_noise(three_modes: Any) -> None:
+    lines = np.linspace(5.0, 30.0, 600)
+    levels = [three_modes.frfs(lines, 0.02, seed) for seed in range(3)]
+    sd = [np.full(f.values.shape, 0.02 * np.sqrt(np.mean(np.abs(f.values) ** 2))) for f in levels]
+    assert compare_levels(levels, sd).linear
+    softer = dataclasses.replace(three_modes, freq_hz=three_modes.freq_hz * [1.0, 0.995, 1.0])
+    found = compare_levels([*levels[:2], softer.frfs(lines, 0.02, 7)], sd)
+    assert not found.linear
+    (notice,) = levels_notice(found, ["1 N", "5 N", "20 N"])
+    assert notice.code == "frf.not-linear"
+    assert "20 N" in notice.what
+    assert not compare_levels([levels[0], softer.frfs(lines)]).linear
+
+
+def test_sets_that_cannot_be_compared(eight_modes: Any, three_modes: Any) -> None:
+    for call in (exchanged, lambda a, b: compare_levels([a, b])):
+        with pytest.raises(FemtuneError) as caught:
+            call(eight_modes.frfs(_LINES), three_modes.frfs(_LINES))
+        assert caught.value.code == "identify.lines-differ"

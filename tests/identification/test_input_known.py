@@ -1,0 +1,85 @@
+"""Functions to modes and a system in one step."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.identification import InputKnown, identify_frfs
+from femtune.modal import ModeSet, mac
+
+_LINES = np.linspace(5.0, 62.0, 1200)
+
+
+def test_modes_and_system_come_out(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES, noise=0.01)
+    sd = np.full(frfs.values.shape, 0.01 * np.sqrt(np.mean(np.abs(frfs.values) ** 2)))
+    found = identify_frfs(frfs, InputKnown(), sd)
+    modes = found.modes
+    assert modes.freq_sd_hz is not None
+    assert modes.damping_sd is not None
+    assert (np.abs(modes.freq_hz - eight_modes.freq_hz) < 4.0 * modes.freq_sd_hz).all()
+    assert modes.damping_ratio is not None
+    assert (np.abs(modes.damping_ratio - eight_modes.damping_ratio) < 4.0 * modes.damping_sd).all()
+    np.testing.assert_allclose(np.diag(mac(modes.shapes, eight_modes.shapes)), 1.0, atol=1e-3)
+    assert modes.normalisation == "mass"
+    # the noise that was put in is what is left
+    clean = eight_modes.frfs(_LINES).values
+    gap = found.system.frf(_LINES).values - clean
+    assert np.linalg.norm(gap) < 0.2 * np.linalg.norm(frfs.values - clean)
+    assert found.fit.converged
+    assert {n.code for n in found.notices} <= {"identify.near-miss"}
+
+
+@pytest.mark.slow
+def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
+    frfs = eight_modes.frfs(_LINES, noise=0.005)
+    values = frfs.values.copy()
+    values[3] = 0.0
+    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown())
+    np.testing.assert_allclose(found.modes.freq_hz, eight_modes.freq_hz, rtol=1e-3)
+    assert found.modes.shapes_sd is not None
+    assert np.isnan(found.modes.shapes[3]).all()
+    assert np.isnan(found.modes.shapes_sd[3]).all()
+    assert np.isfinite(np.delete(found.modes.shapes, 3, axis=0)).all()
+    assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
+
+
+@pytest.mark.slow
+def test_a_band_one_method_and_a_choice_by_hand(eight_modes: Any) -> None:
+    asked = InputKnown(band_hz=(10.0, 48.0), methods=("N4SID",), largest_order=40, drop=(37.0,))
+    found = identify_frfs(eight_modes.frfs(_LINES, noise=0.005), asked)
+    np.testing.assert_allclose(found.modes.freq_hz, [13.0, 25.0, 25.1, 44.0], rtol=2e-3)
+    assert found.measured.freq_hz[0] >= 10.0
+    assert set(found.table.method) == {"N4SID"}
+
+
+@pytest.mark.slow
+def test_rigid_body_motion_is_no_part_of_the_modes(eight_modes: Any) -> None:
+    shapes = np.column_stack([np.full(12, 0.5), np.linspace(-1.0, 1.0, 12)])
+    rigid = ModeSet(np.zeros(2), shapes, eight_modes.dofs, normalisation="mass")
+    elastic = eight_modes.frfs(_LINES, noise=0.003)
+    whole = dataclasses.replace(elastic, values=elastic.values + (shapes @ shapes[[0, 5]].T)[:, :, None])
+    found = identify_frfs(whole, InputKnown(rigid=rigid))
+    np.testing.assert_allclose(found.modes.freq_hz, eight_modes.freq_hz, rtol=1e-3)
+    assert np.nanmax(found.quality.error) < 0.1
+
+
+def test_noise_has_no_modes(three_modes: Any) -> None:
+    frfs = three_modes.frfs(_LINES)
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(frfs.values.shape) + 1j * rng.standard_normal(frfs.values.shape)
+    with pytest.raises(FemtuneError) as caught:
+        identify_frfs(dataclasses.replace(frfs, values=noise), InputKnown())
+    assert caught.value.code == "identify.no-poles"
+
+
+@pytest.mark.parametrize("facts", [{"methods": ("ERA",)}, {"methods": ()}, {"largest_order": 2}])
+def test_settings_that_mean_nothing(facts: dict[str, Any]) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        InputKnown(**facts)
+    assert caught.value.code == "identify.method"

@@ -1,0 +1,99 @@
+"""Output-only methods from a record to modes: simulated, and records of others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError
+from femtune.identification.operational import METHODS, Operational, by_covariances, prepared, segment_of
+from femtune.modal import Channel, TimeSeries
+from femtune.modal.shape_criteria import mac
+from structures.laboratory import Clock, MeasuringChain, plant_of_matrices, simulated_test, white_noise
+
+DOFS = DofSet(Dof(i, "X") for i in (1, 2, 3, 4))
+
+
+def record(seed: int = 0, duration_s: float = 1200.0):
+    stiffness = 900.0 * (2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
+    plant = plant_of_matrices(np.eye(4), stiffness, 0.008, np.eye(4), DOFS, np.eye(4), DOFS)
+    clock = Clock(duration_s, 100.0, 10.0)
+    noise = white_noise(np.random.default_rng(seed), 4, clock.fine_samples)
+    return plant.truth, simulated_test(plant, noise, clock, MeasuringChain(40.0), seed)
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_finds_all_modes_and_no_more(method):
+    truth, made = record()
+    found = METHODS[method](made, Operational((1.0, 12.0), 24)).modes
+    near = np.abs(found.freq_hz[:, None] / truth.freq_hz - 1.0).min(axis=1) < 0.01
+    # phases are steady at a few lines between modes too
+    assert near.all() or method == "TFIE"
+    found = found.select_modes(near)
+    assert found.freq_hz == pytest.approx(truth.freq_hz, rel=1e-2 if method == "TFIE" else 3e-3)
+    assert np.diag(mac(found.shapes, truth.shapes)).min() > 0.99
+    if method != "TFIE":
+        assert found.damping_ratio == pytest.approx([0.008] * 4, rel=0.4)
+
+
+@pytest.mark.slow
+def test_deviations_are_of_the_size_of_the_errors():
+    asked = Operational((1.0, 12.0), 16)
+    errors, stated = [], []
+    for seed in range(12):
+        truth, made = record(seed, 600.0)
+        found = by_covariances(made, asked).modes
+        errors.append(found.freq_hz - truth.freq_hz)
+        stated.append(found.freq_sd_hz)
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / np.median(stated, axis=0)
+    assert ((ratio > 0.5) & (ratio < 1.8)).all(), ratio
+
+
+def test_references_are_enough():
+    truth, made = record()
+    found = by_covariances(made, Operational((1.0, 12.0), 24, references=DofSet([Dof(1, "X"), Dof(2, "X")]))).modes
+    assert found.freq_hz == pytest.approx(truth.freq_hz, rel=3e-3)
+    channels = (Channel(made.channels[0].dof, "acceleration", role="reference"), *made.channels[1:])
+    found = by_covariances(TimeSeries(made.values, channels, made.sampling_hz), Operational((1.0, 12.0), 24)).modes
+    assert found.freq_hz == pytest.approx(truth.freq_hz, rel=3e-3)
+
+
+def test_records_are_resampled_to_the_band():
+    _, made = record(duration_s=100.0)
+    ready = prepared(made, Operational((0.5, 8.0)))
+    assert ready.sampling_hz == 20.0
+    assert np.abs(ready.values.mean(axis=1)).max() < 1e-2 * ready.values.std()
+    assert segment_of(ready, Operational((0.5, 8.0))) <= ready.samples // 8 + 2
+
+
+def test_lost_samples_and_bands_that_are_not_there_are_refused():
+    _, made = record(duration_s=20.0)
+    holes = made.values.copy()
+    holes[2, 50] = np.nan
+    with pytest.raises(FemtuneError, match=r"channels have samples that are not finite(.|\n)*3X\+: 1"):
+        by_covariances(TimeSeries(holes, made.channels, 100.0), Operational((1.0, 12.0)))
+    with pytest.raises(FemtuneError, match="does not reach the band"):
+        by_covariances(made, Operational((1.0, 60.0)))
+
+
+SHEAR_FRAME_HZ = 12.0
+"""Its owners give no rate. Their frequencies, and the period elongation of the trapezoidal rule that made the record,
+tan(ω′Δt/2) = ωΔt/2, fit all five modes at this one."""
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("method", ["SSI-cov", "SSI-data", "ERA"])
+def test_shear_frame_of_others(shared_data, method):
+    folder = shared_data / "shear_frame_ambient"
+    omega, ratio, shapes = (np.load(folder / f"{n}.npy") for n in ("omega_n", "xi_ref", "phi_ref"))
+    values = np.load(folder / "data_shearframe.npy").T
+    made = TimeSeries(values, tuple(Channel(Dof(i, "X"), "acceleration") for i in range(1, 6)), SHEAR_FRAME_HZ)
+    found = METHODS[method](made, Operational((0.1, 5.0), 24)).modes
+    step = 1.0 / SHEAR_FRAME_HZ
+    without_elongation = 2.0 / step * np.tan(np.pi * found.freq_hz * step) / (2.0 * np.pi)
+    assert without_elongation == pytest.approx(omega / (2.0 * np.pi), rel=5e-3)
+    assert np.diag(mac(found.shapes, shapes)).min() > 0.99
+    # damping that decays in a few samples scatters widely in 20 minutes of the lowest mode
+    assert found.damping_ratio[1:] == pytest.approx(ratio[1:], rel=0.35)

@@ -1,0 +1,92 @@
+"""The short form on the terminal, and facts that the page says once."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from femtune.reporting import build_report, print_terminal
+from femtune.reporting.document import Document, Figure
+from femtune.reporting.sections.identifiability import joined_rows
+from femtune.results.results import Results
+
+
+def _printed(document: Document) -> str:
+    stream = io.StringIO()
+    print_terminal(document, Console(file=stream, width=100))
+    return stream.getvalue()
+
+
+def _cells(document: Document, section: str) -> list[str]:
+    found = next(s for s in document.sections if s.id == section)
+    return [cell.text for b in found.blocks for row in getattr(b, "rows", ()) for cell in row]
+
+
+def test_it_fits_two_screens_and_says_each_reason_once(document: Document) -> None:
+    text = _printed(document)
+    assert len(text.splitlines()) <= 75
+    assert text.count("braces vibrate on their own") == 1
+    assert "Left out, BC, NC, SC: 4a, 4b:" in text
+    assert "NASA-STD-5002" not in text
+
+
+@pytest.mark.parametrize(
+    "words", ["I_beam_1 rises while", "Damping was not compared.", "at bound, σ not given", "criteria, since"]
+)
+def test_it_says_what_matters(document: Document, words: str) -> None:
+    assert words in " ".join(_printed(document).split())
+
+
+def test_criteria_that_were_not_tested_are_grouped_by_reason(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    quantity, reasons = "cross-orthogonality, diagonal", ("no mass", "no mass", "one pair")
+    names = [f"{quantity}, NASA-STD-5002", f"{quantity}, MIL-STD-1540C", "self-orthogonality, NASA-STD-5002"]
+    first = data["correlations"][0]["criteria"][0]
+    changed = {"verdict": "not tested", "measured": None}
+    criteria = [{**first, **changed, "name": n, "remark": r} for n, r in zip(names, reasons, strict=True)]
+    for c in data["correlations"]:
+        c["criteria"] = criteria
+    text = " ".join(_printed(build_report(Results.model_validate(data), arrays)).split())
+    assert "• criteria, since no mass: cross-orthogonality, diagonal (MIL-STD-1540C, NASA-STD-5002) •" in text
+    assert "• criteria, since one pair: self-orthogonality (NASA-STD-5002) •" in text
+
+
+def test_it_draws_no_picture(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    document = build_report(Results.model_validate(data), arrays)
+    _printed(document)
+    figures = [b for s in document.sections for b in s.blocks if isinstance(b, Figure)]
+    assert figures
+    assert not any("svg" in vars(f) for f in figures)
+
+
+def test_many_modes_are_cut_and_counted(slim: dict[str, Any], arrays: dict[str, Any]) -> None:
+    for c in slim["correlations"]:
+        one = c["unpaired_test"][0]
+        c["unpaired_test"] = [{**one, "test_label": f"t{i}", "test_freq_hz": 30.0 + i} for i in range(20)]
+    assert "and 15 more test modes on the page" in _printed(build_report(Results.model_validate(slim), arrays))
+
+
+@pytest.mark.parametrize(("mac", "said"), [(0.8, True), (0.4, False)])
+def test_a_model_mode_like_one_that_was_left_out_says_so(
+    slim: dict[str, Any], arrays: dict[str, Any], mac: float, said: bool
+) -> None:
+    for c in slim["correlations"]:
+        c["left_out"] = [{"test_label": "3", "test_freq_hz": 5.5, "reason": "noise"}]
+        c["pairs"] = [p for p in c["pairs"] if p["test_label"] != "3"]
+        arrays[c["mac_key"]][2, 3] = mac
+    cells = _cells(build_report(Results.model_validate(slim), arrays), "modes")
+    assert (f"resembles test mode 3 (MAC {mac:.3f}), which was left out" in cells) is said
+
+
+def test_the_page_says_a_reason_once(document: Document) -> None:
+    cells = [text for s in document.sections for text in _cells(document, s.id)]
+    assert cells.count("braces vibrate on their own near 10 Hz") == 1
+
+
+def test_rows_of_one_residual_are_joined() -> None:
+    labels, values = joined_rows(("f", "s", "s"), np.array([[-2.0, 1.0], [3.0, 0.0], [-4.0, 0.0]]))
+    assert labels == ["f", "s"]
+    assert values.tolist() == [[-2.0, 1.0], [5.0, 0.0]]

@@ -1,0 +1,148 @@
+"""Stochastic updating: the chapter's three masses, and linear problems with known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.uncertainty import (
+    CloudRules,
+    FunctionOutputs,
+    StochasticRules,
+    StochasticStatus,
+    forward_check,
+    given_statistics,
+    statistics_of_repeats,
+    stochastic_update,
+)
+
+from . import three_masses as three
+
+START, START_SD = np.full(3, 2.0), np.full(3, 0.3)
+METHODS = ("perturbation", "cross-covariance", "output-difference", "second-order")
+
+
+def _updated(seed, method):
+    k, hz = three.simulated(seed, 30)
+    rules = StochasticRules(method, cloud=CloudRules(samples=400))
+    return k, stochastic_update(three.MODEL, statistics_of_repeats(hz), three.NAMES, START, START_SD, rules)
+
+
+def _linear(m=4, k=3, seed=0):
+    rng = np.random.default_rng(seed)
+    G, z0 = rng.standard_normal((m, k)), 5.0 + rng.uniform(size=m)
+    return G, FunctionOutputs(lambda t: z0 + G @ t, lambda t: G)
+
+
+@pytest.mark.quick(4)
+@pytest.mark.parametrize("seed", range(20))
+def test_second_order_means_are_within_half_a_percent_at_less_than_three_times_the_price(seed):
+    k, plain = _updated(seed, "perturbation")
+    _, better = _updated(seed, "second-order")
+    assert better.status is StochasticStatus.CONVERGED
+    np.testing.assert_allclose(better.mean, k.mean(axis=0), rtol=5e-3)
+    np.testing.assert_allclose(better.sd, k.std(axis=0, ddof=1), rtol=2e-2)
+    assert better.solutions <= 3 * plain.solutions
+    assert np.abs(plain.mean / k.mean(axis=0) - 1.0).max() > 1e-2
+
+
+def test_a_known_distribution_is_found_from_its_moments_alone():
+    """Moments of the outputs by Gauss-Hermite integration: no sample decides."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(9)
+    weights = weights / weights.sum()
+    grid = np.stack(np.meshgrid(*[nodes] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    w = np.prod(np.stack(np.meshgrid(*[weights] * 3, indexing="ij"), axis=-1), axis=-1).ravel()
+    hz = np.array([three.hertz(1.0 + 0.1 * g) for g in grid])
+    mean = w @ hz
+    measured = given_statistics(mean, (hz - mean).T @ ((hz - mean) * w[:, None]))
+    found = stochastic_update(three.MODEL, measured, three.NAMES, START, START_SD)
+    np.testing.assert_allclose(found.mean, 1.0, atol=3e-4)
+    np.testing.assert_allclose(found.sd, 0.1, rtol=1e-2)
+    np.testing.assert_allclose(found.correlation, np.eye(3), atol=0.02)
+
+
+@pytest.mark.parametrize("method", ["cross-covariance", "output-difference"])
+def test_a_propagated_cloud_has_the_measured_moments(method):
+    _, found = _updated(3, method)
+    assert found.status is StochasticStatus.CONVERGED
+    check = forward_check(three.MODEL, found, 400, seed=0)
+    assert np.abs(check.mean_error).max() < 1e-3
+    assert found.solutions > 400 * (len(found.steps) - 1)
+    # (41) ends where the cloud's covariance is the measured one, (40) where its joint covariance with θ is
+    assert check.covariance_error < (1e-3 if method == "output-difference" else 0.1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_all_formulations_agree_where_the_model_is_linear(method):
+    G, model = _linear()
+    mean, spread = np.array([0.3, -0.2, 0.5]), np.diag([0.04, 0.01, 0.09]) + 0.01
+    measured = given_statistics(model.values(mean), G @ spread @ G.T + 1e-14 * np.eye(4))
+    rules = StochasticRules(method, cloud=CloudRules(samples=60))
+    found = stochastic_update(model, measured, ("a", "b", "c"), np.zeros(3), np.full(3, 0.4), rules)
+    np.testing.assert_allclose(found.mean, mean, atol=1e-4)
+    np.testing.assert_allclose(found.covariance, spread, atol=2e-4)
+    assert found.unexplained == pytest.approx(0.0, abs=1e-8)
+
+
+def test_perturbation_is_generalised_least_squares():
+    """With W the inverse covariance (39) is (GᵀC⁻¹G)⁻¹."""
+    G, model = _linear()
+    spread = np.cov(np.random.default_rng(2).standard_normal((4, 50)))
+    measured = given_statistics(model.values(np.array([0.1, 0.2, 0.3])), spread)
+    rules = StochasticRules("perturbation", weighting="covariance")
+    found = stochastic_update(model, measured, ("a", "b", "c"), np.zeros(3), np.ones(3), rules)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(G.T @ np.linalg.inv(spread) @ G), rtol=1e-8)
+
+
+def test_regularisation_is_mu_squared():
+    G, model = _linear()
+    measured = given_statistics(model.values(np.full(3, 0.1)), np.eye(4))
+    rules = StochasticRules("perturbation", regularisation=0.7)
+    found = stochastic_update(model, measured, ("a", "b", "c"), np.zeros(3), np.full(3, 0.5), rules)
+    W, Wt = np.diag(measured.mean**-2), np.eye(3) / 0.25
+    T = np.linalg.solve(G.T @ W @ G + 0.49 * Wt, G.T @ W)
+    np.testing.assert_allclose(found.T, T, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance, T @ T.T, rtol=1e-9)
+
+
+def test_more_parameters_than_outputs_end_nearest_to_the_start_and_say_so():
+    _, model = _linear(m=2, k=3)
+    measured = given_statistics(model.values(np.array([0.3, 0.1, 0.2])), 0.01 * np.eye(2))
+    found = stochastic_update(model, measured, ("a", "b", "c"), np.zeros(3), np.ones(3))
+    assert found.status is StochasticStatus.UNDETERMINED
+    np.testing.assert_allclose(model.values(found.mean), measured.mean, rtol=1e-6)
+    null = np.linalg.svd(model.jacobian(found.mean))[2][2]
+    assert abs(null @ found.mean) < 1e-9
+
+
+def test_a_set_that_lacks_what_scatters_meets_the_means_and_is_told_by_its_covariance():
+    _, hz = three.simulated(0, 30)
+    model = FunctionOutputs(
+        lambda t: three.hertz(np.array([*t, 1.0])), lambda t: three.slopes(np.array([*t, 1.0]))[:, :2]
+    )
+    found = stochastic_update(model, statistics_of_repeats(hz), ("k1", "k2"), START[:2], START_SD[:2])
+    check = forward_check(model, found, 400)
+    assert np.abs(check.mean / found.measured.mean - 1.0).max() < 0.02
+    assert not check.agrees
+    assert check.covariance_error > 0.2
+    assert found.unexplained > 0.02
+    assert "not those that scatter" in check.sentences[0]
+
+
+def test_gaps_are_used_for_what_was_measured_beside_them():
+    k, hz = three.simulated(5, 200)
+    holes = hz.copy()
+    holes[np.random.default_rng(1).uniform(size=hz.shape) < 0.1] = np.nan
+    measured = statistics_of_repeats(holes)
+    found = stochastic_update(three.MODEL, measured, three.NAMES, START, START_SD)
+    assert any(n.code == "quantify.missing-values" for n in measured.notices)
+    np.testing.assert_allclose(found.mean, k.mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(found.sd, k.std(axis=0, ddof=1), rtol=0.12)
+
+
+def test_too_strong_a_curvature_falls_back_and_says_so():
+    model = FunctionOutputs(lambda t: np.array([2.0 + t[0] ** 2]), lambda t: np.array([[2.0 * t[0]]]))
+    measured = given_statistics(np.array([2.01]), np.array([[0.25]]))
+    found = stochastic_update(model, measured, ("a",), np.array([0.2]), np.array([0.1]))
+    assert found.status is StochasticStatus.TOO_CURVED
+    assert not found.status.ok

@@ -1,0 +1,147 @@
+"""Many starts: where they end, what is the same, what is as good, and what a run that was broken off leaves behind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from femtune.errors import FemtuneError
+from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.status import Status
+from femtune.updating import (
+    Link,
+    MultiStart,
+    SensitivityMethod,
+    StartOutcome,
+    StartResult,
+    StartRules,
+    multi_start,
+    starting_points,
+)
+from femtune.updating.starts import distinct_optima, noise_level, outcomes, start_sentences
+from structures.springs import factor_model, simulated_case, spring_structure
+
+CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
+TRUTH = (0.25, -0.3, 0.15)
+
+
+@pytest.fixture(scope="module")
+def problem() -> UpdateProblem:
+    model = factor_model(spring_structure(CHAIN, [1.0, 2.0, 1.5, 1.0]), {"a": [1], "b": [2], "c": [3]})
+    case = simulated_case(model, TRUTH, range(4), 4)  # type: ignore[arg-type]
+    return UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.1)))
+
+
+@pytest.fixture(scope="module")
+def twins() -> UpdateProblem:
+    """Two coupled oscillators, of which the frequencies cannot tell which is the stiffer one."""
+    springs = [(-1, 0, 100.0), (-1, 1, 100.0), (0, 1, 30.0)]
+    model = factor_model(spring_structure(springs, [1.0, 1.0]), {"a": [1], "b": [2]})
+    case = simulated_case(model, (0.5, -0.4), (0, 1), 2, fixed=((0, 0), (1, 1)))
+    return UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.01),))
+
+
+@pytest.fixture(scope="module")
+def found(problem: UpdateProblem) -> MultiStart:
+    return multi_start(problem, rules=StartRules(8, seed=3, hops=2))
+
+
+def test_points_are_a_latin_hypercube_of_the_bounds(problem: UpdateProblem):
+    points = starting_points(problem.parameters, StartRules(16, seed=1))
+    lower, upper = problem.parameters.bounds
+    cells = np.floor(16 * (points - lower) / (upper - lower)).astype(int)
+    assert (np.sort(cells, axis=0) == np.arange(16)[:, None]).all()
+    again = starting_points(problem.parameters, StartRules(16, seed=1))
+    np.testing.assert_array_equal(points, again)
+    assert not np.allclose(points, starting_points(problem.parameters, StartRules(16, seed=2)))
+
+
+@pytest.mark.slow
+def test_every_start_is_kept_and_the_best_is_the_truth(found: MultiStart):
+    assert [s.number for s in found.starts] == list(range(1, 9))
+    np.testing.assert_allclose(found.best.x, TRUTH, atol=1e-6)
+    assert found.best.status is Status.EXACT
+    assert found.sentences[0].endswith("of 8 starts end at the same optimum.")
+    for s in found.starts:
+        missed = not np.allclose(s.end, TRUTH, atol=1e-4)
+        assert missed == (found.outcomes[s.number] is not StartOutcome.BEST)
+
+
+def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
+    """The one or the other is the stiffer one: two exact optima, and the report must not call one the answer."""
+    found = multi_start(twins, rules=StartRules(10, seed=0))
+    ends = {tuple(np.round(o.x, 5)) for o in found.optima if o.as_good}
+    assert ends == {(0.5, -0.4), (-0.4, 0.5)}
+    assert not found.unique
+    assert any("the answer is not unique" in s for s in found.sentences)
+
+
+@pytest.mark.slow
+def test_what_is_known_is_not_done_again(problem: UpdateProblem, found: MultiStart):
+    told: list[StartResult] = []
+    full = multi_start(problem, rules=StartRules(8, seed=3, hops=2), report=told.append)
+    known = {(s.number, s.tries): s for s in told[:5]}
+    again: list[StartResult] = []
+    rest = multi_start(problem, rules=StartRules(8, seed=3, hops=2), known=known, report=again.append)
+    assert len(again) == len(told) - 5
+    for a, b in zip(full.starts, rest.starts):
+        np.testing.assert_array_equal(a.end, b.end)
+    np.testing.assert_allclose(rest.best.x, full.best.x, atol=1e-7)
+    assert full.sentences == rest.sentences == found.sentences
+
+
+def test_starts_move_only_the_active_parameters_and_settle_constraints_once(problem: UpdateProblem):
+    method = SensitivityMethod(regularisation=Link(0.1))
+    found = multi_start(problem, method, StartRules(3, hops=1), active=["b"])
+    assert all(s.start[0] == s.end[0] == 0.0 for s in found.starts)
+    ends = [s.end[1] for s in found.starts if s.at_optimum]
+    assert np.ptp(ends) < 1e-6
+
+
+def test_a_start_that_cannot_be_solved_is_kept_with_its_reason(problem: UpdateProblem, monkeypatch: pytest.MonkeyPatch):
+    right = UpdateProblem.start
+
+    def fails(self: UpdateProblem, x: np.ndarray) -> object:
+        if x[0] > 0.5:
+            raise FemtuneError("eigen.mechanism", "no stiffness there")
+        return right(self, x)
+
+    monkeypatch.setattr(UpdateProblem, "start", fails)
+    found = multi_start(problem, rules=StartRules(6, seed=0))
+    lost = [s for s in found.starts if s.status is None]
+    assert lost
+    assert {s.problem for s in lost} == {"no stiffness there"}
+    assert f"{len(lost)} could not be solved." in found.sentences
+
+
+def end(number: int, x: float, objective: float, status: Status | None = Status.CONVERGED) -> StartResult:
+    return StartResult(number, np.zeros(1), np.array([x]), objective, status, 1, 5)
+
+
+def test_ends_by_hand():
+    starts = [
+        end(1, 0.0, 4.0), end(2, 1.0, 4.5), end(3, 1e-4, 4.0), end(4, 3.0, 40.0), end(5, 0.0, 1.0, Status.STALLED),
+        end(6, 0.0, np.nan, None),
+    ]  # fmt: skip
+    optima = distinct_optima(starts, np.ones(1), noise=1.9)
+    assert [(o.members, o.as_good) for o in optima] == [((1, 3), True), ((2,), True), ((4,), False)]
+    found = outcomes(starts, optima)
+    assert [found[i].name for i in range(1, 7)] == ["BEST", "AS_GOOD", "BEST", "WORSE", "UNFINISHED", "FAILED"]
+    assert start_sentences(starts, optima) == (
+        "2 of 6 starts end at the same optimum.",
+        "1 other ends elsewhere and is as good within the noise, at 1 other point: the answer is not unique.",
+        "1 ends at 1 worse optimum, which is not the answer.",
+        "1 did not converge.",
+        "1 could not be solved.",
+    )
+    assert "None of 1 starts converged" in start_sentences(starts[4:5], ())[0]
+
+
+def test_noise_is_what_was_stated_or_what_is_seen():
+    # half the 95 % quantile of chi-square with two degrees of freedom is ln 20
+    assert noise_level(50.0, 100, 2) == pytest.approx(np.log(20.0))
+    # a misfit of a hundredth of what was stated: the bar is as much lower
+    assert noise_level(0.5e-2, 100, 2) < 1e-3
+    assert noise_level(1e-20, 100, 2) < 1e-14
+    # too few residuals to see any scatter
+    assert noise_level(1e-6, 4, 2) == pytest.approx(np.log(20.0))

@@ -1,0 +1,91 @@
+"""Updates that search on reduced models: the end is the full model's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femtune.fem import FieldRef
+from femtune.model import Assignment, Configuration, ConfiguredModel, EigenSolution, configure, parametric_model
+from femtune.parameters import Parameter, ParameterSet
+from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.updating import Iteration, ReducedUpdate, ReductionRules, SensitivityMethod, update, update_reduced
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.springs import simulated_case
+
+TRUTH = (0.15, -0.12, 0.08)
+ROWS = tuple(range(2, 300, 15))
+
+
+@pytest.fixture(scope="module")
+def plate() -> ConfiguredModel:
+    mesh = shell_mesh(rectangle(1.0, 0.7), 8, 6, distort=0.1)
+    steel = Isotropic(2.1e11, 0.3, 7850.0)
+    parts = [ShellPart(c, Section(steel, 0.01 + 0.002 * i)) for i, c in enumerate(np.array_split(mesh.cells, 3))]
+    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
+    names = ("t1", "t2", "t3")
+    parameters = ParameterSet(tuple(Parameter(n, lower=0.75, upper=1.25) for n in names))
+    assignments = [Assignment(n, FieldRef("PSHELL", i + 1, "T")) for i, n in enumerate(names)]
+    return configure(parametric_model(structure, parameters, assignments), Configuration())
+
+
+def _problem(case: ComparedCase) -> UpdateProblem:
+    return UpdateProblem((case,), case.configured.model.parameters, (FrequencyResidual(0.01), ShapeResidual(0.05)))
+
+
+@pytest.fixture(scope="module")
+def case(plate: ConfiguredModel) -> ComparedCase:
+    exact = simulated_case(plate, TRUTH, ROWS, 14)
+    flexible = slice(6, 14)
+    # a test that the model cannot repeat exactly, so that the end depends on all of it
+    scatter = 1.0 + 0.01 * np.random.default_rng(0).standard_normal(8)
+    test = replace(exact.test, freq_hz=exact.test.freq_hz[flexible] * scatter, shapes=exact.test.shapes[:, flexible],
+                   labels=exact.test.labels[flexible])  # fmt: skip
+    return replace(exact, test=test)
+
+
+@pytest.fixture(scope="module")
+def told() -> list[Iteration]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(case: ComparedCase, told: list[Iteration]) -> ReducedUpdate:
+    return update_reduced(_problem(case), SensitivityMethod(), ReductionRules(1e-5, 20, 200), told.append)
+
+
+def test_the_end_is_that_of_the_full_model(case: ComparedCase, found: ReducedUpdate) -> None:
+    full = update(_problem(case))
+    assert found.certified
+    assert found.result.status is full.status
+    np.testing.assert_allclose(found.result.x, full.x, atol=2e-4)
+    assert found.result.after.objective == pytest.approx(full.after.objective, rel=1e-3)
+    np.testing.assert_allclose(found.result.covariance.matrix, full.covariance.matrix, rtol=0.02, atol=1e-8)
+    assert isinstance(found.result.after.states[0].solution, EigenSolution)
+
+
+def test_what_it_cost_and_how_right_it_is_is_said(case: ComparedCase, found: ReducedUpdate) -> None:
+    (facts,) = found.cases
+    assert facts.configuration == case.name
+    assert facts.certified_error <= 1e-5
+    assert facts.order < 200
+    assert 2 <= facts.full_solutions <= 20
+    assert f"order {facts.order}" in found.rounds[-1]
+    assert "within the tolerance" in found.rounds[-1]
+
+
+def test_iterations_are_numbered_on_over_all_searches(found: ReducedUpdate, told: list[Iteration]) -> None:
+    assert [i.number for i in found.result.history] == list(range(len(found.result.history)))
+    assert told == list(found.result.history)
+    np.testing.assert_array_equal(found.result.history[-1].x, found.result.x)
+
+
+@pytest.mark.slow
+def test_a_budget_that_does_not_suffice_is_said(case: ComparedCase) -> None:
+    short = update_reduced(_problem(case), SensitivityMethod(), ReductionRules(1e-15, 4, 200))
+    assert not short.certified
+    assert short.cases[0].full_solutions == 4
+    assert "more than the tolerance" in short.rounds[-1]
+    assert short.cases[0].certified_error > 1e-15

@@ -1,0 +1,163 @@
+"""The bounded step, the side constraints and the covariance, each against something else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from femtune.updating import parameter_covariance
+from femtune.updating.search import bounded_step
+
+WIDE = (np.full(3, -1e9), np.full(3, 1e9))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Of each test anew: what a test draws must not depend on which tests ran before."""
+    return np.random.default_rng(2)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.floats(-8, 1))
+def test_the_step_is_the_constrained_optimum(seed: int, exponent: float):
+    rng = np.random.default_rng(seed)
+    J, r, spread = rng.standard_normal((6, 3)), 3 * rng.standard_normal(6), rng.uniform(0.3, 2.0, 3)
+    lower, upper = -rng.uniform(0.0, 1.0, 3), rng.uniform(0.0, 1.0, 3)
+    damping = 10.0**exponent
+    d = bounded_step(r, J, damping, lower, upper, spread)
+    size = np.linalg.norm(J * spread, 2)
+    rows = np.vstack([J, np.sqrt(damping) * size * np.diag(1 / spread)])
+    best = lsq_linear(rows, np.concatenate([-r, np.zeros(3)]), (lower, upper), tol=1e-13).x
+    assert ((lower <= d) & (d <= upper)).all()
+    np.testing.assert_allclose(d, best, atol=1e-6)
+
+
+def test_the_step_without_bounds_or_damping_is_that_of_gauss_newton(rng: np.random.Generator):
+    J, r = rng.standard_normal((6, 3)), rng.standard_normal(6)
+    np.testing.assert_allclose(bounded_step(r, J, 0.0, *WIDE, np.ones(3)), -np.linalg.pinv(J) @ r, atol=1e-12)
+
+
+def test_undetermined_combinations_stay(rng: np.random.Generator):
+    """Two columns that act alike move together; an effect of a thousandth of a standard deviation moves nothing."""
+    base = rng.standard_normal(6)
+    J = np.column_stack([base, base, 1e-3 * rng.standard_normal(6)]) * [50.0, 50.0, 0.1]
+    d = bounded_step(rng.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))
+    assert d[0] == pytest.approx(d[1], abs=1e-12)
+    assert abs(d[2]) < 1e-8
+    # the same with weights that say nothing: the small effect is followed
+    assert abs(bounded_step(1e-3 * rng.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))[2]) > 1e-3
+
+
+def test_no_room_no_step():
+    assert bounded_step(np.ones(2), np.eye(2), 0.1, np.zeros(2), np.zeros(2), np.ones(2)).tolist() == [0.0, 0.0]
+
+
+NONE = np.zeros((0, 3))
+FREE = np.zeros(3, bool)
+
+
+F20 = ["frequency"] * 20
+
+
+def test_covariance_of_linear_regression(rng: np.random.Generator):
+    J, r = rng.standard_normal((20, 3)), 3.0 * rng.standard_normal(20)
+    found = parameter_covariance(r, J, F20, NONE, FREE, np.ones(3))
+    s2 = r @ r / 17
+    np.testing.assert_allclose(found.matrix, s2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.misfit == {"frequency": pytest.approx(np.sqrt(s2))}
+    # the stated scatter is not made smaller by a lucky fit
+    lucky = parameter_covariance(0.01 * r, J, F20, NONE, FREE, np.ones(3))
+    np.testing.assert_allclose(lucky.matrix, np.linalg.inv(J.T @ J), rtol=1e-10)
+
+
+def test_many_loose_shapes_do_not_sharpen_frequencies():
+    """Two kinds: what the frequencies say is as uncertain as they are, however well loose shapes fit."""
+    J = np.vstack([np.eye(3), np.eye(3), np.zeros((300, 3))])
+    r = np.concatenate([[1.0, -1.0, 1.0, -1.0, 1.0, -1.0], np.full(300, 0.01)])
+    kinds = ["frequency"] * 6 + ["shape"] * 300
+    found = parameter_covariance(r, J, kinds, NONE, FREE, np.ones(3))
+    np.testing.assert_allclose(found.sd, np.sqrt(0.5), rtol=0.01)
+
+
+def test_covariance_of_kinds_is_that_of_the_estimate_by_simulation(rng: np.random.Generator):
+    J = rng.standard_normal((40, 2))
+    scatter = np.where(np.arange(40) < 20, 3.0, 1.0)
+    estimates = np.array([np.linalg.lstsq(J, scatter * rng.standard_normal(40))[0] for _ in range(4000)])
+    r = scatter * np.sqrt(38.0 / 40.0) * np.resize([1.0, -1.0], 40)
+    found = parameter_covariance(r, J, ["shape"] * 20 + ["frequency"] * 20, np.zeros((0, 2)), FREE[:2], np.ones(2))
+    np.testing.assert_allclose(found.matrix, np.cov(estimates.T), rtol=0.15, atol=0.01)
+
+
+def test_covariance_with_a_prior_is_bayes(rng: np.random.Generator):
+    J, prior = rng.standard_normal((20, 3)), np.diag([1.0, 2.0, 0.5])
+    found = parameter_covariance(np.full(20, 0.9), J, F20, prior, FREE, np.ones(3))
+    np.testing.assert_allclose(found.matrix, np.linalg.inv(J.T @ J + prior.T @ prior), rtol=1e-10)
+
+
+def test_at_bounds_and_undetermined_parameters_have_no_deviation(rng: np.random.Generator):
+    base = rng.standard_normal((20, 4))
+    J = np.column_stack([base[:, 0], base[:, 1], base[:, 1], base[:, 2]]) * 10.0
+    bound = np.array([False, False, False, True])
+    found = parameter_covariance(base[:, 3], J, F20, np.zeros((0, 4)), bound, np.ones(4))
+    assert np.isfinite(found.sd).tolist() == [True, False, False, False]
+    assert found.reasons == {
+        1: "not determined by the data, σ not given",
+        2: "not determined by the data, σ not given",
+        3: "at bound, σ not given",
+    }
+    # two combinations are determined, one parameter is at its bound: 20 − 2 spare residuals
+    assert found.misfit["frequency"] == pytest.approx(np.linalg.norm(base[:, 3]) / np.sqrt(18.0))
+
+
+def test_without_spare_residuals_the_stated_scatter_counts():
+    found = parameter_covariance(np.zeros(3), 10 * np.eye(3), ["frequency"] * 3, NONE, FREE, np.ones(3))
+    np.testing.assert_allclose(found.sd, 0.1)
+
+
+def test_a_tiny_misfit_makes_nothing_determined(rng: np.random.Generator):
+    """Unit weights and residuals of 1e-12: what was undetermined stays so."""
+    base = rng.standard_normal((9, 2))
+    J = np.column_stack([base[:, 0], base[:, 0], base[:, 1]])
+    found = parameter_covariance(1e-12 * base[:, 1], J, ["frequency"] * 9, NONE, FREE, np.ones(3))
+    assert np.isfinite(found.sd).tolist() == [False, False, True]
+
+
+def test_chance_widens_nothing():
+    """Three spare residuals of 1.5 standard deviations happen in one test of ten."""
+    J = np.vstack([np.eye(3), np.eye(3)])
+    r = 1.5 * np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0]) / np.sqrt(2.0)
+    found = parameter_covariance(r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
+    assert found.misfit["frequency"] == pytest.approx(1.5)
+    assert found.freedom == {"frequency": pytest.approx(3.0)}
+    assert found.widened == ()
+    assert found.coverage_factor() == pytest.approx(1.959964)
+    np.testing.assert_allclose(found.sd, np.sqrt(0.5))
+    large = parameter_covariance(2.0 * r, J, ["frequency"] * 6, NONE, FREE, np.ones(3))
+    assert large.widened == ("frequency",)
+    # Student's t with three degrees of freedom
+    assert large.coverage_factor() == pytest.approx(3.182446)
+    np.testing.assert_allclose(large.sd, 3.0 * np.sqrt(0.5))
+
+
+def test_estimated_scatter_is_linear_regression(rng: np.random.Generator):
+    J, r = rng.standard_normal((7, 3)), 0.01 * rng.standard_normal(7)
+    found = parameter_covariance(r, J, F20[:7], NONE, FREE, np.ones(3), scatter="estimated")
+    np.testing.assert_allclose(found.matrix, r @ r / 4 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.coverage_factor() == pytest.approx(2.776445)
+
+
+def test_without_spare_residuals_no_scatter_is_estimated():
+    found = parameter_covariance(np.zeros(3), np.eye(3), F20[:3], NONE, FREE, np.ones(3), scatter="estimated")
+    assert np.isnan(found.sd).all()
+    assert found.reasons[0] == "no residual is left over to estimate the scatter from, σ not given"
+
+
+def test_what_is_lost_by_scaling_is_no_freedom(rng: np.random.Generator):
+    """A shape of unit norm cannot scatter along itself: its sum of squares has one degree less."""
+    J, r = rng.standard_normal((7, 3)), 0.01 * rng.standard_normal(7)
+    found = parameter_covariance(r, J, ["shape"] * 7, NONE, FREE, np.ones(3), scatter="estimated", lost={"shape": 2})
+    np.testing.assert_allclose(found.matrix, r @ r / 2 * np.linalg.inv(J.T @ J), rtol=1e-10)
+    assert found.degrees_of_freedom == pytest.approx(2.0)

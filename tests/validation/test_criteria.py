@@ -1,0 +1,126 @@
+"""Criteria: profiles of standards and own ones, verdicts on a whole correlation or on some of its test modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
+
+from femtune.correlation import ReducedMass, correlate, reduce_mass
+from femtune.dofs import Dof, DofSet
+from femtune.modal import ModeSet
+from femtune.validation import PROFILES, FrequencyMiss, Outcome, assess, profile
+
+
+def _case(noise: float = 0.0) -> tuple[ModeSet, ModeSet, ReducedMass]:
+    """Twelve unit masses on a line of springs; the test is 2 % low."""
+    K = 1e4 * (2.0 * np.eye(12) - np.eye(12, k=1) - np.eye(12, k=-1))
+    values, phi = eigh(K)
+    dofs = DofSet(Dof(i + 1, "X") for i in range(12))
+    model = ModeSet(np.sqrt(values[:5]) / (2 * np.pi), phi[:, :5], dofs, normalisation="mass")
+    shapes = 2.5 * model.shapes[:, :4] + noise * np.random.default_rng(0).normal(size=(12, 4))
+    test = ModeSet(model.freq_hz[:4] / 1.02, shapes, dofs)
+    mass = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(np.eye(12)), np.eye(12), model)
+    assert isinstance(mass, ReducedMass)
+    return test, model, mass
+
+
+def test_verdicts_stand_beside_their_limits() -> None:
+    test, model, mass = _case()
+    verdicts = {(v.criterion.standard, v.criterion.quantity): v for v in assess(correlate(test, model, mass=mass))}
+    assert {v.outcome for v in verdicts.values()} == {Outcome.PASS}
+    nasa = verdicts["NASA-STD-5002", "frequency error"]
+    assert (nasa.criterion.limit, nasa.measured) == (0.05, pytest.approx(0.02))
+
+
+def test_verdicts_of_a_worse_model() -> None:
+    test, model, _ = _case(noise=0.35)
+    slow = ModeSet(test.freq_hz * 0.982, test.shapes, test.dofs)
+    found = correlate(slow, model)
+    verdicts = {(v.criterion.standard, v.criterion.quantity): v for v in assess(found)}
+    outcome = {key: v.outcome.value for key, v in verdicts.items()}
+    # 1.02/0.982 is 3.9 %: between the limits of 3 % and 5 %
+    assert outcome["NASA-STD-5002", "frequency error"] == "pass"
+    assert outcome["MIL-STD-1540C", "frequency error"] == "fail"
+    assert outcome["NASA-STD-5002", "cross-orthogonality, diagonal"] == "not tested"
+    assert found.macs.min() < 0.9
+    assert outcome["ECSS-E-ST-32-11C", "MAC"] == "fail"
+    assert verdicts["ECSS-E-ST-32-11C", "MAC"].measured == pytest.approx(found.macs.min())
+
+
+def test_a_mode_without_partner_fails_and_one_left_out_does_not() -> None:
+    test, model, _ = _case()
+    lonely = ModeSet(np.append(test.freq_hz[:3], 1e4), test.shapes, test.dofs)
+    frequency = assess(correlate(lonely, model))[0]
+    assert frequency.outcome is Outcome.FAIL
+    assert frequency.remark.endswith("test modes without partner: 4")
+    assert assess(correlate(lonely, model, left_out={3: "local"}))[0].outcome is Outcome.PASS
+
+
+def test_without_pairs_nothing_is_tested() -> None:
+    test, model, mass = _case()
+    found = correlate(ModeSet(test.freq_hz * 100, test.shapes, test.dofs), model, mass=mass)
+    assert {v.outcome for v in assess(found)} == {Outcome.NOT_TESTED}
+
+
+def test_a_mode_that_the_sensors_do_not_see_fails() -> None:
+    test, model, _ = _case()
+    shapes = model.shapes.copy()
+    shapes[:, 4] = 1e-15 * shapes[:, 0]
+    found = correlate(test, ModeSet(model.freq_hz, shapes, model.dofs), fixed=((0, 4),))
+    assert next(v for v in assess(found) if v.criterion.quantity == "MAC").outcome is Outcome.FAIL
+
+
+def test_only_the_chosen_test_modes_count() -> None:
+    test, model, mass = _case()
+    off = ModeSet(test.freq_hz * np.array([1.0, 1.0, 1.0, 1.12]), test.shapes, test.dofs)
+    found = correlate(off, model, mass=mass)
+    limits = PROFILES["NASA"].criteria
+    assert assess(found, limits)[0].outcome is Outcome.FAIL
+    assert assess(found, limits, tests=[0, 2])[0].measured == pytest.approx(0.02)
+    only = assess(found, limits, tests=[3])
+    assert only[0].measured == pytest.approx(1.0 - 1.02 / 1.12)
+    # the row of the chosen mode beside the columns of all pairs
+    assert only[2].measured == pytest.approx(0.0, abs=1e-9)
+
+
+def test_numbers_of_the_standards() -> None:
+    """METHODS: NASA 5 %, .9 and .1; MIL 3 % and .95; ECSS 5 % and MAC .9; self-orthogonality .1."""
+    limits = {word: [c.limit for c in PROFILES[word].criteria] for word in ("NASA", "MIL", "ECSS")}
+    assert limits == {"NASA": [0.05, 0.9, 0.1, 0.1], "MIL": [0.03, 0.95, 0.1], "ECSS": [0.05, 0.9, 0.1]}
+
+
+def test_own_limits_take_the_place_of_a_profiles() -> None:
+    tailored = profile("ECSS", {"frequency error": 0.02})
+    assert tailored.name == "ECSS-E-ST-32-11C, tailored"
+    assert {c.quantity: (c.standard, c.limit) for c in tailored.criteria}["frequency error"] == ("own criterion", 0.02)
+    assert len(tailored.criteria) == 3
+    own = profile("own", {"MAC": 0.8})
+    assert [(c.quantity, c.limit, c.at_most) for c in own.criteria] == [("MAC", 0.8, False)]
+
+
+def test_a_miss_is_told_with_what_noise_explains() -> None:
+    test, model, _ = _case()
+    slow = ModeSet(test.freq_hz / 1.04, test.shapes, test.dofs)
+    found = correlate(slow, model)
+    misses = [(i, FrequencyMiss(float(e), 0.02, 0.03)) for i, e in enumerate(found.frequency_errors)]
+    worst = assess(found, PROFILES["NASA"].criteria, misses=misses)[0]
+    assert worst.outcome is Outcome.FAIL
+    assert "could explain the miss of 6.1 % (1.7 σ)" in worst.sentence
+    assert worst.sentence.startswith("fail: frequency error 6.08 %, at most 5 % asked by NASA-STD-5002; test mode")
+    good = assess(found, [replace(c, limit=0.1) for c in PROFILES["NASA"].criteria[:1]], misses=misses)[0]
+    assert (good.outcome, good.noise) == (Outcome.PASS, "")
+
+
+def test_a_verdict_that_was_not_reached_says_why() -> None:
+    test, model, _ = _case()
+    verdict = assess(correlate(test, model), PROFILES["NASA"].criteria)[1]
+    assert verdict.measured is None
+    assert verdict.required == 0.9
+    assert verdict.sentence == (
+        "not tested: cross-orthogonality, diagonal, at least 0.9 asked by NASA-STD-5002: "
+        "no mass matrix reduced to the sensors was given"
+    )

@@ -1,0 +1,129 @@
+"""Goodness of fit: p-values are uniform where the residuals are noise, and small where they are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, kstest
+
+from femtune.residuals import ResidualBlock
+from femtune.validation import Outcome, goodness_of_fit
+from femtune.validation.goodness import fewest_runs
+
+
+def _blocks(r: np.ndarray, J: np.ndarray, kind: str = "frequency") -> list[ResidualBlock]:
+    return [ResidualBlock(kind, "free", str(i + 1), r[[i]], J[[i]], 0.01, of_mode=True) for i in range(len(r))]
+
+
+def _jacobian(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(14, 3)) * np.array([1.0, 100.0, 1e-3])
+
+
+def _fitted(J: np.ndarray, e: np.ndarray, weight: float) -> np.ndarray:
+    """Residuals of a least-squares fit, with a pull of the parameters to zero."""
+    return e - J @ np.linalg.solve(J.T @ J + weight * np.diag(np.diag(J.T @ J)), J.T @ e)
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("weight", [0.0, 0.5], ids=["plain", "regularised"])
+def test_p_values_of_noise_are_uniform(weight: float) -> None:
+    rng, J = np.random.default_rng(1), _jacobian()
+    p = [goodness_of_fit(_blocks(_fitted(J, rng.normal(size=14), weight), J)).p_value for _ in range(1500)]
+    assert kstest(np.array(p, float), "uniform").pvalue > 0.01
+
+
+def test_the_number_is_the_textbooks() -> None:
+    J, e = _jacobian(), np.random.default_rng(2).normal(size=14)
+    r = _fitted(J, e, 0.0)
+    found = goodness_of_fit(_blocks(r, J))
+    assert found.chi_square == pytest.approx(r @ r)
+    assert found.degrees_of_freedom == 11
+    assert found.p_value == pytest.approx(chi2.sf(r @ r, 11))
+    assert found.outcome is Outcome.PASS
+    assert found.sentence.startswith("the residuals may be noise of the stated size: chi-square ")
+
+
+def test_an_unmodelled_part_is_found_and_named() -> None:
+    J, e = _jacobian(), np.random.default_rng(3).normal(size=14)
+    e[6] += 9.0
+    found = goodness_of_fit(_blocks(_fitted(J, e, 0.0), J))
+    assert found.outcome is Outcome.FAIL
+    assert found.p_value is not None
+    assert found.p_value < 1e-4
+    assert found.largest_label == "free mode 7 frequency"
+    assert found.sentence.startswith("the residuals are not noise: chi-square ")
+
+
+def test_signs_that_come_in_runs_are_no_noise() -> None:
+    """Small residuals that drift: their size alone is within the stated scatter."""
+    r = np.concatenate([np.full(10, 0.4), np.full(10, -0.4)])
+    found = goodness_of_fit(_blocks(r, np.zeros((20, 1))))
+    assert found.p_value is not None
+    assert found.p_value > 0.9
+    assert (found.runs, found.outcome) == (2, Outcome.FAIL)
+    assert "their signs come in 2 runs only" in found.sentence
+
+
+def test_scatter_that_is_stated_too_large_is_told() -> None:
+    J, e = _jacobian(), 0.1 * np.random.default_rng(4).normal(size=14)
+    found = goodness_of_fit(_blocks(_fitted(J, e, 0.0), J))
+    assert found.outcome is Outcome.PASS
+    assert "smaller than the stated standard deviations imply" in found.sentence
+
+
+def test_as_many_parameters_as_data_leave_nothing_to_test() -> None:
+    found = goodness_of_fit(_blocks(np.zeros(3), np.eye(3)))
+    assert found.outcome is Outcome.NOT_TESTED
+    assert found.sentence == "not tested: there are as many parameters as data, so that nothing is left over"
+    assert goodness_of_fit([]).outcome is Outcome.NOT_TESTED
+
+
+def test_shapes_of_unit_norm_have_a_degree_less() -> None:
+    """Noise along a shape disappears in its norm: p-values stay uniform only where that is counted."""
+    rng, p = np.random.default_rng(6), []
+    shape = np.array([1.0, 2.0, -1.0, 0.5, 1.5]) / np.linalg.norm([1.0, 2.0, -1.0, 0.5, 1.5])
+    for _ in range(1200):
+        noisy = shape + 0.002 * rng.normal(size=5)
+        r = (shape - noisy / np.linalg.norm(noisy)) / 0.002
+        block = ResidualBlock("shape", "free", "1", r, np.zeros((5, 1)), 0.002, lost=1)
+        p.append(goodness_of_fit([block]).p_value)
+    assert kstest(np.array(p, float), "uniform").pvalue > 0.01
+
+
+def test_kinds_that_are_not_normal_are_left_out_with_their_reason() -> None:
+    J, e = _jacobian(), np.random.default_rng(7).normal(size=14)
+    macs = [replace(b, not_normal="a MAC is not normal") for b in _blocks(np.full(14, 50.0), J, "MAC")]
+    found = goodness_of_fit([*_blocks(e, J), *macs])
+    assert found.degrees_of_freedom == 11
+    assert found.untested == (("MAC", "a MAC is not normal"),)
+    assert [kind for kind, *_ in found.by_kind] == ["frequency"]
+    assert goodness_of_fit(macs).sentence == "not tested: MAC residuals: a MAC is not normal"
+    none = goodness_of_fit(_blocks(e, J), untested="they are estimated")
+    assert none.sentence == "not tested: frequency residuals: they are estimated"
+
+
+def test_values_that_are_correlated_are_whitened() -> None:
+    """Values that share an error: their sum of squares alone is too large too often."""
+    rng, covariance = np.random.default_rng(8), np.eye(5) + 4.0
+    r = np.linalg.cholesky(covariance) @ rng.normal(size=(5, 1500))
+    blocks = [ResidualBlock("shape", "free", "1", x, np.zeros((5, 0)), 0.01, covariance=covariance) for x in r.T]
+    p = [goodness_of_fit([block]).p_value for block in blocks]
+    assert kstest(np.array(p, float), "uniform").pvalue > 0.01
+    found = goodness_of_fit(blocks[:1])
+    assert found.degrees_of_freedom == 5
+    assert found.chi_square == pytest.approx(r[:, 0] @ np.linalg.solve(covariance, r[:, 0]))
+
+
+@pytest.mark.parametrize(("first", "second"), [(3, 3), (2, 5), (4, 2)])
+def test_chance_of_few_runs_by_counting_all_orders(first: int, second: int) -> None:
+    orders = set(permutations([1] * first + [0] * second))
+    runs = np.array([1 + np.count_nonzero(np.diff(o)) for o in orders])
+    for r in range(1, first + second + 1):
+        assert fewest_runs(r, first, second) == pytest.approx(np.mean(runs <= r))
+
+
+def test_one_sign_only_says_nothing() -> None:
+    assert fewest_runs(1, 5, 0) == 1.0
