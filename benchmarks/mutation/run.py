@@ -32,7 +32,7 @@ FOLDERS = (
 )  # fmt: skip
 OTHER_PROGRAMS = ("model/distributed", "model/eigen/slepc.py", "model/solvers/mumps.py", "model/solvers/cholmod.py")
 """Reach programs and libraries that are not among the requirements."""
-NO_NUMBERS = ("tests/study", "tests/report", "tests/cli", "tests/benchmarks")
+NO_NUMBERS = ("tests/study", "tests/reporting", "tests/results", "tests/cli", "tests/front", "tests/messages", "tests/benchmarks")
 """Folders of tests that run whole studies, for seconds each, or no numerical code."""
 FIRST = 25
 """Tests that a mutant is tried against at first."""
@@ -193,6 +193,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
     parser.add_argument("--folders", nargs="+", default=list(FOLDERS))
     parser.add_argument("--tests", nargs="+", default=tests_of_numbers(), help="files or folders of tests")
+    parser.add_argument("--marked", default="", help="of these tests those with such marks: 'not slow'")
+    parser.add_argument("--part", default="1/1", help="2/3 tries the second of every three, beside other processes")
     parser.add_argument("--record", action="store_true", help="record anew which tests run which line")
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "mutation", help="folder of record and journal")
     parser.add_argument("--evidence", type=Path, help="folder for the page")
@@ -206,17 +208,19 @@ def main() -> int:
     chosen.work.mkdir(parents=True, exist_ok=True)
     if chosen.record or not kept.exists():
         # in a process of its own: what is imported there must not be here
-        code = [sys.executable, __file__, "--only-record", str(kept), *chosen.tests]
+        code = [sys.executable, __file__, "--only-record", str(kept), *chosen.tests, "-m", chosen.marked]
         subprocess.run(code, cwd=ROOT, check=False, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
     known = recorded(kept)
     warm()
     os.chdir(ROOT)
     some, of = sampled(chosen.folders, chosen.count, chosen.seed)
     choice, journal = Choice(known), Journal(chosen.work / f"seed{chosen.seed}.jsonl")
-    collected(some, choice, journal, chosen.tests)
-    anew(some, choice, journal)
+    part, parts = (int(number) for number in chosen.part.split("/"))
+    mine = some[part - 1 :: parts]
+    collected(mine, choice, journal, [*chosen.tests, "-m", chosen.marked])
+    anew(mine, choice, journal)
     outcomes = {**journal.outcomes("exchanged"), **journal.outcomes("imported")}
-    found = [(mutant, outcomes[mutant.key]) for mutant in some]
+    found = [(mutant, outcomes[mutant.key]) for mutant in some if mutant.key in outcomes]
     judged = judgements(Path(__file__).with_name("survivors.toml"))
     text = page(found, of, chosen.seed, judged)
     print(text)
