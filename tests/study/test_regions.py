@@ -131,5 +131,5 @@ def test_field_that_no_card_of_the_region_has(tmp_path: Path) -> None:
 
 
 def test_card_that_cannot_be_updated(tmp_path: Path) -> None:
-    with pytest.raises(FemtuneError, match=r"GRID.* has no field that can be updated"):
+    with pytest.raises(FemtuneError, match=r"GRID.* is not a card with fields that can be updated"):
         study(tmp_path, "elements = [1]", '["GRID X1"]')

@@ -185,7 +185,7 @@ BAD = {
     "modes without a test": ('kind = "shape"\nsd = 0.1', None, "study.no-test", "has no test with modes"),
     "shapes of unknown scale": (
         'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "not mass-normalised"),
-    "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "called '9'"),
+    "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "has no mode '9'"),
     "an unknown sensor": (
         'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no 77Z+"),
     "a covariance of another size": (

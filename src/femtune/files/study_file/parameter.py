@@ -142,7 +142,7 @@ def _catalogue(place: Place, entry: Data, source: StudyLines) -> Problems:
 def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     for key in ("lower", "upper"):
         if key not in entry:
-            yield source.error((*place, key), "study.missing-key/bounds", {}, get=entry.get("name", ""), key=key)
+            yield source.error((*place, key), "study.missing-key/bounds", {}, parameter=entry.get("name", ""), key=key)
     lower, upper = number(entry, "lower"), number(entry, "upper")
     if lower is None or upper is None:
         return
@@ -161,7 +161,7 @@ def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
         return
     if not _LEAST_PRIOR <= sd / (upper - lower) <= 1.0 / _LEAST_PRIOR:
         shown = {"sd": sd, "lower": lower, "upper": upper}
-        yield source.error((*place, "sd"), "study.value/prior-sd", shown, get=entry.get("name", ""))
+        yield source.error((*place, "sd"), "study.value/prior-sd", shown, parameter=entry.get("name", ""))
 
 
 def _start(entry: Data) -> float | None:

@@ -49,14 +49,14 @@ def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
     """Keys that only one kind of regularisation reads."""
     kind = update.get("regularisation", "none")
     if update.get("adapt") and update.get("weight") not in _FOUND:
-        yield source.error(("update", "adapt"), "study.regularisation/of-other-kinds", {"weight": update.get("weight")})
+        yield source.error(("update", "adapt"), "study.regularisation/adapt", {"weight": update.get("weight")})
     for key, owner in (("identical", "identical"), ("correlations", "prior")):
         if update.get(key) and kind != owner:
             yield source.error(
-                ("update", key), "study.regularisation/of-other-kinds-3", {"regularisation": kind}, key=key, owner=owner
+                ("update", key), "study.regularisation/other-kind", {"regularisation": kind}, key=key, owner=owner
             )
     if kind == "identical" and not update.get("identical"):
-        yield source.error(("update", "regularisation"), "study.regularisation/of-other-kinds-2", {})
+        yield source.error(("update", "regularisation"), "study.regularisation/no-groups", {})
 
 
 def _names(data: Data, update: Data, source: StudyLines) -> Problems:
@@ -107,6 +107,6 @@ def _starts(data: Data, update: Data, source: StudyLines) -> Problems:
     several = (number(update, "starts") or 1) > 1
     for key in ("hops", "first"):
         if update.get(key) not in (None, 0, "none") and not several:
-            yield source.error(("update", key), "study.starts/starts-2", {}, key=key)
+            yield source.error(("update", key), "study.starts/one-start", {}, key=key)
     if update.get("first") == "equation-error" and "reduction" not in data:
-        yield source.error(("update", "first"), "study.starts/starts", {})
+        yield source.error(("update", "first"), "study.starts/needs-reduction", {})

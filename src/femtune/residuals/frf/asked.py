@@ -111,12 +111,12 @@ def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:
 def _check_labels(asked: Asked) -> None:
     entry, modes = asked.entry, asked.tested
     if entry.around == "resonances" and modes is None:
-        raise FemtuneError("study.no-test/check-labels", where=asked.where("around"))
+        raise FemtuneError("study.no-test/around-resonances", where=asked.where("around"))
     for i, label in enumerate(entry.modes or ()):
         assert modes is not None
         if label not in modes.labels:
             raise FemtuneError(
-                "study.unknown-mode/check-labels",
+                "study.unknown-mode/frf-residual",
                 where=asked.where("modes", i),
                 hint=did_you_mean(label, modes.labels),
                 label=label,
