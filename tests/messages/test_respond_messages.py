@@ -50,7 +50,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         (f'[response]\ninputs = ["1RX+"]\n{_LINES}', "response.held-port", 9, "1RX+ is constrained"),
         (f'[response]\ninputs = ["2Z+", "2Z-"]\n{_LINES}', "dof.duplicate", 9, "is given twice"),
         (f'[response]\ninputs = ["2Z"]\n{_LINES}', "dof.syntax", 9, "not a degree of freedom"),
-        ('[response]\nfrom_hz = 9.0\nto_hz = 1.0\nlines = 3\n', "study.response-lines", 10, "from_hz must be below to_hz"),
+        ('[response]\nfrom_hz = 9.0\nto_hz = 1.0\nlines = 3\n', "study.response-lines", 10, "must be below to_hz"),
         ('[response]\nstep_hz = 1.0\n', "study.response-lines", 9, "'step_hz' requires from_hz and to_hz"),
         (f'[response]\n{_LINES}lines = 9\n', "study.response-lines", 12, "both a frequency step"),
         ('[response]\nfrom_hz = 0.0\nto_hz = 9.0\nstep_hz = 1e-9\n', "study.response-lines", 11, "more than 1000000"),

@@ -36,7 +36,7 @@ def check_positive(covariance: Reals, what: str, pairwise: bool = False) -> None
         lowest = least_eigenvalue(covariance)
         if lowest >= _NEGATIVE:
             return
-        values = {"least eigenvalue of its correlations": f"{lowest:.3g}"}
+        values = {"smallest eigenvalue of the correlation matrix": f"{lowest:.3g}"}
         code = "quantify.not-positive/pairwise" if pairwise else "quantify.not-positive"
         raise FemtuneError(code, values=values, covariance=what)
     raise FemtuneError("quantify.not-positive/not-symmetric", covariance=what)

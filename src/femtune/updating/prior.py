@@ -122,7 +122,7 @@ def _not_positive(names: Sequence[str], correlation: Reals, least: float) -> Fem
         "prior.not-positive-definite",
         values={
             "parameters": ", ".join(names),
-            "least eigenvalue of its correlation matrix": f"{least:.3g}",
+            "smallest eigenvalue of its correlation matrix": f"{least:.3g}",
             "largest correlation": f"{correlation[i, j]:.4g} between {names[i]} and {names[j]}",
         },
     )

@@ -62,7 +62,7 @@ class ResidualTable(TomlTable):
         if given.get("covariance") == "test" and not cls.covariance_of_test:
             yield Breach("covariance", "residual.weights/not-of-test")
         if number(given, "sd") == 0:
-            yield Breach("sd", "residual.zero-variance/table", {"sd": given["sd"]})
+            yield Breach("sd", "residual.zero-variance/standard-deviation", {"sd": given["sd"]})
 
 
 # ----------------------------------------------------------------------------------------------------
