@@ -78,7 +78,7 @@ _ON_PAGES = (
     _Case("study.no-criteria", "[[parameter]]", '[validate]\nprofile = "own"\n\n[[parameter]]', 15, "frequency_error"),
     _Case("study.weight", "[[parameter]]", "[update]\nweight = 0.1\n\n[[parameter]]", 15, "minimum-change"),
     _Case("parameter.tied", "upper = 2.0", 'upper = 2.0\n\n[[parameter]]\nname = "GJ"\ntie = "EI"\nlower = 0.1', 23,
-          "it follows the others"),
+          "follows from other parameters"),
 )  # fmt: skip
 
 _OTHERS = (
@@ -104,8 +104,8 @@ _OTHERS = (
     _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "1 THRU 999999999"', 12, "more than a million"),
     _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_removed = ["12:11"]', 12, "each once"),
     _Case("units.unknown", '"m-kg-s"', '"m-kgs-s"', 4, "did you mean 'm-kg-s'?"),
-    _Case("parameter.bounds", "lower = 0.5", "lower = 3.0", 17, "lower bound lies above the upper one"),
-    _Case("parameter.bounds", "lower = 0.5", "lower = 2.0", 17, "leave no room"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 3.0", 17, "lower bound is above the upper bound"),
+    _Case("parameter.bounds", "lower = 0.5", "lower = 2.0", 17, "equals the upper bound"),
     _Case("parameter.bounds", "lower = 0.5", "lower = 1.5", 17, "nominal value lies outside"),
     _Case("parameter.bounds", "lower = 0.5", "nominal = 3.0\nlower = 0.5", 17, "nominal value lies outside"),
     _Case("parameter.name", '"EI"', '"E I"', 15, "letters, digits and _"),

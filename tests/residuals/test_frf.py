@@ -212,7 +212,7 @@ def test_antiresonances_below_the_noise_are_left_out_of_logarithms_only():
     residual, (notice,) = frf_residual(start, test, scatter=scatter)
     assert notice.code == "residual.frf-below-noise"
     count = sum(len(b.values) for b in residual.compare(start)) // 2
-    assert f"{test.values.size - count} of {test.values.size} values" in notice.what
+    assert f"{test.values.size - count} of {test.values.size} FRF values" in notice.what
     assert 0.3 * test.values.size < count < test.values.size
     _, notices = frf_residual(start, test, form="linear", scatter=scatter)
     assert not notices

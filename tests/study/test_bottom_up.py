@@ -272,7 +272,11 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
         ("[sensors]", "[reduction]\n\n[sensors]", "reduced models cannot be used"),
         ('residuals = ["mass"]', "residuals = []", "'residuals' is empty"),
         ('name = "eta"\n', 'name = "eta"\nprior = "none.toml"\n', "the catalogue of damping does not exist"),
-        ('name = "eta"\n', 'name = "eta"\nprior = "study.toml"\nsd = 0.1\n', "the catalogue gives the prior, and 'sd'"),
+        (
+            'name = "eta"\n',
+            'name = "eta"\nprior = "study.toml"\nsd = 0.1\n',
+            "the prior is given both by the catalogue and by 'sd'",
+        ),
         ('name = "eta"\n', 'name = "eta"\nprior_name = "clamp"\n', "no catalogue is given"),
     ],
 )

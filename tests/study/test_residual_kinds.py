@@ -184,7 +184,7 @@ FREQUENCIES_BY_RULE = "[residuals]\nfrequency_sd = 0.01\n"
 BAD = {
     "modes without a test": ('kind = "shape"\nsd = 0.1', None, "study.no-test", "has no test with modes"),
     "shapes of unknown scale": (
-        'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "requires mass-normalised shapes"),
+        'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "requires mass-normalised"),
     "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "has no mode '9'"),
     "an unknown sensor": (
         'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no 77Z+"),
@@ -197,9 +197,9 @@ BAD = {
         'kind = "shape"\nsensors = ["2Y+", "3Y+"]\ncovariance = [[1.0, 0.0], [0.0, 0.0]]',
         "beam.uff", "residual.zero-variance", "variance of value 2"),
     "no scatter in the test": (
-        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "does not give standard deviations"),
+        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
     "no covariance in the test": (
-        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "does not give standard deviations"),
+        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
     "a load on a support": (
         "kind = 'static-force'\nname = 'p'\nforces = { '1Y+' = 1.0 }\ndisplacements = { '5Y+' = 1.0 }\nsd = 1.0",
         None, "response.held-port", "is constrained"),

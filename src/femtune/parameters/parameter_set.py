@@ -58,17 +58,17 @@ class Parameter:
         if not np.isfinite([self.nominal, self.lower, self.upper]).all():
             raise self._error("parameter.bounds")
         if self.lower > self.upper:
-            raise self._error("parameter.bounds/check-bounds")
+            raise self._error("parameter.bounds/crossed")
         if self.lower == self.upper:
-            raise self._error("parameter.bounds/check-bounds-2")
+            raise self._error("parameter.bounds/equal")
         if not self.lower <= self.nominal <= self.upper:
-            raise self._error("parameter.bounds/check-bounds-3")
+            raise self._error("parameter.bounds/nominal-outside")
 
     def _check_prior(self) -> None:
         if self.prior_mean is not None and not np.isfinite(self.prior_mean):
             raise self._error("parameter.prior")
         if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
-            raise self._error("parameter.prior/check-prior")
+            raise self._error("parameter.prior/standard-deviation")
 
     def _error(self, code: str) -> FemtuneError:
         values: dict[str, object] = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
@@ -124,7 +124,7 @@ class ParameterSet:
     def _check_names(self) -> None:
         for i, p in enumerate(self.parameters):
             if p.name in self.names[:i]:
-                raise FemtuneError("parameter.duplicate", where=p.where, p_name=p.name)
+                raise FemtuneError("parameter.duplicate", where=p.where, name=p.name)
 
     def _check_ties(self) -> None:
         for p in self.parameters:

@@ -137,8 +137,8 @@ def _no_ply(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneErr
 def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
     """Fields of shells and offsets of bars are values where they are filled; blank ones have none of their own."""
     start = "0." if ref.name == "ZOFFS" or ref.card in BARS else "the thickness of the PSHELL"
-    return FemtuneError("parameter.touches-nothing/blank", where=where, ref=ref, start=start)
+    return FemtuneError("parameter.touches-nothing/blank", where=where, field=ref, value=start)
 
 
 def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:
-    return FemtuneError("parameter.touches-nothing/untouched", where=where, ref=ref)
+    return FemtuneError("parameter.touches-nothing/untouched", where=where, field=ref)

@@ -105,7 +105,7 @@ def parameter_rules(data: Data, source: StudyLines) -> Problems:
 def _name(place: Place, entry: Data, source: StudyLines) -> Problems:
     name = entry.get("name")
     if isinstance(name, str) and name and (not name.isidentifier() or keyword.iskeyword(name)):
-        yield source.error((*place, "name"), "parameter.name/name", {}, name=name)
+        yield source.error((*place, "name"), "parameter.name/in-study", {}, name=name)
 
 
 def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Problems:
@@ -129,14 +129,14 @@ def _names_in(tie: object) -> tuple[str, ...]:
 def _catalogue(place: Place, entry: Data, source: StudyLines) -> Problems:
     """A prior from a catalogue stands alone, and is of the field itself."""
     if "prior_name" in entry and "prior" not in entry:
-        yield source.error((*place, "prior_name"), "parameter.prior/catalogue", {})
+        yield source.error((*place, "prior_name"), "parameter.prior/no-catalogue", {})
     if "prior" not in entry:
         return
     for key in ("mean", "sd"):
         if key in entry:
-            yield source.error((*place, key), "parameter.prior/catalogue-3", {key: entry[key]}, key=key)
+            yield source.error((*place, key), "parameter.prior/given-twice", {key: entry[key]}, key=key)
     if entry.get("absolute") is not True:
-        yield source.error((*place, "prior"), "parameter.prior/catalogue-2", {})
+        yield source.error((*place, "prior"), "parameter.prior/catalogue-of-factor", {})
 
 
 def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
@@ -151,7 +151,9 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     elif (start := _start(entry)) is not None and not lower <= start <= upper:
         shown = {"nominal": start, "lower": lower, "upper": upper}
         key = "nominal" if "nominal" in entry else "lower"
-        yield source.error((*place, key), "parameter.bounds/bounds", shown, get=entry.get("name", ""))
+        yield source.error(
+            (*place, key), "parameter.bounds/nominal-outside-in-study", shown, parameter=entry.get("name", "")
+        )
 
 
 def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:

@@ -66,7 +66,9 @@ def _names(data: Data, update: Data, source: StudyLines) -> Problems:
             for name in group if isinstance(group, tuple) else ():
                 if isinstance(name, str) and name not in free:
                     hint = did_you_mean(name, free)
-                    yield source.error(("update", key), "update.unknown-parameter/names", {}, hint=hint, name=name)
+                    yield source.error(
+                        ("update", key), "update.unknown-parameter/in-study", {}, hint=hint, parameter=name
+                    )
 
 
 def _pairs(update: Data) -> tuple[tuple[object, object], ...]:
