@@ -121,7 +121,7 @@ _PARAMETERS = "".join(
         ('regularisation = "identical"\nweight = 1.0', "study.regularisation", "needs groups"),
         ('identical = [["a", "b"]]', "study.regularisation", "is used by regularisation"),
         ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
-        ('regularisation = "prior"', "prior.outside-bounds", "contradict each other"),
+        ('regularisation = "prior"', "prior.outside-bounds", "lies outside its bounds"),
         ("adapt = true", "study.regularisation", "determined by a rule"),
         ("hops = 2", "study.starts", "applies to an update with several starts"),
         ('starts = 4\nfirst = "equation-error"', "study.starts", "requires reduced models"),

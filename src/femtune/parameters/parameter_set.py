@@ -134,7 +134,7 @@ class ParameterSet:
                         "tie.unknown",
                         where=p.where,
                         hint=did_you_mean(name, (other for other in self.names if other != p.name)),
-                        p_name=p.name,
+                        parameter=p.name,
                         name=name,
                     )
         _ = self._order
@@ -158,7 +158,7 @@ class ParameterSet:
             ready = [p for p in waiting if p.tie and set(p.tie.names) <= done]
             if not ready:
                 names = ", ".join(p.name for p in waiting)
-                raise FemtuneError("tie.circle", where=waiting[0].where, names=names)
+                raise FemtuneError("tie.circle", where=waiting[0].where, parameters=names)
             ordered += ready
             done |= {p.name for p in ready}
             waiting = [p for p in waiting if p.name not in done]

@@ -38,10 +38,10 @@ def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
                 hint = did_you_mean(used, parameters)
                 yield source.error(
                     (*place, "expression"),
-                    "tie.unknown/derived-rules",
+                    "tie.unknown/derived",
                     {"expression": entry["expression"]},
                     hint=hint,
-                    used=used,
+                    name=used,
                 )
 
 

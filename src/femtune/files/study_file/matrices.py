@@ -135,7 +135,7 @@ def generic_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
             used.add(words[1])
             if words[1] not in groups:
                 hint = did_you_mean(words[1], groups) or f'add [[generic]] name = "{words[1]}" with its elements'
-                yield source.error((*place, "fields"), "generic.unknown", {}, hint=hint, words=words[1])
+                yield source.error((*place, "fields"), "generic.unknown", {}, hint=hint, name=words[1])
     for place, entry in entries:
         name = entry.get("name")
         if isinstance(name, str) and name not in used:

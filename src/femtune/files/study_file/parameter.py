@@ -115,7 +115,7 @@ def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Pr
     for name in _names_in(entry["tie"]):
         if name not in names:
             hint = did_you_mean(name, (n for n in names if n != entry.get("name")))
-            yield source.error((*place, "tie"), "tie.unknown/tied", {"tie": entry["tie"]}, hint=hint, name=name)
+            yield source.error((*place, "tie"), "tie.unknown/in-study", {"tie": entry["tie"]}, hint=hint, name=name)
 
 
 def _names_in(tie: object) -> tuple[str, ...]:

@@ -102,7 +102,7 @@ def _means(data: Data, source: StudyLines) -> Problems:
         if mean is not None and lower is not None and upper is not None and not lower <= mean <= upper:
             name = entry.get("name", "")
             shown = {"mean": mean, "lower": lower, "upper": upper}
-            yield source.error((*place, "mean"), "prior.outside-bounds/means", shown, name=name)
+            yield source.error((*place, "mean"), "prior.outside-bounds/in-study", shown, parameter=name)
 
 
 def _starts(data: Data, update: Data, source: StudyLines) -> Problems:
