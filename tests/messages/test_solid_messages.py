@@ -47,7 +47,7 @@ def test_the_page_shows_the_message():
 def test_two_grid_points_in_one_place(kind: str):
     n = len(_SOUND[kind])
     text = str(refusal(kind, moved(_SOUND[kind], 1, _SOUND[kind][0])))
-    assert f"grid points {n + 1} and {n + 2} (places 1 and 2 of the solid) are at the same place" in text
+    assert f"grid points {n + 1} and {n + 2} (positions 1 and 2 on the card) are at the same place" in text
     assert "CHEXA 12" in text or kind != "hexa8"
 
 
@@ -62,7 +62,7 @@ _MIRRORED = {
 @pytest.mark.parametrize("kind", _MIRRORED)
 def test_corners_listed_the_other_way_around(kind: str):
     text = str(refusal(kind, _SOUND[kind][_MIRRORED[kind]]))
-    assert "the corners of the solid are listed the other way around" in text
+    assert "the corners of the solid are listed in the opposite order" in text
     assert "hint: list" in text
 
 
@@ -87,7 +87,7 @@ def test_faces_listed_crosswise(kind: str, order: list[int]):
     text = str(refusal(kind, _SOUND[kind][order]))
     assert "the solid is" in text
     assert "at its corner" in text
-    assert "if they are, move the grid point" in text
+    assert "if the order is right, move the grid point" in text
 
 
 def test_a_collapsed_hexahedron_is_sent_to_the_card_it_has_become():

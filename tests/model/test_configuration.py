@@ -60,7 +60,7 @@ def test_as_the_deck_says():
         (Configuration(elements_off=frozenset({9})),
          deck([line for line in PLAIN if not line.startswith("CBAR*   9")], "SPC = 1")),
     ],
-    ids=["support set", "equations 7", "equations 8", "supports added", "supports removed", "element off"],
+    ids=["SPC set", "equations 7", "equations 8", "supports added", "supports removed", "element off"],
 )  # fmt: skip
 def test_overlays(overlay: Configuration, written: str):
     assert_same(at(NOTHING, overlay), at(structure_of(written)))
@@ -120,6 +120,6 @@ def test_refused(code: str):
 
 
 def test_an_unknown_set_of_equations_is_refused():
-    with pytest.raises(FemtuneError, match="multipoint constraint set") as caught:
+    with pytest.raises(FemtuneError, match="MPC set") as caught:
         at(NOTHING, Configuration("BC", multipoint_set=3))
     assert caught.value.values == {"known": "7, 8"}

@@ -215,7 +215,7 @@ def scaled_chain(n: int, k: float, m: float) -> ModelPoint:
 @pytest.mark.parametrize(("k", "m"), [(1.0, 1e200), (1e200, 1.0), (1e-60, 1e60)])
 @pytest.mark.parametrize("n", [4, 450])
 def test_sizes_whose_products_overflow_are_refused(n: int, k: float, m: float):
-    with pytest.raises(FemtuneError, match="have no place in a number") as caught:
+    with pytest.raises(FemtuneError, match="overflow") as caught:
         solve_modes(scaled_chain(n, k, m), 2)
     assert caught.value.code == "eigen.inaccurate"
     assert caught.value.values["largest mass"] == f"{m:g}"

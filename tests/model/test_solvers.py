@@ -154,7 +154,7 @@ def test_too_little_memory_is_said_before_the_work(solver: str, monkeypatch: pyt
         analysis.factorise(net(40))
     assert caught.value.code == "model.memory"
     assert caught.value.values == {"needed_bytes": analysis.factor_bytes, "free_bytes": 1000}
-    assert "--eigensolver slepc" in caught.value.hint
+    assert "FEMTUNE_EIGENSOLVER=slepc" in caught.value.hint
 
 
 @with_pardiso

@@ -106,7 +106,7 @@ def rigid_plate_rows(
     where = Where(record=f"{card} {owner}")
     again = [n for i, n in enumerate(points) if n in points[:i]]
     if again:
-        raise FemtuneError("constraint.own-node/rigid-plate-rows", where=where, again=again[0])
+        raise FemtuneError("constraint.own-node/two-ends", where=where, grid=again[0])
     if not any(len(components) for _, components in dependent):
         free = {(n, c) for n, components in independent for c in components}
         dependent = [(n, [c for c in ALL_COMPONENTS if (n, c) not in free]) for n in points]
@@ -152,7 +152,7 @@ def _size(nodes: NodeTable, free: NDArray[np.int64], slaves: NDArray[np.int64], 
 def _check_twice(nodes: NodeTable, free: NDArray[np.int64], slaves: NDArray[np.int64], where: Where) -> None:
     both = np.intersect1d(free, slaves)
     if len(both):
-        raise twice_in_element(nodes, int(both[0]), "independent and dependent", where)
+        raise twice_in_element(nodes, int(both[0]), "as independent and as dependent", where)
     for dofs, kind in ((free, "independent"), (slaves, "dependent")):
         check_once(nodes, dofs, kind, where)
 
@@ -161,13 +161,13 @@ def check_once(nodes: NodeTable, dofs: NDArray[np.int64], kind: str, where: Wher
     """Error ``constraint.twice-in-element`` for a DOF that stands twice in a list."""
     numbers, counts = np.unique(dofs, return_counts=True)
     if (counts > 1).any():
-        raise twice_in_element(nodes, int(numbers[counts > 1][0]), f"{kind} twice", where)
+        raise twice_in_element(nodes, int(numbers[counts > 1][0]), f"twice as {kind}", where)
 
 
 def twice_in_element(nodes: NodeTable, dof: int, what: str, where: Where) -> FemtuneError:
     """A DOF stands in two lists of an element, or twice in one."""
     name = f"component {dof % 6 + 1} of grid point {nodes.ids[dof // 6]}"
-    return FemtuneError("constraint.twice-in-element", where=where, name=name, subject=what)
+    return FemtuneError("constraint.twice-in-element", where=where, dof=name, roles=what)
 
 
 def _invert(motion: Reals, length: float, where: Where) -> Reals:
@@ -176,7 +176,7 @@ def _invert(motion: Reals, length: float, where: Where) -> Reals:
     Lengths are scaled so that the judgement does not depend on the unit.
     """
     if len(motion) != 6:
-        raise FemtuneError("constraint.rigid-independent/count", where=where, count=len(motion))
+        raise FemtuneError("constraint.rigid-independent/number", where=where, count=len(motion))
     scale = np.array([1.0] * 3 + [1.0 / (length or 1.0)] * 3)
     scaled = motion * scale
     scaled /= np.linalg.norm(scaled, axis=1, keepdims=True)
@@ -200,7 +200,7 @@ def rigid_rod_rows(nodes: NodeTable, ends: tuple[int, int], dependent: tuple[int
     dofs = (6 * rows[:, None] + np.arange(3)).ravel()
     chosen = 3 * dependent[0] + dependent[1] - 1
     if abs(along[chosen]) < ALONG:
-        raise FemtuneError("constraint.rod-component", where=where, dependent=dependent[1], ends=ends[dependent[0]])
+        raise FemtuneError("constraint.rod-component", where=where, component=dependent[1], grid=ends[dependent[0]])
     others = np.delete(np.arange(6), chosen)
     follow = -along[others] / along[chosen]
     return follow_rows(dofs[[chosen]], dofs[others][None], follow[None], owner)
@@ -315,7 +315,7 @@ def _check_determined(open_motions: Reals, own: Integers, where: Where) -> None:
     part = np.linalg.norm(open_motions[:, own % 6], axis=0)
     if (part > OPEN).any():
         digits = "".join(str(d % 6 + 1) for d in own[part > OPEN])
-        raise FemtuneError("constraint.undetermined-motion", where=where, digits=digits)
+        raise FemtuneError("constraint.undetermined-motion", where=where, components=digits)
 
 
 def _exchange(
@@ -339,10 +339,8 @@ def _exchange(
 def _check_choice(nodes: NodeTable, chosen: Integers, own: Integers, dofs: Integers, where: Where) -> None:
     check_once(nodes, chosen, "dependent", where)
     if len(chosen) != len(own):
-        raise FemtuneError(
-            "constraint.dependent-choice/check-choice", where=where, n_chosen=len(chosen), n_own=len(own)
-        )
+        raise FemtuneError("constraint.dependent-choice/number", where=where, given=len(chosen), required=len(own))
     strange = np.setdiff1d(chosen, dofs)
     if len(strange):
         name = f"component {strange[0] % 6 + 1} of grid point {nodes.ids[strange[0] // 6]}"
-        raise FemtuneError("constraint.dependent-choice/check-choice-2", where=where, name=name)
+        raise FemtuneError("constraint.dependent-choice/not-in-element", where=where, dof=name)

@@ -87,7 +87,7 @@ def _twice(rows: ConstraintRows, first: int, second: int, describe: Describe) ->
         where=Where(record=_owner(rows, second)),
         element=int(rows.owner[second]),
         values={"also dependent in": _owner(rows, first)},
-        name=_name(describe(int(rows.dependent[first]))),
+        dof=_name(describe(int(rows.dependent[first]))),
     )
 
 
@@ -96,7 +96,7 @@ def _held(rows: ConstraintRows, i: int, describe: Describe) -> FemtuneError:
         "constraint.dependent-held",
         where=Where(record=_owner(rows, i)),
         element=int(rows.owner[i]),
-        name=_name(describe(int(rows.dependent[i]))),
+        dof=_name(describe(int(rows.dependent[i]))),
     )
 
 
@@ -105,7 +105,7 @@ def _no_coefficient(rows: ConstraintRows, i: int, describe: Describe) -> Femtune
         "constraint.zero-coefficient",
         where=Where(record=_owner(rows, i)),
         element=int(rows.owner[i]),
-        name=_name(describe(int(rows.dependent[i]))),
+        dof=_name(describe(int(rows.dependent[i]))),
     )
 
 
@@ -159,5 +159,5 @@ def _circular(rows: ConstraintRows, i: int, loop: Integers, describe: Describe) 
         where=Where(record=_owner(rows, i)),
         element=int(rows.owner[i]),
         values={"equations in the loop": ", ".join(names[:5]) + (" …" if len(names) > 5 else "")},
-        name=_name(describe(int(rows.dependent[i]))),
+        dof=_name(describe(int(rows.dependent[i]))),
     )

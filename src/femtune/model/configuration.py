@@ -69,7 +69,7 @@ def held_dofs(structure: Structure, configuration: Configuration) -> NDArray[np.
         dofs = _dofs(structure, node, components)
         if not dofs <= held:
             raise FemtuneError(
-                "configuration.not-held", configuration_name=configuration.name, node=node, components=components
+                "configuration.not-held", configuration=configuration.name, node=node, components=components
             )
         held -= dofs
     for node, components in configuration.supports_added:
@@ -107,7 +107,7 @@ def check_configuration(structure: Structure, configuration: Configuration) -> N
         raise FemtuneError(
             "configuration.unknown-element",
             values={"elements": ", ".join(map(str, unknown[:10]))},
-            configuration_name=configuration.name,
+            configuration=configuration.name,
         )
     check_whole(structure, configuration.elements_off)
     number = configuration.multipoint_set

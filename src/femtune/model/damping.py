@@ -114,14 +114,14 @@ def damping_table(
 
 def _table_problem(x: Reals, y: Reals, unit: DampingUnit) -> str:
     if not len(x) or x.shape != y.shape or not np.isfinite([*x, *y]).all():
-        return "has no pairs of numbers"
+        return "contains no pairs of finite numbers"
     steps = np.diff(x)
     if (steps < 0.0).any() or (len(steps) > 1 and ((steps[1:] == 0.0) & (steps[:-1] == 0.0)).any()):
-        return "has frequencies that neither rise nor fall throughout"
+        return "has frequencies that are neither ascending nor descending"
     if len(steps) and 0.0 in (steps[0], steps[-1]):
         return "has a jump at its first or last frequency"
     if unit == "Q" and (y <= 0.0).any():
-        return "of qualities Q has one that is not above zero"
+        return "contains a quality factor Q that is not positive"
     return ""
 
 

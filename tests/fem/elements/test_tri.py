@@ -253,7 +253,7 @@ def test_without_bending_stiffness_the_shear_stands_alone():
 
 
 COLLAPSED = {
-    "two corners at one place": np.array([CORNERS[0], CORNERS[0], CORNERS[2]]),
+    "use a CTRIA3": np.array([CORNERS[0], CORNERS[0], CORNERS[2]]),
     "corners on a line": np.array([CORNERS[0], CORNERS[1], 0.3 * CORNERS[0] + 0.7 * CORNERS[1]]),
 }
 

@@ -47,7 +47,7 @@ def line_axes(batch: ElementBatch, start: Reals, end: Reals) -> tuple[Reals, Rea
     # coordinates of size s carry rounding of about 1e-16 s
     size = np.maximum(np.abs(start).max(axis=1, initial=0.0), np.abs(end).max(axis=1, initial=0.0))
     for i in np.flatnonzero(length <= 1e-12 * size):
-        raise element_error(batch, int(i), "element.zero-length/line-axes")
+        raise element_error(batch, int(i), "element.zero-length/of-bar")
     return span / length[:, None], length
 
 

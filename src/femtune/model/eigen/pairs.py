@@ -175,7 +175,7 @@ def krylov_operator(inverse: Inverse) -> Krylov:
 
 
 def _not_converged(count: int, error: float) -> FemtuneError:
-    return FemtuneError("eigen.no-convergence", count=count, error=error)
+    return FemtuneError("eigen.no-convergence", count=count, residual=error)
 
 
 def _inaccurate(mode: int, value: float, error: float) -> FemtuneError:
@@ -183,7 +183,7 @@ def _inaccurate(mode: int, value: float, error: float) -> FemtuneError:
         "eigen.inaccurate",
         values={"frequency (Hz)": f"{np.sqrt(max(value, 0.0)) / (2 * np.pi):.6g}"},
         mode=mode + 1,
-        error=error,
+        residual=error,
     )
 
 
@@ -202,4 +202,4 @@ def check_negative(pencil: Pencil, values: Reals, shapes: Reals) -> None:
     size = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
     parts = [np.einsum("ij,ij->j", u, size @ u) for u in (np.abs(below[:, p]) for p in pieces(0, below.shape[1]))]
     if (strain < _NEGATIVE * np.concatenate(parts)).any():
-        raise FemtuneError("eigen.negative", listed=values.min())
+        raise FemtuneError("eigen.negative", eigenvalue=values.min())

@@ -103,7 +103,7 @@ def _accurate(modes: SlepcModes, wanted: int) -> int:
     known = int(bad[0]) if bad.size else len(modes.values)
     if known >= wanted:
         return known
-    worst = f"{modes.errors[known]:.1e}" if bad.size else "that of a mode that did not converge"
+    worst = f"{modes.errors[known]:.1e}" if bad.size else "not known, because it did not converge"
     options = petsc_options()
     code = "eigen.inaccurate/slepc-petsc-options" if options else "eigen.inaccurate/slepc"
     raise FemtuneError(code, values=options, mode=known + 1, residual=worst)
@@ -115,7 +115,7 @@ def _check_negative(K: SymmetricMatrix, values: Reals, shapes: Reals) -> None:
     strain = np.einsum("ij,ij->j", below, K @ below)
     sizes = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr)
     if (strain < -_ROUNDING * np.einsum("ij,ij->j", np.abs(below), sizes @ np.abs(below))).any():
-        raise FemtuneError("eigen.negative", listed=values[0])
+        raise FemtuneError("eigen.negative", eigenvalue=values[0])
 
 
 def _missed(cut: tuple[float, int] | None, below: int | None) -> FemtuneError:

@@ -227,9 +227,9 @@ def _end(
 def _check_matrices(point: ModelPoint, pencil: Pencil) -> None:
     name = point.configured.configuration.name
     if not point.configured.n_free:
-        raise FemtuneError("eigen.no-dofs", name=name)
+        raise FemtuneError("eigen.no-dofs", configuration=name)
     if not pencil.M.data.any():
-        raise FemtuneError("eigen.no-mass", name=name)
+        raise FemtuneError("eigen.no-mass", configuration=name)
     if indefinite_mass(pencil.M):
         raise negative_stiffness(point)
     _check_sizes(pencil)
@@ -242,7 +242,7 @@ def _check_sizes(pencil: Pencil) -> None:
         lowest_value = first_guess(pencil)
     if not lowest_value * _LARGEST > 1.0:
         raise FemtuneError(
-            "eigen.inaccurate/check-sizes",
+            "eigen.inaccurate/overflow",
             values={"largest stiffness": f"{stiffness:.6g}", "largest mass": f"{mass:.6g}"},
         )
 

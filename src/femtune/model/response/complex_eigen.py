@@ -108,7 +108,7 @@ class QuadraticProblem:
 
 
 def _no_convergence(why: str) -> FemtuneError:
-    return FemtuneError("complex.no-convergence", why=why)
+    return FemtuneError("complex.no-convergence", reason=why)
 
 
 def quadratic_problem(modes: EigenSolution, stiffness: DynamicStiffness) -> QuadraticProblem:
@@ -322,10 +322,10 @@ def _check(stiffness: DynamicStiffness, poles: Poles, psi: NDArray, residuals: R
     for j in np.flatnonzero(~(residuals <= _ACCURACY)):
         rounding = _backward(stiffness, complex(poles[j]), psi[:, j]) <= _ROUNDING
         if not (rounding and residuals[j] <= _WORST):
-            raise FemtuneError("complex.inaccurate", values={"pole (rad/s)": f"{poles[j]:.6g}"}, residuals=residuals[j])
+            raise FemtuneError("complex.inaccurate", values={"pole (rad/s)": f"{poles[j]:.6g}"}, residual=residuals[j])
 
 
 def _not_proven(modes: EigenSolution, sizes: Reals, rigid: int) -> Notice:
     top = float(sizes.max(initial=0.0))
     real = int((modes.eigenvalues <= (top * _JUST_ABOVE) ** 2).sum())
-    return Notice("complex.not-counted", level="info", n_sizes=len(sizes) + rigid, top=top / (2.0 * np.pi), real=real)
+    return Notice("complex.not-counted", level="info", count=len(sizes) + rigid, top_hz=top / (2.0 * np.pi), real=real)

@@ -45,7 +45,7 @@ def check_thickness(batch: ElementBatch, structure: Structure, collector: ErrorC
     bad = ~(t > 0.0)
     for i in np.flatnonzero(bad)[:SHOWN]:
         with collector.catch():
-            raise element_error(batch, int(i), "element.shell-thickness", t=t[i])
+            raise element_error(batch, int(i), "element.shell-thickness", thickness=t[i])
     return bad
 
 
