@@ -37,7 +37,7 @@ def test_a_lock_of_another_machine(tmp_path: Path) -> None:
 def test_a_lock_of_this_machine(tmp_path: Path) -> None:
     with locked(tmp_path), pytest.raises(FemtuneError) as caught, locked(tmp_path):
         pass
-    assert caught.value.hint == "wait for it to end, or choose another folder with --output"
+    assert caught.value.hint == "wait until it has ended, or choose another output folder"
     assert set(caught.value.values) == {"process", "host", "since"}
 
 

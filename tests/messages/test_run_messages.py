@@ -30,7 +30,7 @@ def test_a_cut_file(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text('{"schema_version": ')
     message = _message(tmp_path)
     assert message.startswith("[run.damaged] results.json is damaged: ")
-    assert message.endswith("  at RUN/results.json\n\nhint: run the study again into this folder")
+    assert message.endswith("  at RUN/results.json\n\nhint: run the study again in this folder")
 
 
 def test_an_unwritable_folder(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def _failed(folder: Path) -> None:
 
 
 def _short(folder: Path) -> None:
-    raise exchange.no_result("slepc.no-result/read-shapes", filled=8, size=9)
+    raise exchange.no_result("slepc.no-result/number-of-rows", rows=8, dofs=9)
 
 
 def _late(folder: Path) -> None:

@@ -58,7 +58,7 @@ def load_basis(path: Path | str, configured: ConfiguredModel) -> SavedBasis:
         )
         _check(arrays, saved)
     except _TROUBLES as error:
-        raise FemtuneError("reduce.damaged", where=Where(str(path)), error=error) from error
+        raise FemtuneError("reduce.damaged", where=Where(str(path)), reason=error) from error
     mine = configured.terms_digest.encode("ascii")
     if arrays["digest"].tobytes() != mine or saved.basis.shape[0] != configured.n_free:
         raise FemtuneError("reduce.other-model", where=Where(str(path)))

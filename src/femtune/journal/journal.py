@@ -168,21 +168,13 @@ def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
 
 def _damage(damaged: list[tuple[Path, str]]) -> Notice:
     first = f"{damaged[0][0].name}: {damaged[0][1]}"
-    several = len(damaged) > 1
-    count = f"{len(damaged)} entries of the journal were" if several else "an entry of the journal was"
-    return Notice(
-        "journal.damaged",
-        where=Where(str(damaged[0][0].parent)),
-        count=count,
-        words="have" if several else "has",
-        several="the first, " * several,
-        first=first,
-    )
+    code = "journal.damaged/several" if len(damaged) > 1 else "journal.damaged"
+    return Notice(code, where=Where(str(damaged[0][0].parent)), count=len(damaged), first=first)
 
 
 def _unwritable(folder: Path, error: OSError) -> Notice:
-    return Notice("journal.unwritable", where=Where(str(folder)), strerror=error.strerror or error)
+    return Notice("journal.unwritable", where=Where(str(folder)), reason=error.strerror or error)
 
 
 def _full(folder: Path, most_bytes: int) -> Notice:
-    return Notice("journal.full", where=Where(str(folder)), most_bytes=most_bytes / 2**30)
+    return Notice("journal.full", where=Where(str(folder)), size_gib=most_bytes / 2**30)

@@ -81,7 +81,7 @@ def check_writable(folder: Path | str) -> None:
 
 def unwritable(folder: Path, error: OSError | ValueError) -> FemtuneError:
     """The error that a run folder refuses a file."""
-    return FemtuneError("run.unwritable/unwritable", where=Where(str(folder)), reason=_reason(folder, error))
+    return FemtuneError("run.unwritable/folder", where=Where(str(folder)), reason=_reason(folder, error))
 
 
 def _reason(folder: Path, error: OSError | ValueError) -> str:
@@ -119,20 +119,20 @@ def _read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise FemtuneError(
-            "run.missing", where=Where(str(path)), path_name=path.name, strerror=error.strerror or error
+            "run.missing", where=Where(str(path)), file=path.name, reason=error.strerror or error
         ) from error
 
 
 def _check_version(path: Path, data: Any) -> None:
     version = data.get("schema_version") if isinstance(data, dict) else None
     if not isinstance(version, str):
-        raise _damaged(path, "it has no schema_version")
+        raise _damaged(path, "the key schema_version is missing")
     if version != SCHEMA_VERSION:
         raise FemtuneError(
             "run.version",
             where=Where(str(path), record="schema_version"),
             version=version,
-            schema_version=SCHEMA_VERSION,
+            supported=SCHEMA_VERSION,
         )
 
 
@@ -154,7 +154,7 @@ def _unpack(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
 
 
 def _damaged(path: Path, why: str, record: str = "") -> FemtuneError:
-    return FemtuneError("run.damaged", where=Where(str(path), record=record), path_name=path.name, why=why)
+    return FemtuneError("run.damaged", where=Where(str(path), record=record), file=path.name, reason=why)
 
 
 def _check_arrays(folder: Path, results: Results, arrays: Mapping[str, NDArray[Any]]) -> None:

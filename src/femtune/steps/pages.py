@@ -72,7 +72,7 @@ def report(
     if page is None:
         folder = getattr(result, "folder", None)
         if folder is None:
-            raise FemtuneError("run.unwritable/report-2")
+            raise FemtuneError("run.unwritable/no-folder")
         page = Path(folder) / REPORT_FILE
     progress.step("writing the report", 0, None)
     return write_html(document_of(result), page, progress)

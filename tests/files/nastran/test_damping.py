@@ -126,7 +126,12 @@ def test_a_table_of_one_pair_is_constant(deck_of: DeckOf) -> None:
         ("", "TABDMP1,7,CRIT\n,1.,.01,2.,.03\n", "deck.damping-table", "no ENDT"),
         ("", "TABDMP1,7,CRIT\n,ENDT\n", "deck.damping-table", "no pairs"),
         ("", "TABDMP1,7,LOSS\n,1.,.01,ENDT\n", "deck.damping-table", "not a type of damping"),
-        ("", "TABDMP1,7,CRIT\n,1.,.01,3.,.01,2.,.01\n,ENDT\n", "deck.damping-table", "neither ascending nor descending"),
+        (
+            "",
+            "TABDMP1,7,CRIT\n,1.,.01,3.,.01,2.,.01\n,ENDT\n",
+            "deck.damping-table",
+            "neither ascending nor descending",
+        ),
         ("", "TABDMP1,7,CRIT\n,1.,,2.,.02,ENDT\n", "deck.blank-field", "should hold a real"),
         ("", TABLE + TABLE, "deck.duplicate-id", "table 7"),
         ("SDAMPING = 7", TABLE + "TABDMP1,A,CRIT\n,1.,.01,ENDT\n", "deck.not-an-integer", "hold an integer"),

@@ -162,7 +162,7 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
         for name, text in texts.items():
             write_whole(folder / name, text.encode(ENCODING))
     except OSError as broken:
-        raise FemtuneError("run.unwritable", where=Where(str(folder)), strerror=broken.strerror) from broken
+        raise FemtuneError("run.unwritable", where=Where(str(folder)), reason=broken.strerror) from broken
 
 
 # ----------------------------------------------------------------------------------------------------

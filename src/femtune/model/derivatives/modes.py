@@ -233,7 +233,7 @@ class _Progress:
 
 def not_converged(eigenvalue: float) -> FemtuneError:
     """The error that the part of a derivative outside the known modes was not found."""
-    return FemtuneError("derivative.not-converged", sqrt=np.sqrt(max(eigenvalue, 0.0)) / (2 * np.pi))
+    return FemtuneError("derivative.not-converged", frequency_hz=np.sqrt(max(eigenvalue, 0.0)) / (2 * np.pi))
 
 
 def pencil_of(point: ModelPoint) -> Pencil:

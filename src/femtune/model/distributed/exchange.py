@@ -35,7 +35,7 @@ def exchange_folder(needed_bytes: int) -> Iterator[Path]:
             _check_room(Path(folder), needed_bytes)
             yield Path(folder)
     except OSError as failed:
-        raise FemtuneError("slepc.files/exchange-folder", failed=failed, folder=FOLDER) from failed
+        raise FemtuneError("slepc.files/unusable", reason=failed, folder=FOLDER) from failed
 
 
 def _check_room(folder: Path, needed_bytes: int) -> None:
@@ -76,9 +76,9 @@ def read_result(folder: Path) -> dict[str, Any]:
     try:
         found = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as missing:
-        raise no_result("slepc.no-result/read-result-2", missing=missing) from missing
+        raise no_result("slepc.no-result/unreadable", reason=missing) from missing
     if not isinstance(found, dict):
-        raise no_result("slepc.no-result/read-result")
+        raise no_result("slepc.no-result/no-table")
     return found
 
 
@@ -95,13 +95,13 @@ def read_shapes(folder: Path, ranks: int, size: tuple[int, int]) -> NDArray[np.f
             first = int(np.load(folder / f"first_{rank}.npy", allow_pickle=False))
             part = np.load(folder / f"rows_{rank}.npy", allow_pickle=False)
         except (OSError, ValueError, EOFError, TypeError) as damaged:
-            raise no_result("slepc.no-result/read-shapes-3", rank=rank, damaged=damaged) from damaged
+            raise no_result("slepc.no-result/unreadable-rows", rank=rank, reason=damaged) from damaged
         if first != filled or part.ndim != 2 or part.shape[1] != size[1] or first + len(part) > size[0]:
-            raise no_result("slepc.no-result/read-shapes-2", rank=rank, first=first, part_shape=part.shape, size=size)
+            raise no_result("slepc.no-result/rows-of-rank", rank=rank, first=first, shape=part.shape, expected=size)
         shapes[first : first + len(part)] = part
         filled += len(part)
     if filled != size[0]:
-        raise no_result("slepc.no-result/read-shapes", filled=filled, size=size[0])
+        raise no_result("slepc.no-result/number-of-rows", rows=filled, dofs=size[0])
     return shapes
 
 

@@ -129,7 +129,7 @@ def launcher(number: int) -> list[str]:
         return []
     found = shutil.which("mpiexec") or shutil.which("mpirun")
     if found is None:
-        raise FemtuneError("slepc.launcher/launcher", number=number, launcher=LAUNCHER, ranks=RANKS)
+        raise FemtuneError("slepc.launcher/no-mpiexec", number=number, launcher=LAUNCHER, ranks=RANKS)
     return [found, "-n", str(number)]
 
 
@@ -138,10 +138,10 @@ def _split(text: str) -> list[str]:
         words = shlex.split(text)
     except ValueError as unbalanced:
         raise FemtuneError(
-            "slepc.launcher/split-2", values={LAUNCHER: text}, launcher=LAUNCHER, unbalanced=unbalanced
+            "slepc.launcher/unbalanced", values={LAUNCHER: text}, launcher=LAUNCHER, reason=unbalanced
         ) from unbalanced
     if shutil.which(words[0]) is None:
-        raise FemtuneError("slepc.launcher/split", values={LAUNCHER: text}, words=words[0])
+        raise FemtuneError("slepc.launcher/not-on-path", values={LAUNCHER: text}, program=words[0])
     return words
 
 
@@ -203,7 +203,7 @@ def _failed(command: list[str], code: int, said: Path) -> FemtuneError:
         "slepc.failed/petsc-options" if options else "slepc.failed",
         values={"command": shlex.join(command), **options},
         exit_code=code,
-        said="".join(f"\n    {line}" for line in lines[-_TAIL_LINES:]),
+        output="".join(f"\n    {line}" for line in lines[-_TAIL_LINES:]),
     )
 
 

@@ -71,7 +71,7 @@ def slepc_modes(K: SymmetricMatrix, M: SymmetricMatrix, shift: float, count: int
         result = _solve(folder, K, M, task="modes", shift=shift, count=min(count, n), tolerance=_TOLERANCE)
         values, errors = (_numbers(result[name], count) for name in ("values", "errors"))
         if len(errors) != len(values):
-            raise no_result("slepc.no-result/slepc-modes", n_errors=len(errors), n_values=len(values))
+            raise no_result("slepc.no-result/number-of-errors", errors=len(errors), eigenvalues=len(values))
         shapes = read_shapes(folder, _whole(result, "ranks"), (n, len(values)))
     order = np.argsort(values)
     return SlepcModes(values[order], _orthonormal(shapes[:, order], M), errors[order], shift)
@@ -112,7 +112,7 @@ def _orthonormal(shapes: Reals, M: SymmetricMatrix) -> Reals:
     try:
         root = la.cholesky(shapes.T @ (M @ shapes), lower=True)
     except la.LinAlgError as dependent:
-        raise no_result("slepc.no-result/orthonormal") from dependent
+        raise no_result("slepc.no-result/dependent-shapes") from dependent
     return np.asarray(la.solve_triangular(root, shapes.T, lower=True).T)
 
 
@@ -120,15 +120,15 @@ def _numbers(found: Any, count: int) -> Reals:
     try:
         values = np.asarray(found, dtype=float)
     except (ValueError, TypeError) as words:
-        raise no_result("slepc.no-result/numbers-2", words=words) from words
+        raise no_result("slepc.no-result/not-numbers", reason=words) from words
     if values.ndim != 1 or not 0 < values.size <= count or not np.isfinite(values).all():
-        raise no_result("slepc.no-result/numbers", values_size=values.size, count=count)
+        raise no_result("slepc.no-result/number-of-values", given=values.size, requested=count)
     return values
 
 
 def _whole(result: dict[str, Any], key: str) -> int:
     if type(result[key]) is not int:
-        raise no_result("slepc.no-result/whole", key=key)
+        raise no_result("slepc.no-result/not-whole", key=key)
     return int(result[key])
 
 
@@ -144,5 +144,5 @@ def _solve(folder: Path, K: SymmetricMatrix, M: SymmetricMatrix, **request: Any)
     needed = {"values", "errors"} if request["task"] == "modes" else {"below"}
     missing = {"ranks", *needed} - set(result)
     if missing:
-        raise no_result("slepc.no-result/solve", missing=", ".join(sorted(missing)))
+        raise no_result("slepc.no-result/missing-keys", missing=", ".join(sorted(missing)))
     return result

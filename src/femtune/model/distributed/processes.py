@@ -53,7 +53,7 @@ def run_to_end(command: list[str], environment: dict[str, str], said: Path) -> i
                 watched, stdin=subprocess.PIPE, stdout=out, stderr=out, env=environment, start_new_session=True
             )
         except OSError as failed:
-            raise FemtuneError("slepc.launcher/run-to-end", failed=failed) from failed
+            raise FemtuneError("slepc.launcher/not-started", reason=failed) from failed
         try:
             return _wait(process, command, said, limit)
         finally:

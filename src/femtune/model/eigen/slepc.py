@@ -48,7 +48,7 @@ def small_for_slepc(M: SymmetricMatrix) -> tuple[Notice, ...]:
     """The notice that SLEPc is chosen and was not used; () where it is not chosen."""
     if not slepc_is_chosen():
         return ()
-    return (Notice("slepc.not-used", level="info", m_shape=M.shape[0], least_dofs=_LEAST_DOFS),)
+    return (Notice("slepc.not-used", level="info", dofs=M.shape[0], limit=_LEAST_DOFS),)
 
 
 def _with_mass(M: SymmetricMatrix) -> int:

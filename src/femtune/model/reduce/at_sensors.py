@@ -84,7 +84,7 @@ def _by_modes(point: ModelPoint, C: sp.csr_array, count: int) -> Reals:
     seen = np.asarray(C @ shapes)
     singular = la.svdvals(seen)
     if shapes.shape[1] > C.shape[0] or singular[-1] <= 1e-8 * singular[0]:
-        raise FemtuneError("reduce.modes-unseen/by-modes", shapes_shape=shapes.shape[1], c_shape=C.shape[0])
+        raise FemtuneError("reduce.modes-unseen/at-sensors", modes=shapes.shape[1], sensors=C.shape[0])
     return np.asarray(shapes @ la.pinv(seen))
 
 
@@ -122,4 +122,4 @@ def _inverse(F: Reals) -> Reals:
 
 
 def _loose() -> FemtuneError:
-    return FemtuneError("reduce.slaves-loose/loose")
+    return FemtuneError("reduce.slaves-loose/at-sensors")

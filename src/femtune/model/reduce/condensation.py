@@ -113,7 +113,7 @@ def deck_masters(configured: ConfiguredModel) -> Integers:
         raise FemtuneError(
             "reduce.no-masters",
             values={"sets": ", ".join(sets) or "none"},
-            configuration_name=configured.configuration.name,
+            configuration=configured.configuration.name,
         )
     return found
 
@@ -175,7 +175,7 @@ def serep(K: Matrix, M: Matrix, masters: ArrayLike, shapes: Reals) -> Reduction:
     at_masters = shapes[parts.masters]
     singular = la.svdvals(at_masters / np.linalg.norm(shapes, axis=0))
     if shapes.shape[1] > len(parts.masters) or singular[-1] <= _SINGULAR * singular[0]:
-        raise FemtuneError("reduce.modes-unseen", shapes_shape=shapes.shape[1], n_masters=len(parts.masters))
+        raise FemtuneError("reduce.modes-unseen", modes=shapes.shape[1], masters=len(parts.masters))
     return parts.reduced(shapes @ la.pinv(at_masters))
 
 

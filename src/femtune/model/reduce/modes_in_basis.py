@@ -72,7 +72,7 @@ def _indefinite(point: ReducedPoint) -> FemtuneError:
     return FemtuneError(
         "reduce.indefinite",
         values={"parameters x": ", ".join(f"{v.real:.4g}" for v in point.x)},
-        configuration_name=point.model.configuration.name,
+        configuration=point.model.configuration.name,
     )
 
 

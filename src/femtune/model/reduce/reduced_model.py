@@ -219,7 +219,7 @@ def check_size(configured: ConfiguredModel, order: int) -> None:
         raise FemtuneError(
             "reduce.too-many-terms",
             values={"memory (GiB)": f"{8 * columns * order**2 / 1024**3:.1f}"},
-            configuration_name=configured.configuration.name,
-            columns=columns,
+            configuration=configured.configuration.name,
+            functions=columns,
             order=order,
         )

@@ -59,7 +59,7 @@ class CholmodAnalysis:
         if isinstance(failed, getattr(self._module, "CholmodOutOfMemoryError", ())):
             return ran_out(matrix.shape[0], self.factor_bytes)
         return FemtuneError(
-            "solver.failed", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, failed=failed
+            "solver.failed", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, reason=failed
         )
 
 

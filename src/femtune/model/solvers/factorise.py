@@ -102,7 +102,7 @@ def _named(asked: str) -> str:
         "solver.unavailable/named",
         values={"available": ", ".join(available_solvers())},
         hint=INSTALLATION[known[asked.lower()]] if asked.lower() in known else did_you_mean(asked, known.values()),
-        asked=asked,
+        name=asked,
     )
 
 

@@ -97,5 +97,5 @@ def failure(number: int, matrix: SymmetricMatrix) -> Exception:
     if number == _NO_MEMORY:
         return ran_out(matrix.shape[0], least_bytes(matrix, triangles=1))
     return FemtuneError(
-        "solver.failed/failure", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, number=number
+        "solver.failed/mumps", values={"equations": matrix.shape[0], "entries": len(matrix.data)}, number=number
     )

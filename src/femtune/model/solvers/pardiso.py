@@ -207,7 +207,7 @@ def failure(number: int, equations: int, entries: int, needed_bytes: int) -> Exc
         return ran_out(equations, needed_bytes, "model.memory/ran-out-in-pardiso")
     if number in (_ZERO_PIVOT, _SINGULAR_DIAGONAL):
         return SingularMatrixError(f"PARDISO's error {number}")
-    return FemtuneError("solver.failed/failure-2", values={"equations": equations, "entries": entries}, number=number)
+    return FemtuneError("solver.failed/pardiso", values={"equations": equations, "entries": entries}, number=number)
 
 
 def _settings() -> Integers:
