@@ -230,19 +230,18 @@ def test_a_page_that_cannot_be_written_is_refused_first(
     assert [f.name for f in tmp_path.iterdir()] == ["plate.bdf"]
 
 
-def test_no_input_is_overwritten(plate: Path) -> None:
-    before = plate.read_bytes()
-    with pytest.raises(FemtuneError) as caught:
-        steps.modes(plate, report=plate)
-    assert str(caught.value).replace(str(plate), "PLATE") == (
-        "[write.overwrites-input] the page would overwrite a file that was read\n  at PLATE\n\n"
-        "hint: give the page another name"
-    )
-    assert plate.read_bytes() == before
-
-
 def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
     plate.write_text(plate.read_text().replace("PSHELL  1 ", "PSHELL  7 "))
     with pytest.raises(FemtuneError):
         steps.modes(plate, report=tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
+
+
+def test_only_a_page_is_replaced_by_a_page(plate: Path, tmp_path: Path) -> None:
+    deck, page = plate.read_bytes(), tmp_path / "page.html"
+    with pytest.raises(FemtuneError, match="is not an HTML page") as caught:
+        steps.modes(plate, report=plate)
+    assert caught.value.code == "run.unwritable"
+    assert plate.read_bytes() == deck
+    for _ in range(2):
+        assert steps.modes(plate, report=page).report == page

@@ -96,9 +96,7 @@ def modes(
     from femtune.study.natural_modes import solve_modes  # noqa: PLC0415
 
     page = checked_page(report)
-    result = solve_modes(
-        source_of(source), progress, fresh=fresh, keep=page, count=count, max_hz=max_hz, simulate=simulate
-    )
+    result = solve_modes(source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate)
     return with_page(result, page, progress)
 
 

@@ -40,10 +40,25 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
     lines = [*units_set(several[0]), *geometry_sets(several[0].geometry)]
     for test in several:
         lines += _modes(test, title_lines)
+    _write(Path(path), lines)
+
+
+def _write(path: Path, lines: Sequence[str]) -> None:
+    """Write the file; a file of another kind is not replaced."""
     try:
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    except OSError as problem:
-        raise FemtuneError("uff.cannot-write", where=Where(str(path)), strerror=problem.strerror) from problem
+        if path.is_file() and not _is_universal(path):
+            raise FemtuneError("uff.cannot-write/other-file", where=Where(str(path)))
+        write_whole(path, ("\n".join(lines) + "\n").encode())
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise FemtuneError("uff.cannot-write/failed", where=Where(str(path)), reason=reason) from problem
+
+
+def _is_universal(path: Path) -> bool:
+    """Whether a file may be replaced by a Universal File: it is one, or empty."""
+    with path.open("rb") as file:
+        start = file.read(400).split()
+    return not start or start[0] == b"-1"
 
 
 def _check(tests: Sequence[ModalTest], title_lines: Sequence[str]) -> None:
@@ -235,11 +250,7 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
     titles += ["NONE"] * (5 - len(titles))
     for i, j in _pairs(test.frfs):
         lines += data_set(58, _function(test.frfs, i, j, test.units, titles))
-    try:
-        write_whole(Path(path), ("\n".join(lines) + "\n").encode())
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or problem
-        raise FemtuneError("uff.cannot-write/write-uff-frfs", where=Where(str(path)), reason=reason) from problem
+    _write(Path(path), lines)
     return Path(path)
 
 
