@@ -532,7 +532,7 @@ class RunResult(StepResult):
         if self.results.update is None:
             return Rows()
         facts = {p.name: p for p in self.results.parameters}
-        columns = ("value", "sd", "sd_reason", "interval_95", "change_percent", "at_bound")
+        columns = ("value", "sd", "change_percent", "interval_95", "at_bound", "sd_reason")
         found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
         return Rows.of(
             {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
@@ -587,7 +587,7 @@ class RunResult(StepResult):
     def verdicts(self) -> Rows:
         """Criteria that the updated model was judged by; no rows where the study validates nothing."""
         columns = (
-            "configuration", "data", "criterion", "sense", "required", "measured", "unit", "verdict", "remark", "noise",
+            "verdict", "criterion", "measured", "sense", "required", "unit", "configuration", "data", "remark", "noise",
         )  # fmt: skip
         found = self.results.validation
         return Rows() if found is None else rows_of(found.verdicts, *columns)
@@ -654,9 +654,9 @@ class RunResult(StepResult):
         head = f"{update.status}, weighted mean error {error}, {len(update.history) - 1} iterations, {self.folder}"
         found = []
         for p in update.parameters:
-            sd = f"± {p.sd:.2g}" if p.sd is not None else f"({p.sd_reason})"
-            change = "" if p.change_percent is None else f" ({p.change_percent:+.3g} %)"
-            found.append(f"{p.name} = {text_of(p.value)} {sd}{change}")
+            sd = f", standard deviation {p.sd:.2g}" if p.sd is not None else f" ({p.sd_reason})"
+            change = "" if p.change_percent is None else f", {p.change_percent:+.3g} %"
+            found.append(f"{p.name} = {text_of(p.value)}{sd}{change}")
         problems = [f"{a.level}: {a.sentence}" for a in self.results.alerts if a.level == "problem"]
         return [head, *problems, *found]
 
