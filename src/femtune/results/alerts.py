@@ -107,12 +107,11 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     written, update = results.write_back, results.update
     if written is None or update is None:
         return
-    lost = [s for s in written.without_field if "split = true" in s or "no card holds" in s]
     for sentence in written.without_field:
-        yield alert("warning" if sentence in lost else "info", "write.without-field", reason=sentence)
+        yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
-        code = "write.incomplete" if lost else "write.rounding"
+        code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
         yield alert("warning", code, **errors)
 

@@ -399,6 +399,8 @@ class WriteBackResults(Record):
     """Cards split because elements that are not updated share them, a sentence each."""
     without_field: tuple[str, ...]
     """Parameters that have no field, a sentence each."""
+    lost: tuple[str, ...] = ()
+    """Those of these sentences whose updated values the written deck does not contain."""
     includes_changed: tuple[str, ...]
     """INCLUDE lines whose path had to change, a sentence each."""
 

@@ -113,6 +113,7 @@ def _record(
     blocked: Mapping[FieldRef, float],
 ) -> WriteBackResults:
     owners = {ref: name for name, ref in _placed(study)}
+    lost = (*_without_card(values, owners), *(_shared(ref, owners[ref]) for ref in blocked))
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
         edits=tuple(edits(study, plan, values, owners)),
@@ -121,13 +122,8 @@ def _record(
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
-        without_field=(
-            *_no_fields(study),
-            *_of_matrices(values, owners),
-            *_of_modes(values, owners),
-            *_without_card(values, owners),
-            *(_shared(ref, owners[ref]) for ref in blocked),
-        ),
+        without_field=(*_no_fields(study), *_of_matrices(values, owners), *_of_modes(values, owners), *lost),
+        lost=lost,
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
 
