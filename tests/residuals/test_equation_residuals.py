@@ -168,6 +168,15 @@ def test_mass_by_hand():
     assert found.jacobian[0, 2] == pytest.approx(2.0 / 3.0 / 0.05)
 
 
+def test_centre_of_gravity_by_hand():
+    """(0·1 + 1·2 + 2·1.5 + 3·1)/5.5 = 16/11, with errors relative to the length of the model, 3."""
+    measured = CentreResidual(np.array([1.5, np.nan, np.nan]), Weights(0.05))
+    found = alone(measured).start(np.zeros(3))
+    np.testing.assert_allclose(found.residuals, [(16.0 / 11.0 - 1.5) / 0.05])
+    assert found.blocks[0].sd == pytest.approx(0.05 / 3.0)
+    assert found.blocks[0].error == pytest.approx((16.0 / 11.0 - 1.5) / 3.0)
+
+
 def test_mass_residuals_solve_nothing():
     at = alone(MASSES[0]).start(np.zeros(3))
     assert at.states[0].solved is None
