@@ -30,7 +30,6 @@ from femtune.residuals import (
 from femtune.residuals.frf.residual import FORMS
 from femtune.testing import check_residual
 from femtune.updating import SensitivityMethod, update
-
 from structures.springs import factor_model, spring_structure
 
 from .damped import LINES, TRUTH, chain, circular, measured, noisy, ports_of, with_gap
