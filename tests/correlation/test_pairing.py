@@ -301,6 +301,13 @@ def test_gates_are_fractions(gates: tuple[float, float]) -> None:
         pair_modes(_modes(TEST_HZ, phi), _modes(TEST_HZ, phi), frequency_gate=gates[0], mac_gate=gates[1])
 
 
+@pytest.mark.parametrize("gate", [0.0, 1.0])
+def test_the_ends_of_the_range_are_gates(gate: float) -> None:
+    """Unit vectors have MACs of 0 and 1 exactly."""
+    modes = _modes(TEST_HZ, np.eye(len(TEST_HZ)))
+    assert pair_modes(modes, modes, mac_gate=gate).key == tuple((i, i) for i in range(len(TEST_HZ)))
+
+
 def test_no_frequency_gate_at_all() -> None:
     phi = _orthonormal()
     assert len(pair_modes(_modes(TEST_HZ, phi), _modes(10 * TEST_HZ, phi), frequency_gate=np.inf).pairs) == 4

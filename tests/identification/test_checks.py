@@ -93,6 +93,19 @@ def test_a_bad_channel_is_found_and_named(harm: Callable[[np.ndarray], None], co
     assert "2Z+" in notice.what or (code == "record.cut-short" and "40 s" in notice.what)
 
 
+@pytest.mark.parametrize(("still", "told"), [(75, False), (125, True)])
+def test_a_record_is_cut_short_where_more_than_two_percent_stand_still(still: int, told: bool) -> None:
+    values = _values()
+    values[:, -still:] = values[:, [-still]]
+    assert [n.code for n in check_record(_record(values))] == ["record.cut-short"] * told
+
+
+def test_a_wave_that_repeats_has_one_extreme_a_period_and_is_not_clipped() -> None:
+    values = _values()
+    values[1] = np.tile(0.1 * np.random.default_rng(2).standard_normal(50), 100)
+    assert check_record(_record(values)) == ()
+
+
 def test_sound_functions_have_nothing_to_tell(eight_modes: Any) -> None:
     for kind in KINDS:
         assert check_frfs(eight_modes.frfs(_LINES, noise=0.03, kind=kind)) == ()

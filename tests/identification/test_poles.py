@@ -110,6 +110,14 @@ def test_poles_that_wander_are_not_stable(three_modes: Any) -> None:
     assert stable(table, Limits()).tolist() == [False, True, False]
 
 
+@pytest.mark.parametrize(("second", "expected"), [(1.0, True), (-1.0, False)])
+def test_shapes_at_two_responses_tell_poles_apart(three_modes: Any, second: float, expected: bool) -> None:
+    poles = pole_of(np.array([10.0, 10.0]), np.array([0.01, 0.01]))
+    shapes = np.array([[1.0, 1.0], [1.0, second]], complex)
+    table = PoleTable(poles, shapes, np.array([2, 4]), ("N4SID",) * 2, three_modes.dofs.select([0, 1]))
+    assert stable(table, Limits()).tolist() == [False, expected]
+
+
 @pytest.mark.parametrize("method", [lambda f: subspace(f, 60), lambda f: normal_equations(f, 30)])
 def test_too_few_lines_for_the_order(three_modes: Any, method: Callable[[FrfSet], object]) -> None:
     with pytest.raises(FemtuneError) as caught:

@@ -49,7 +49,7 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
     yield from _same(record, filled, dead)
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
-        first = record.time_s[max(record.samples - still - 1, 0)]
+        first = record.time_s[record.samples - still - 1]
         yield Notice("record.cut-short", first=first, still=still, samples=record.samples)
 
 

@@ -188,8 +188,7 @@ def _of_state_matrix(order: int, a: Reals, moved_a: Reals, c: Reals, moved_c: Re
     left = np.linalg.inv(right)
     coupled = left @ moved_a @ right
     keep = np.flatnonzero(discrete.imag > 1e-12 * np.abs(discrete))
-    continuous = np.log(discrete[keep]) / step_s
-    keep = keep[np.argsort(np.abs(continuous))]
+    keep = keep[np.argsort(np.abs(np.log(discrete[keep])))]
     gaps = discrete[None, :] - discrete[:, None]
     np.fill_diagonal(gaps, np.inf)
     turned = right @ (coupled / gaps)[:, :, keep]
