@@ -51,7 +51,7 @@ def _write(path: Path, lines: Sequence[str]) -> None:
         write_whole(path, ("\n".join(lines) + "\n").encode())
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
-        raise FemtuneError("uff.cannot-write/failed", where=Where(str(path)), reason=reason) from problem
+        raise FemtuneError("uff.cannot-write", where=Where(str(path)), reason=reason) from problem
 
 
 def _is_universal(path: Path) -> bool:
