@@ -32,7 +32,15 @@ FOLDERS = (
 )  # fmt: skip
 OTHER_PROGRAMS = ("model/distributed", "model/eigen/slepc.py", "model/solvers/mumps.py", "model/solvers/cholmod.py")
 """Reach programs and libraries that are not among the requirements."""
-NO_NUMBERS = ("tests/study", "tests/reporting", "tests/results", "tests/cli", "tests/front", "tests/messages", "tests/benchmarks")
+NO_NUMBERS = (
+    "tests/study",
+    "tests/reporting",
+    "tests/results",
+    "tests/cli",
+    "tests/front",
+    "tests/messages",
+    "tests/benchmarks",
+)
 """Folders of tests that run whole studies, for seconds each, or no numerical code."""
 FIRST = 25
 """Tests that a mutant is tried against at first."""

@@ -162,7 +162,7 @@ CASES = (
     Case("deck.duplicate-id", lambda f: f.deck("GRID    2               0.5", "GRID    1               0.5"),
          "beam.bdf", 6, "defined twice", "remove one"),
     Case("deck.missing-include", lambda f: f.deck("MAT1 ", "INCLUDE 'mat.inc'\nMAT1 "),
-         "beam.bdf", 8, "'mat.inc' is not there", "correct the path"),
+         "beam.bdf", 8, "'mat.inc' does not exist", "correct the path"),
     Case("deck.unsupported-element",
          lambda f: f.deck("CONM2 ", "CQUADR  20      1       1       2       3       1\nCONM2 "),
          "beam.bdf", 14, "1 CQUADR", 'allow_ignored = ["CQUADR"]'),
