@@ -163,7 +163,7 @@ def _content(file: StudyFile, entry: ConfigurationEntry, parsed: UffFile) -> Uff
         if error.code == "uff.no-units":
             key = "test_units" if file.configuration else "units"
             error.hint = (
-                f'say it in the study, where it names this file: {key} = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
+                f'state them in the study, where it names this file: {key} = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
             )
         raise
 

@@ -132,7 +132,7 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     """
     taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "one that was read")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
-        raise FemtuneError("uff.cannot-write/check-places", where=Where(str(uff)))  # fmt: skip
+        raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
     for file in files:
         if (place := os.path.realpath(file)) in taken:
             raise FemtuneError("write.overwrites-input/check-places", where=Where(str(file)), taken=taken[place])
