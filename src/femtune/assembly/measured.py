@@ -120,7 +120,7 @@ def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: Comp
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
     """Sensors cannot be put on points whose place is not known (error ``matrices.no-coordinates``)."""
     if not structure.nodes.has_coordinates and (not file.sensors.by_id or file.rigid_floor):
-        raise FemtuneError("matrices.no-coordinates/check-coordinates", where=file.where("sensors"))
+        raise FemtuneError("matrices.no-coordinates/for-sensors", where=file.where("sensors"))
 
 
 def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:

@@ -169,7 +169,7 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
     first = levels[0]
     if any(f.values.shape != first.values.shape or not np.array_equal(f.freq_hz, first.freq_hz) for f in levels):
         sizes = {"levels": ", ".join(str(f.values.shape) for f in levels)}
-        raise FemtuneError("identify.lines-differ/compare-levels", values=sizes)
+        raise FemtuneError("identify.lines-differ/levels", values=sizes)
     size = np.linalg.norm(np.nan_to_num(first.values), axis=2)
     size = np.where(size > 0.0, size, np.nan)
     gaps = np.array([f.values - first.values for f in levels])

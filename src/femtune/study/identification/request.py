@@ -146,7 +146,7 @@ def _check_lines(piece: TimeSeries, asked: Operational) -> None:
     low, high = asked.band_hz
     if high - low < LEAST_LINES * step:
         raise FemtuneError(
-            "identify.band/check-lines",
+            "identify.band/too-few-lines",
             values={"lines": f"{step:.3g} Hz apart", "duration": f"{piece.duration_s:g} s"},
             low=low,
             high=high,
