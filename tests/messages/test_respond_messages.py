@@ -108,7 +108,7 @@ def test_two_files_of_one_name(tmp_path: Path) -> None:
     (tmp_path / "beam.bdf").write_text(_DECK)
     options = {"inputs": ("2Z+",), "from_hz": 1.0, "to_hz": 2.0, "lines": 3}
     one = tmp_path / "a.uff"
-    with pytest.raises(FemtuneError, match="another one that is to be written") as caught:
+    with pytest.raises(FemtuneError, match="another file that is to be written") as caught:
         steps.respond(tmp_path / "beam.bdf", report=one, **options, uff=one, units="m-kg-s")
     assert caught.value.code == "write.overwrites-input"
     assert not one.exists()

@@ -136,7 +136,7 @@ _OTHERS = (
           'correlations = [{ one = "EI", other = "EI", value = 0.5 }]\n\n[[parameter]]', 16, "correlated with itself"),
     _Case("study.stage", "[[parameter]]", '[[stage]]\nname = "s"\nparameters = ["EI", "EI"]\n'
           'residuals = ["frequency"]\n\n[[parameter]]', 16, "is given twice"),
-    _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three unit vectors"),
+    _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three orthogonal unit vectors"),
     _Case("test.mirrored", '"2b"]', '"2b"]\nrotation = [[1,0,0],[0,1,0],[0,0,-1]]', 13, "change the sign of one row"),
 )  # fmt: skip
 

@@ -235,7 +235,7 @@ def test_no_input_is_overwritten(plate: Path) -> None:
     with pytest.raises(FemtuneError) as caught:
         steps.modes(plate, report=plate)
     assert str(caught.value).replace(str(plate), "PLATE") == (
-        "[write.overwrites-input] the page would overwrite a file that was read\n  at PLATE\n\n"
+        "[write.overwrites-input] the page would overwrite an input file\n  at PLATE\n\n"
         "hint: give the page another name"
     )
     assert plate.read_bytes() == before

@@ -223,9 +223,9 @@ def test_what_is_lacking_is_asked_for(record, tmp_path):
         identify(described(record, tmp_path, "band_hz = [1.0, 12.0]"))
     with pytest.raises(FemtuneError, match="needs a frequency band"):
         identify(described(record, tmp_path, "sampling_hz = 50.0"))
-    with pytest.raises(FemtuneError, match="there is no such file"):
+    with pytest.raises(FemtuneError, match="the file does not exist"):
         identify(tmp_path / "none.csv")
-    with pytest.raises(FemtuneError, match="folder of the results is that of the measurement"):
+    with pytest.raises(FemtuneError, match="folder of the results is the folder of the measurement"):
         identify(record, output=record.parent, sampling_hz=50.0, band_hz=(1.0, 12.0))
 
 

@@ -162,4 +162,4 @@ def _each_once(inputs: Inputs) -> Inputs:
 def _check_kept(study: Study, page: Path | None) -> None:
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     if page is not None and os.path.realpath(page) in inputs:
-        raise FemtuneError("write.overwrites-input/check-kept", where=Where(str(page)))
+        raise FemtuneError("write.overwrites-input/kept-page", where=Where(str(page)))

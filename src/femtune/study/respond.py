@@ -130,13 +130,13 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "one that was read")
+    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
         raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
     for file in files:
         if (place := os.path.realpath(file)) in taken:
-            raise FemtuneError("write.overwrites-input/check-places", where=Where(str(file)), taken=taken[place])
-        taken[place] = "another one that is to be written"
+            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
+        taken[place] = "another file that is to be written"
 
 
 def write_frf_files(
