@@ -141,7 +141,7 @@ def test_a_rate_that_contradicts_the_file_is_refused(tmp_path):
     wavfile.write(tmp_path / "a.wav", 100, SIGNALS.T.astype(np.float32))
     with pytest.raises(FemtuneError, match="contradicts that of the file"):
         read_record(tmp_path / "a.wav", sampling_hz=200.0)
-    with pytest.raises(FemtuneError, match="contradicts that of the file"):
+    with pytest.raises(FemtuneError, match="contradicts the times of the samples"):
         read_record(written(tmp_path, "time,a,b,c\n" + rows(",", time=True)), sampling_hz=200.0)
 
 
