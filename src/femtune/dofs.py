@@ -93,7 +93,7 @@ class DofSet:
         self._dofs = tuple(dofs)
         self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
         if len(self._index) != len(self._dofs):
-            raise FemtuneError("dof.duplicate", first_repeated=self._first_repeated())
+            raise FemtuneError("dof.duplicate", dof=self._first_repeated())
 
     def _first_repeated(self) -> Dof:
         return next(d for i, d in enumerate(self._dofs) if self._index[(d.node, d.direction)] != i)
@@ -168,7 +168,7 @@ class DofSet:
                 "dof.missing",
                 values={"missing": " ".join(missing[:5]) + (" …" if len(missing) > 5 else "")},
                 n_missing=len(missing),
-                n_self=len(self),
+                n_dofs=len(self),
             )
         at = np.array([other._index[(d.node, d.direction)] for d in self._dofs], dtype=np.int64)
         return at, self.signs * other.signs[at]

@@ -116,7 +116,7 @@ def _of_solved(result: ModesResult, configuration: str | None) -> Parts:
 def _of_responses(result: RespondResult, configuration: str | None) -> Parts:
     name = configuration or result._only("frf_set").configuration
     if result[name].frfs is None:
-        raise FemtuneError("response.nothing-asked/frfs")
+        raise FemtuneError("response.nothing-asked/no-frfs")
     return _of_functions(result.frf_sets[name], None)
 
 

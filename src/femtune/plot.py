@@ -318,12 +318,12 @@ def _functions(
     if isinstance(result, RespondResult):
         record = result._only("frf_set") if configuration is None else result[configuration]
         if record.frfs is None:
-            raise FemtuneError("response.nothing-asked/frfs")
+            raise FemtuneError("response.nothing-asked/no-frfs")
         measured = result.measured_sets.get(record.configuration)
         model = {"model": result.frf_sets[record.configuration]}
         return ({"test": measured} | model if measured is not None else model), record.frfs.unit
     if result.measured is None or result.synthesised is None:
-        raise FemtuneError("response.nothing-asked/functions")
+        raise FemtuneError("response.nothing-asked/no-functions")
     unit = frf_unit(result.measured.kind, unit_system(result.record.units))
     return {"measured": result.measured, "synthesised": result.synthesised}, unit
 
@@ -333,7 +333,7 @@ def _position(dofs: Any, label: str | None) -> int:
     if label is None:
         return 0
     if label not in labels:
-        raise FemtuneError("dof.missing/position", hint=did_you_mean(label, labels), label=label)
+        raise FemtuneError("dof.missing/function", hint=did_you_mean(label, labels), label=label)
     return labels.index(label)
 
 

@@ -163,7 +163,7 @@ def test_the_mass_line_tells_units() -> None:
     assert apparent_mass(as_kind(_free_mass(42.0, 1.0), "receptance"), 10.0)[0] == pytest.approx(42.0, rel=0.01)
     (notice,) = check_mass(_free_mass(42.0, 1 / 9.80665), 42.0, 10.0)
     assert notice.code == "frf.mass-line"
-    assert "g in place of m/s²" in notice.what
+    assert "g instead of m/s²" in notice.what
 
 
 def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
@@ -174,10 +174,10 @@ def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
     values[4] *= -1.0
     found = exchanged(dataclasses.replace(one, values=values), other)
     assert [n.what for n in found if n.code == "frf.exchanged"] == [
-        "what is called 3Z+ was measured at 10Z+",
-        "what is called 10Z+ was measured at 3Z+",
+        "the response with the label 3Z+ was measured at 10Z+",
+        "the response with the label 10Z+ was measured at 3Z+",
     ]
-    assert [n.what.split()[3] for n in found if n.code == "frf.inverted"] == ["5Z+"]
+    assert [n.what.split()[5] for n in found if n.code == "frf.inverted"] == ["5Z+"]
 
 
 def test_levels_of_a_linear_structure_differ_by_noise(three_modes: Any) -> None:

@@ -87,7 +87,7 @@ def test_lost_samples_and_bands_that_are_not_there_are_refused():
     holes[2, 50] = np.nan
     with pytest.raises(FemtuneError, match=r"channels have samples that are not finite(.|\n)*3X\+: 1"):
         by_covariances(TimeSeries(holes, made.channels, 100.0), Operational((1.0, 12.0)))
-    with pytest.raises(FemtuneError, match="does not reach the band"):
+    with pytest.raises(FemtuneError, match="outside the frequency range"):
         by_covariances(made, Operational((1.0, 60.0)))
 
 

@@ -164,7 +164,7 @@ def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
     missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
     if missing:
         names = ", ".join(f"{c.name} ({c.count})" for c in missing)
-        raise FemtuneError("deck.unsupported-element/check-allowed", where=missing[0].where, names=names)
+        raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
 
 
 def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:

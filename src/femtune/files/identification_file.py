@@ -145,8 +145,8 @@ def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError
         if word not in known and word in OUTPUT_ONLY:
             yield source.error(
                 ("identify", "methods"),
-                "identify.output-only/methods",
+                "identify.output-only/functions",
                 {"methods": word},
-                word=word,
+                method=word,
                 known=", ".join(known),
             )

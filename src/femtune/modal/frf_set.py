@@ -73,17 +73,17 @@ class FrfSet:
         wanted = (len(self.responses), len(self.references), np.size(self.freq_hz))
         for name, array in (("values", self.values), ("coherence", self.coherence)):
             if array is not None and array.shape != wanted:
-                raise FemtuneError("frf.shape", name=name, array_shape=array.shape, wanted=wanted)
+                raise FemtuneError("frf.shape", name=name, array_shape=array.shape, required_shape=wanted)
         for names, wanted_names in ((self.response_names, wanted[0]), (self.reference_names, wanted[1])):
             if names and len(names) != wanted_names:
-                raise FemtuneError("frf.shape/check-sizes", n_names=len(names), wanted_names=wanted_names)
+                raise FemtuneError("frf.shape/names", n_names=len(names), n_rows_or_columns=wanted_names)
 
     def _check_values(self) -> None:
         lines = self.freq_hz
         if not np.isfinite(lines).all() or (lines < 0).any() or (np.diff(lines) <= 0).any():
             raise FemtuneError("frf.values")
         if np.isinf(self.values).any():
-            raise FemtuneError("frf.values/check-values")
+            raise FemtuneError("frf.values/infinite")
 
 
 # ----------------------------------------------------------------------------------------------------

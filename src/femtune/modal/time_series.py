@@ -110,16 +110,16 @@ class TimeSeries:
             raise FemtuneError("record.shape", values=sizes)
         if np.isinf(self.values).any():
             bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
-            raise FemtuneError("record.values/check-sizes", values={"channels": " ".join(bad)})
+            raise FemtuneError("record.values/infinite", values={"channels": " ".join(bad)})
 
     def _check_clock(self) -> None:
         rate = self.sampling_hz
         if rate is not None and not (np.isfinite(rate) and rate > 0.0):
-            raise FemtuneError("record.rate/check-clock", rate=rate)
+            raise FemtuneError("record.rate/not-positive", rate=rate)
         if self.times_s is not None:
             self._check_times(self.times_s)
         elif rate is None:
-            raise FemtuneError("record.times/check-clock")
+            raise FemtuneError("record.times/none")
 
     def _check_times(self, times: NDArray[np.float64]) -> None:
         if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
@@ -196,6 +196,6 @@ def _check_rate(said: float, found: float | None, times: NDArray[np.float64]) ->
         return
     mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else float("nan")
     raise FemtuneError(
-        "record.rate/check-rate",
+        "record.rate/of-times",
         values={"rate said": f"{said:g} Hz", "rate of the times": f"{mean:g} Hz" + ("" if found else ", uneven")},
     )

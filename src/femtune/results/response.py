@@ -203,7 +203,11 @@ def unstable(request: ResponseRequest, poles: ComplexModeTable | None) -> tuple[
     if not growing:
         return ()
     more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
-    return (Notice("response.unstable", case_name=request.case.name, growing=", ".join(growing[:_SHOWN]), more=more),)
+    return (
+        Notice(
+            "response.unstable", configuration=request.case.name, frequencies=", ".join(growing[:_SHOWN]), more=more
+        ),
+    )
 
 
 def pole_records(table: ComplexModeTable) -> tuple[ComplexPole, ...]:
@@ -259,7 +263,7 @@ def _outputs(study: Study, case: StudyCase, k: int, default: Axis | None, forces
 def _check_loads(study: Study, forces: Sequence[Axis]) -> None:
     for k, (load, axis) in enumerate(zip(study.file.load, forces)):
         if not np.any(_row(load, axis).data):
-            raise FemtuneError("response.zero-load", where=study.file.where("load", k, "forces"), load_name=load.name)
+            raise FemtuneError("response.zero-load", where=study.file.where("load", k, "forces"), load=load.name)
 
 
 def _row(load: LoadEntry, axis: Axis) -> sp.csr_array:
@@ -375,7 +379,7 @@ def _about_damping(table: ResponseTable) -> tuple[str, ...]:
 
 
 def _undamped(request: ResponseRequest) -> Notice:
-    return Notice("response.undamped", case_name=request.case.name)
+    return Notice("response.undamped", configuration=request.case.name)
 
 
 def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> str:

@@ -250,7 +250,7 @@ class RespondResult(OfConfigurations["ResponseResults"]):
         """The functions of the only configuration (error ``study.unknown-configuration`` for several)."""
         record = self._only("frf_set")
         if record.frfs is None:
-            raise FemtuneError("response.nothing-asked/frfs")
+            raise FemtuneError("response.nothing-asked/no-frfs")
         return frf_set(record.frfs, self.arrays)
 
     @property

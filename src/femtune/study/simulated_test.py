@@ -76,7 +76,7 @@ def sensor_dofs(sensors: Sequence[str]) -> DofSet:
     """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
     found = dict.fromkeys(dof for text in sensors for dof in _named(text))
     if not found:
-        raise FemtuneError("uff.cannot-write/sensor-dofs")  # fmt: skip
+        raise FemtuneError("uff.cannot-write/no-sensors")  # fmt: skip
     return DofSet(tuple(found))
 
 

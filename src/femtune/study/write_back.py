@@ -58,7 +58,7 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
         if os.path.realpath(folder / name) in inputs:
-            raise FemtuneError("write.overwrites-input/check-inputs-safe", where=Where(str(folder / name)))
+            raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -185,6 +185,6 @@ def check_written(built: BuiltModel, study: Study) -> None:
     same_grids = np.array_equal(study.built.structure.nodes.ids, built.structure.nodes.ids)
     if before != after or not same_grids:
         raise FemtuneError(
-            "write.not-read-back/check-written",
+            "write.not-read-back/model-differs",
             values={"elements that differ": ", ".join(map(str, sorted(before ^ after)[:10])) or "none"},
         )

@@ -58,15 +58,15 @@ class WireFrame:
             raise FemtuneError("test.geometry", values=sizes)
         bad = self.nodes[~np.isfinite(self.coordinates).all(axis=1)]
         if bad.size:
-            raise FemtuneError("test.geometry/check-sizes", some=_some(bad))
+            raise FemtuneError("test.geometry/coordinates", nodes=_some(bad))
 
     def _check_nodes(self, n: int) -> None:
         if len(self._index) != n:
             numbers, counts = np.unique(self.nodes, return_counts=True)
-            raise FemtuneError("test.duplicate-node", some=_some(numbers[counts > 1]))
+            raise FemtuneError("test.duplicate-node", nodes=_some(numbers[counts > 1]))
         missing = sorted({node for path in (*self.lines, *self.elements) for node in path} - set(self._index))
         if missing:
-            raise FemtuneError("test.unknown-node", some=_some(missing))
+            raise FemtuneError("test.unknown-node", nodes=_some(missing))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -92,7 +92,7 @@ class WireFrame:
 
     def _at(self, node: int) -> int:
         if node not in self._index:
-            raise FemtuneError("test.unknown-node/at", node=node)
+            raise FemtuneError("test.unknown-node/requested", node=node)
         return self._index[node]
 
 

@@ -216,5 +216,5 @@ def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArra
 
 def _left(Y: NDArray, forces: NDArray) -> NDArray:
     if np.linalg.cond(Y) > _WORST_CONDITION:
-        raise FemtuneError("response.defective/left")
+        raise FemtuneError("response.defective/left-eigenvector")
     return np.asarray(la.solve(Y, forces))

@@ -162,7 +162,7 @@ def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
     inputs = {os.path.realpath(p) for p in (file.path, file.measured_path)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
-        raise FemtuneError("write.overwrites-input/check-folder", where=Where(str(folder)))
+        raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
 
 
 def _digest(path: Path) -> str:
