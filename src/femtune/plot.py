@@ -186,7 +186,9 @@ def _drawn(shapes: Sequence[ModeShapes], configuration: str | None) -> ModeShape
     names = [s.configuration for s in shapes]
     if configuration is not None and configuration not in names:
         raise FemtuneError(
-            "study.unknown-configuration/drawn", hint=did_you_mean(configuration, names), configuration=configuration
+            "study.unknown-configuration/no-shapes",
+            hint=did_you_mean(configuration, names),
+            configuration=configuration,
         )
     mine = [s for s in shapes if s.configuration == (configuration or names[0])]
     if not mine:

@@ -130,7 +130,7 @@ def test_missing_study(invoke: Invoke, steps: Any, tmp_path: Path, command: str)
     result = invoke(command, tmp_path / "none.toml")
     assert result.exit_code == 2
     assert result.stdout == ""
-    assert result.stderr.startswith("[study.missing-file] there is no study file here\n")
+    assert result.stderr.startswith("[study.missing-file] the file does not exist\n")
     assert "Traceback" not in result.output
 
 

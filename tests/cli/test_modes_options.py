@@ -57,7 +57,7 @@ def test_bad_values_are_told(tmp_path: Path, options: tuple[str, ...], code: str
     exit_code, _, told = _modes(tmp_path, *options)
     assert exit_code == 2
     assert f"[{code}" in told
-    assert "command line" in told
+    assert "option or argument" in told
 
 
 def test_python_dash_m_is_the_command() -> None:

@@ -68,6 +68,6 @@ def test_errors_are_messages(deck: Path) -> None:
     result = _run(str(deck), "--input", "7Z", "--from", "1", "--to", "2", "--step", "1")
     assert result.exit_code == 2
     assert "[dof.syntax]" in result.stderr
-    assert "command line" in result.stderr
+    assert "option or argument" in result.stderr
     nowhere = _run(str(deck), *_ASKED, "--report", "no/folder/page.html")
     assert "[run.unwritable]" in nowhere.stderr

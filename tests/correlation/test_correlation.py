@@ -88,7 +88,9 @@ def test_an_inverted_sensor_is_named() -> None:
     notices = correlate(ModeSet(test.freq_hz, shapes, test.dofs), model).notices
     assert [n.code for n in notices] == ["correlate.sensor-inverted"]
     # the sensor carries so much of mode 3 that its MAC falls below the gate: three pairs are left
-    assert notices[0].what == "sensors that move against the model in all 3 pairs: 5X+; is a direction wrong?"
+    assert (
+        notices[0].what == "sensors with opposite sign to the model in all 3 pairs: 5X+; their directions may be wrong"
+    )
 
 
 def test_a_sensor_on_a_rigid_body_does_not_hinder_orthogonality() -> None:

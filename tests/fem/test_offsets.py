@@ -197,7 +197,7 @@ def test_rigid_body_motion_is_strain_free_whatever_the_offsets(name: str):
 def test_a_beam_that_cannot_turn_is_refused(name: str):
     structure = with_offsets(_structure(SKEW[name](ARMS)), [1])
     card = structure.batches[0].card
-    with pytest.raises(FemtuneError, match="turn this beam") as caught:
+    with pytest.raises(FemtuneError, match="rotate the beam") as caught:
         parametric_model(
             structure,
             ParameterSet((Parameter("a", 1.0, 0.5, 2.0),)),

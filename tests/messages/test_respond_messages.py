@@ -50,9 +50,9 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         (f'[response]\ninputs = ["1RX+"]\n{_LINES}', "response.held-port", 9, "cannot move, because it is constrained"),
         (f'[response]\ninputs = ["2Z+", "2Z-"]\n{_LINES}', "dof.duplicate", 9, "occurs twice"),
         (f'[response]\ninputs = ["2Z"]\n{_LINES}', "dof.syntax", 9, "not a degree of freedom"),
-        ('[response]\nfrom_hz = 9.0\nto_hz = 1.0\nlines = 3\n', "study.response-lines", 10, "do not rise"),
-        ('[response]\nstep_hz = 1.0\n', "study.response-lines", 9, "'step_hz' needs from_hz and to_hz"),
-        (f'[response]\n{_LINES}lines = 9\n', "study.response-lines", 12, "both a step and a number"),
+        ('[response]\nfrom_hz = 9.0\nto_hz = 1.0\nlines = 3\n', "study.response-lines", 10, "must be below to_hz"),
+        ('[response]\nstep_hz = 1.0\n', "study.response-lines", 9, "'step_hz' requires from_hz and to_hz"),
+        (f'[response]\n{_LINES}lines = 9\n', "study.response-lines", 12, "both a frequency step"),
         ('[response]\nfrom_hz = 0.0\nto_hz = 9.0\nstep_hz = 1e-9\n', "study.response-lines", 11, "more than 1000000"),
         ('[response]\nmodes = 3\nmax_hz = 4.0\n', "study.modes", 10, "both modes and max_hz"),
         ('[response]\nratio = 0.1\nratios = [0.1]\n', "study.response-ratios", 10, "both ratio and ratios"),
@@ -60,7 +60,7 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ('[[load]]\nname = "a"\nforces = { "7Z+" = 1.0 }\n', "model.unknown-node", 10, "grid point 7"),
         ('[[load]]\nname = "a"\nforces = { "2Z+" = 0.0 }\n', "response.zero-load", 10, "zero or cancel"),
         ('[response]\nfrom_hz = 1.0\nto_hz = 1e300\nlines = 3\n', "study.value", 10, "less than or equal to 1000"),
-        ('[[load]]\nname = "a"\nforces = { "2Z+" = 1.0 }\n' * 2, "study.duplicate-name", 12, "already the name"),
+        ('[[load]]\nname = "a"\nforces = { "2Z+" = 1.0 }\n' * 2, "study.duplicate-name", 12, "already used by"),
     ],
 )  # fmt: skip
 def test_the_line_at_fault_is_named(tmp_path: Path, text: str, code: str, line: int | None, words: str) -> None:
@@ -155,4 +155,4 @@ def test_an_option_does_not_point_to_the_line_that_it_replaces(tmp_path: Path) -
     assert error.where is not None
     assert error.where.line == 8
     error = _refused(tmp_path, f'[response]\ninputs = ["2Z+"]\n{_LINES}', kind="inertance")
-    assert (error.code, error.where and error.where.file) == ("study.value", "command line")
+    assert (error.code, error.where and error.where.file) == ("study.value", "option or argument")

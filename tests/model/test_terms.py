@@ -192,7 +192,7 @@ def test_refused(code: str):
 
 
 def test_a_parameter_without_field_is_refused_and_one_that_only_a_tie_uses_is_not():
-    with pytest.raises(FemtuneError, match="q sets no field"):
+    with pytest.raises(FemtuneError, match="q does not set any field"):
         model_of([P, Parameter("q")], [Assignment("p", ref("PBAR 1 I1"))])
     factor = Parameter("half", tie=parse_expression("p / 2"))
     model_of([P, factor], [Assignment("half", ref("PBAR 1 I1"))])

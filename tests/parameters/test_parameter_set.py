@@ -28,7 +28,7 @@ def test_a_name_must_be_usable_in_a_tie(name: str) -> None:
     ("facts", "says"),
     [
         ({"lower": 2.0, "upper": 0.5}, "above the upper"),
-        ({"lower": 1.0, "upper": 1.0}, "no room"),
+        ({"lower": 1.0, "upper": 1.0}, "equals the upper"),
         ({"nominal": 3.0}, "outside the bounds"),
         ({"upper": np.inf}, "finite"),
         ({"nominal": np.nan}, "finite"),

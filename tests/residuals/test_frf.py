@@ -178,7 +178,7 @@ def test_motions_that_do_not_couple_are_left_out_with_a_sentence():
         assert [b.mode for b in residual.compare(start)] == ["1X+ / 1X+", "1X+ / 3X+"]
         (notice,) = notices
         assert notice.code == "residual.silent-frf"
-        assert "2 of 4 FRFs are zero in the model but for rounding" in notice.what
+        assert "2 of 4 FRFs are zero in the model except for rounding errors" in notice.what
         assert "2Y+ / 1X+, 2Y+ / 3X+" in notice.what
 
 
@@ -199,7 +199,7 @@ def test_nothing_left_is_an_error_that_says_why():
     ports = ports_of(model, ("2Y+",))
     test = measured(model, ports)
     start = solve_modes(model.at(np.zeros(4)), 5)
-    with pytest.raises(FemtuneError, match=r"no FRF is left to compare: .*2 of 2 FRFs are zero") as error:
+    with pytest.raises(FemtuneError, match=r"no FRF can be compared: .*2 of 2 FRFs are zero") as error:
         frf_residual(start, replace(test, values=test.values + circular(test.values.shape, 3)))
     assert error.value.code == "residual.no-frf-channels"
 
@@ -213,7 +213,7 @@ def test_what_was_not_measured_is_not_compared():
         "1X+ / 1X+", "1X+ / 3X+", "2X- / 1X+", "4X+ / 1X+", "4X+ / 3X+",
     ]  # fmt: skip
     empty = replace(measured(model, ports), values=np.full((3, 2, len(LINES)), np.nan + 0j))
-    with pytest.raises(FemtuneError, match="none has a value at the chosen lines"):
+    with pytest.raises(FemtuneError, match="none has a nonzero value at the chosen frequency lines"):
         frf_residual(start, empty)
 
 
@@ -225,7 +225,7 @@ def test_antiresonances_below_the_noise_are_left_out_of_logarithms_only():
     residual, (notice,) = frf_residual(start, test, scatter=scatter)
     assert notice.code == "residual.frf-below-noise"
     count = sum(len(b.values) for b in residual.compare(start)) // 2
-    assert f"{test.values.size - count} of {test.values.size} values" in notice.what
+    assert f"{test.values.size - count} of {test.values.size} FRF values" in notice.what
     assert 0.3 * test.values.size < count < test.values.size
     _, notices = frf_residual(start, test, form="linear", scatter=scatter)
     assert not notices

@@ -81,7 +81,7 @@ def test_own_residuals_come_after_those_of_the_modes():
 @pytest.mark.parametrize("sd", [1e-200, 1e200])
 def test_numbers_that_overflow_are_refused_with_the_residual(sd: float):
     problem = UpdateProblem((case_without_modes(MODEL, (Corner(1600.0, sd),)),), MODEL.model.parameters)
-    with pytest.raises(FemtuneError, match="corner: its numbers") as error:
+    with pytest.raises(FemtuneError, match="corner: the residuals or their weights") as error:
         problem.start(np.zeros(2))
     assert error.value.code == "residual.out-of-range"
     assert error.value.values["standard deviation"] == sd

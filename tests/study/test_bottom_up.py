@@ -246,7 +246,7 @@ def test_a_stage_without_functions_is_refused(folder: Path):
 def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path):
     text = (folder / "study.toml").read_text().replace('residuals = ["mass"]', 'residuals = ["shape"]', 1)
     (folder / "silent.toml").write_text(text.replace("shape_sd = 1e-3", ""))
-    with pytest.raises(FemtuneError, match="stage left, mass compares nothing") as caught:
+    with pytest.raises(FemtuneError, match="stage left, mass: none of its configurations has data") as caught:
         steps.update(folder / "silent.toml", output=folder / "silent")
     assert caught.value.code == "study.stage"
     assert caught.value.where is not None
@@ -259,16 +259,24 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
         ('parameters = ["E"]', 'parameters = ["F"]', "'F' is not a free parameter"),
         ('configurations = ["whole"]', 'configurations = ["hole"]', "did you mean 'whole'?"),
         ('residuals = ["mass"]', 'residuals = ["inertia"]', "'inertia' is not a kind of residual of this study"),
-        ("{ eta = 0.004 }", "{ eta = 4.0 }", "the seed starts eta outside its bounds"),
-        ("{ eta = 0.004 }", "{ E = 2e11 }", "the seed names 'E', which this stage does not move"),
+        ("{ eta = 0.004 }", "{ eta = 4.0 }", "the seed value of eta lies outside the bounds"),
+        ("{ eta = 0.004 }", "{ E = 2e11 }", "the seed names 'E', but this stage does not move"),
         ("{ eta = 0.004 }", "{ eta = nan }", "is not a finite number"),
-        ('name = "left, mass"', 'name = "left, stiffness"', "is already the name of the one on line"),
-        ("[sensors]", '[update]\nregularisation = "prior"\n\n[sensors]', "a study of stages has its own"),
-        ("[sensors]", "[update]\nstarts = 5\n\n[sensors]", "'starts' in [update] has no meaning in a study of stages"),
-        ("[sensors]", "[reduction]\n\n[sensors]", "is not searched on reduced models"),
+        ('name = "left, mass"', 'name = "left, stiffness"', "is already used by the entry on line"),
+        ("[sensors]", '[update]\nregularisation = "prior"\n\n[sensors]', "cannot be used with stages"),
+        (
+            "[sensors]",
+            "[update]\nstarts = 5\n\n[sensors]",
+            "'starts' in [update] cannot be used in a study with stages",
+        ),
+        ("[sensors]", "[reduction]\n\n[sensors]", "reduced models cannot be used"),
         ('residuals = ["mass"]', "residuals = []", "'residuals' is empty"),
         ('name = "eta"\n', 'name = "eta"\nprior = "none.toml"\n', "the catalogue of damping does not exist"),
-        ('name = "eta"\n', 'name = "eta"\nprior = "study.toml"\nsd = 0.1\n', "the catalogue gives the prior, and 'sd'"),
+        (
+            'name = "eta"\n',
+            'name = "eta"\nprior = "study.toml"\nsd = 0.1\n',
+            "the prior is given both by the catalogue and by 'sd'",
+        ),
         ('name = "eta"\n', 'name = "eta"\nprior_name = "clamp"\n', "no catalogue is given"),
     ],
 )

@@ -180,7 +180,9 @@ def test_a_channel_that_does_not_couple_is_named_in_the_alerts(bench: Bench, tru
     measured(bench, functions(true_deck, 1e-4, ("5Y+",)))
     run = steps.run(study_of(bench, 'kind = "frf"\ncount = 20'))
     (alert,) = [a for a in run.results.alerts if a.code == "residual.silent-frf"]
-    assert "1 of 3 FRFs are zero in the model but for rounding, and are left out: 5Z+ / 5Y+" in alert.sentence
+    assert (
+        "1 of 3 FRFs are zero in the model except for rounding errors and are not compared: 5Z+ / 5Y+" in alert.sentence
+    )
 
 
 REFUSED = {
@@ -213,7 +215,7 @@ def test_what_cannot_be_compared_is_refused_in_a_sentence(name: str, bench: Benc
 def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, true_deck: Path) -> None:
     measured(bench, functions(true_deck))
     path = study_of(bench, 'kind = "frf"\nto_hz = 50.0\n\n[[residual]]\nkind = "frf"\nfrom_hz = 900.0')
-    with pytest.raises(FemtuneError, match="no line from 900 Hz on") as error:
+    with pytest.raises(FemtuneError, match="no frequency line from 900 Hz on") as error:
         load_study(path).problem().start(np.zeros(4))
     tables = [i for i, line in enumerate(path.read_text().splitlines(), start=1) if line == "[[residual]]"]
     assert error.value.where is not None

@@ -206,7 +206,7 @@ def test_the_command_says_the_same(record, tmp_path):
     [
         ('frfs = "a.unv"', "must have exactly one of record"),
         ("band = [1.0, 2.0]", "band_hz"),
-        ("band_hz = [9.0, 2.0]", "the band is empty"),
+        ("band_hz = [9.0, 2.0]", "the frequency band is empty"),
         ('methods = ["SSI"]', "should be one of"),
         ("largest_order = 3", "greater than or equal to 4"),
     ],

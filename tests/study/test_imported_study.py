@@ -299,5 +299,5 @@ def test_a_folder_or_device_where_a_matrix_should_be(tmp_path: Path) -> None:
     for name in ("/dev/zero", str(tmp_path)):
         study.write_text(study.read_text().replace("upper.mtx", name, 1))
         error = refusal(study)
-        assert "the file of a matrix is a folder or device, not a file" in str(error)
+        assert "the file of a matrix is a folder or a device, not a file" in str(error)
         study.write_text(study.read_text().replace(name, "upper.mtx", 1))

@@ -191,20 +191,20 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
 @pytest.mark.parametrize(
     ("write", "code", "words"),
     [
-        (_two, "quantify.configuration", "does not say which configuration"),
-        (_without, "quantify.no-repeats", "names no repeated tests"),
-        (_broken("a,b\n1,2\n3,4\n"), "quantify.columns", "'a' is no mode of the test"),
-        (_broken("1,1\n1,2\n3,4\n"), "quantify.columns", "a mode twice"),
-        (_broken("1,2\n1,2,3\n"), "quantify.file", "3 values under 2 headings"),
-        (_broken("1,2\n1,x\n"), "quantify.file", "'x' under '2' is not finite"),
-        (_broken("1,2\n1,inf\n"), "quantify.file", "'inf' under '2'"),
-        (_broken("1,2\n1,-5\n"), "quantify.file", "repeat 1 gives mode 2 -5 Hz"),
-        (_broken("1,2\n1,5\n0,5\n"), "quantify.file", "repeat 2 gives mode 1 0 Hz"),
-        (_broken("1,2\n1,1e300\n"), "quantify.file", "which is no natural frequency"),
+        (_two, "quantify.configuration", "does not state which configuration"),
+        (_without, "quantify.no-repeats", "has no repeated tests"),
+        (_broken("a,b\n1,2\n3,4\n"), "quantify.columns", "'a' is not a mode of the test"),
+        (_broken("1,1\n1,2\n3,4\n"), "quantify.columns", "a mode is named twice"),
+        (_broken("1,2\n1,2,3\n"), "quantify.file", "has 3 fields, but the header line has 2"),
+        (_broken("1,2\n1,x\n"), "quantify.file", "'x' in column '2' is not a finite number"),
+        (_broken("1,2\n1,inf\n"), "quantify.file", "'inf' in column '2'"),
+        (_broken("1,2\n1,-5\n"), "quantify.file", "repeat 1, mode 2 has a frequency of -5 Hz"),
+        (_broken("1,2\n1,5\n0,5\n"), "quantify.file", "repeat 2, mode 1 has a frequency of 0 Hz"),
+        (_broken("1,2\n1,1e300\n"), "quantify.file", "which is not possible"),
         (_broken("1,2\n"), "quantify.file", "no line of values"),
-        (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 does not vary"),
+        (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 has the same value in all repeats"),
         (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
-        (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names the configuration C"),
+        (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),
     ],
 )  # fmt: skip
 def test_bad_repeats_are_a_sentence(beam: Bench, write: Callable[[Bench], Path], code: str, words: str):
@@ -234,5 +234,5 @@ def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
     assert run.results.update.ok
     assert run.results.quantify is None
     assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
-        "scatter of the parameters: mode 1 does not vary: its variance is zero"
+        "scatter of the parameters: mode 1 has the same value in all repeats, so its variance is zero"
     ]

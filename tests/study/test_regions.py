@@ -101,7 +101,7 @@ def test_a_card_beyond_the_region_is_left_alone(tmp_path: Path) -> None:
         ("near = { point = [1e308, -1e308, 1e308], distance = 1.0 }", "no element lies in its region"),
         ("properties = [3]", "no element has property 3"),
         ("materials = [7, 1]", "no element has material 7"),
-        ("set = 8", "the deck has no SET 8"),
+        ("set = 8", "has no SET 8"),
         ("box = [[10, 10, 10], [11, 11, 11]]", "no element lies in its region"),
         ("near = { distance = 1.0 }", "one of point, node and element"),
         ("near = { node = 1, point = [0, 0, 0], distance = 1.0 }", "one of point, node and element"),
@@ -126,10 +126,10 @@ def test_a_list_that_is_too_short(tmp_path: Path) -> None:
 
 
 def test_field_that_no_card_of_the_region_has(tmp_path: Path) -> None:
-    with pytest.raises(FemtuneError, match=r"no MAT1 card with a field NU .* there"):
+    with pytest.raises(FemtuneError, match=r"no MAT1 card that is used in the region has a separate value NU"):
         study(tmp_path, "elements = [9]", '["MAT1 NU"]')
 
 
 def test_card_that_cannot_be_updated(tmp_path: Path) -> None:
-    with pytest.raises(FemtuneError, match=r"GRID.* has no field that can be updated"):
+    with pytest.raises(FemtuneError, match=r"GRID.* is not a card with fields that can be updated"):
         study(tmp_path, "elements = [1]", '["GRID X1"]')

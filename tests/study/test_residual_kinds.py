@@ -172,7 +172,7 @@ def test_modes_that_nothing_compares_are_named(beam: Bench):
     table = f'[[residual]]\nkind = "static-force"\nname = "b"\n{LOAD}\n{measured_table(beam.truth())}\nsd = 1.0\n'
     silent = run(beam, table)
     assert [a.sentence for a in silent.results.alerts if a.code == "residual.modes-unused"] == [
-        "as the deck: the test has modes, and no residual of the study compares them"
+        "as the deck: the test has modes, but no residual of the study compares them"
     ]
     # they are still compared with the updated model
     last = next(c for c in silent.results.correlations if c.stage == "after")
@@ -184,22 +184,22 @@ FREQUENCIES_BY_RULE = "[residuals]\nfrequency_sd = 0.01\n"
 BAD = {
     "modes without a test": ('kind = "shape"\nsd = 0.1', None, "study.no-test", "has no test with modes"),
     "shapes of unknown scale": (
-        'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "not mass-normalised"),
-    "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "called '9'"),
+        'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "requires mass-normalised"),
+    "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "has no mode '9'"),
     "an unknown sensor": (
         'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no 77Z+"),
     "a covariance of another size": (
-        'kind = "frequency"\ncovariance = [[1.0]]', "beam.uff", "residual.weights", "for 1 values, and 4"),
+        'kind = "frequency"\ncovariance = [[1.0]]', "beam.uff", "residual.weights", "for 1 values, but 4"),
     "an indefinite covariance": (
         'kind = "shape"\nsensors = ["2Y+", "3Y+"]\ncovariance = [[1.0, 2.0], [2.0, 1.0]]',
-        "beam.uff", "residual.covariance", "least eigenvalue"),
+        "beam.uff", "residual.covariance", "smallest eigenvalue"),
     "a variance of zero": (
         'kind = "shape"\nsensors = ["2Y+", "3Y+"]\ncovariance = [[1.0, 0.0], [0.0, 0.0]]',
         "beam.uff", "residual.zero-variance", "variance of value 2"),
     "no scatter in the test": (
-        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "gives no standard deviations"),
+        'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
     "no covariance in the test": (
-        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "gives no standard deviations"),
+        'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
     "a load on a support": (
         "kind = 'static-force'\nname = 'p'\nforces = { '1Y+' = 1.0 }\ndisplacements = { '5Y+' = 1.0 }\nsd = 1.0",
         None, "response.held-port", "is constrained"),
@@ -211,8 +211,8 @@ BAD = {
         None, "response.zero-load", "are zero"),
     "displacements of zero": (
         "kind = 'static-force'\nname = 'p'\nforces = { '5Y+' = 1.0 }\ndisplacements = { '5Y+' = 0.0 }\nsd = 1.0",
-        None, "residual.static-data", "all zero"),
-    "no coordinate": ('kind = "centre-of-gravity"\nsd = 0.1', None, "residual.mass-data", "one at least"),
+        None, "residual.static-data", "all of them are zero"),
+    "no coordinate": ('kind = "centre-of-gravity"\nsd = 0.1', None, "residual.mass-data", "at least one"),
     "no moment": ('kind = "inertia"\nsd = 0.1', None, "residual.mass-data", "one measured entry"),
 }  # fmt: skip
 

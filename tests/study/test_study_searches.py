@@ -115,16 +115,16 @@ _PARAMETERS = "".join(
 @pytest.mark.parametrize(
     ("update", "code", "word"),
     [
-        ('regularisation = "link"', "study.weight", "does nothing without a weight"),
-        ('regularisation = "prior"\nweight = "gcv"', "study.weight", "each needs the other"),
-        ('regularisation = "truncated"\nweight = 2.0', "study.weight", "between 0 and 1"),
-        ('regularisation = "identical"\nweight = 1.0', "study.regularisation", "needs the groups"),
-        ('identical = [["a", "b"]]', "study.regularisation", "belongs to regularisation"),
+        ('regularisation = "link"', "study.weight", "has no effect without a weight"),
+        ('regularisation = "prior"\nweight = "gcv"', "study.weight", "does not use a weight"),
+        ('regularisation = "truncated"\nweight = 2.0', "study.weight", "above 0 and below 1"),
+        ('regularisation = "identical"\nweight = 1.0', "study.regularisation", "needs groups"),
+        ('identical = [["a", "b"]]', "study.regularisation", "is used by regularisation"),
         ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
-        ('regularisation = "prior"', "prior.outside-bounds", "contradict each other"),
-        ("adapt = true", "study.regularisation", "no rule finds it"),
-        ("hops = 2", "study.starts", "speaks of several starts"),
-        ('starts = 4\nfirst = "equation-error"', "study.starts", "needs reduced models"),
+        ('regularisation = "prior"', "prior.outside-bounds", "lies outside its bounds"),
+        ("adapt = true", "study.regularisation", "determined by a rule"),
+        ("hops = 2", "study.starts", "applies to an update with several starts"),
+        ('starts = 4\nfirst = "equation-error"', "study.starts", "requires reduced models"),
     ],
 )
 def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, update: str, code: str, word: str) -> None:

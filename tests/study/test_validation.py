@@ -198,9 +198,9 @@ def test_shapes_scaled_by_their_largest_entry_are_tested(beam: Bench) -> None:
 @pytest.mark.parametrize(
     ("tail", "code", "says"),
     [
-        ('[[hold_out]]\nmodes = ["9"]', "study.unknown-mode", "no mode of the test is called '9'"),
+        ('[[hold_out]]\nmodes = ["9"]', "study.unknown-mode", "the test has no mode '9'"),
         ('[[hold_out]]\nsensors = ["77Z+"]', "study.hold-out", "the test has no sensor 77Z+"),
-        ("[[hold_out]]\nabove_hz = 0.001", "study.hold-out", "no mode would be left"),
+        ("[[hold_out]]\nabove_hz = 0.001", "study.hold-out", "no mode would remain"),
         (
             '[[hold_out]]\nsensors = ["2Y+", "2Z+", "3Y+", "3Z+", "4Y+", "4Z+", "5Y+"]',
             "study.hold-out",

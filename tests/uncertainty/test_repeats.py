@@ -75,7 +75,7 @@ def test_a_repeat_that_lies_apart_is_named_and_chance_is_not():
     found = statistics_of_repeats(apart)
     assert outlying(apart) == [7]
     assert [n.what for n in found.notices] == [
-        "these repeats lie far from all others: 8; they widen every covariance, and nothing was left out"
+        "these repeats are outliers: 8; they increase all variances, and none was left out"
     ]
 
 

@@ -114,6 +114,6 @@ def test_names_that_cannot_move(problem: UpdateProblem):
     with pytest.raises(FemtuneError, match="z is not a parameter") as caught:
         update(problem, active=["z"])
     assert caught.value.code == "update.unknown-parameter"
-    with pytest.raises(FemtuneError, match="no parameter is named") as caught:
+    with pytest.raises(FemtuneError, match="is empty") as caught:
         update(problem, active=[])
     assert caught.value.code == "update.nothing-moves"

@@ -83,6 +83,6 @@ def test_starts_from_anywhere_find_the_truth(problem: UpdateProblem, form: str):
 
 def test_without_a_reduced_model(problem: UpdateProblem):
     phase = equation_error_phases(problem)[0]
-    with pytest.raises(FemtuneError, match="searched on a reduced model") as caught:
+    with pytest.raises(FemtuneError, match="requires a reduced model") as caught:
         phase.start(np.zeros(4))
     assert caught.value.code == "update.needs-reduction"

@@ -132,7 +132,7 @@ def test_truncated_steps_are_those_of_the_truncated_inverse():
 @pytest.mark.parametrize(
     ("covariance", "code", "word"),
     [
-        ([[1.0, 0.0], [0.0, 0.0]], "prior.zero-variance", "gives b no variance"),
+        ([[1.0, 0.0], [0.0, 0.0]], "prior.zero-variance", "gives b a variance of zero"),
         ([[1.0, 2.0], [2.0, 1.0]], "prior.not-positive-definite", "between a and b"),
         ([[1.0, 0.5], [0.1, 1.0]], "prior.not-positive-definite", "not symmetric"),
         ([[1.0, np.nan], [np.nan, 1.0]], "prior.shape", "finite"),
@@ -148,7 +148,7 @@ def test_what_is_no_covariance(covariance: list[list[float]], code: str, word: s
 
 
 def test_a_mean_that_the_bounds_exclude():
-    with pytest.raises(FemtuneError, match="contradict each other") as caught:
+    with pytest.raises(FemtuneError, match="lies outside its bounds") as caught:
         settled(Prior(("a",), [9.0], [[1.0]]))
     assert caught.value.code == "prior.outside-bounds"
     with pytest.raises(FemtuneError, match="contradict"):

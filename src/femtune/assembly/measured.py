@@ -79,7 +79,7 @@ def _modes(file: StudyFile, i: int, one: HoldOutEntry, test: ModeSet) -> Iterato
     for j, label in enumerate(one.modes):
         if label not in test.labels:
             raise FemtuneError(
-                "study.unknown-mode/modes",
+                "study.unknown-mode/hold-out",
                 where=file.where("hold_out", i, "modes", j),
                 values={"test modes": ", ".join(test.labels)},
                 label=label,
@@ -96,7 +96,7 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
         dof = parse_dof(label)
         if (dof.node, dof.direction) not in at:
             raise FemtuneError(
-                "study.hold-out/sensors",
+                "study.hold-out/unknown-sensor",
                 where=file.where("hold_out", i, "sensors", j),
                 values={"sensors": _some(dofs)},
                 label=label,
@@ -114,7 +114,7 @@ def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: Comp
     sensors = len(case.test.dofs) - len(found.sensors)
     if found.any and (modes < 1 or sensors < 2):
         left = "no mode" if modes < 1 else "fewer than two sensors"
-        raise FemtuneError("study.hold-out", where=file.where("hold_out"), entry_name=entry.name, left=left)
+        raise FemtuneError("study.hold-out", where=file.where("hold_out"), configuration=entry.name, remaining=left)
 
 
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
@@ -176,9 +176,9 @@ def _labelled(file: StudyFile, entry: ConfigurationEntry, modes: ModeSet) -> Mod
             "study.mode-labels",
             where=place_of(file, entry, "mode_labels"),
             values={"labels": ", ".join(entry.mode_labels), "test modes": _listed(modes)},
-            entry_name=entry.name,
-            n_mode_labels=len(entry.mode_labels),
-            n_modes=len(modes),
+            configuration=entry.name,
+            labels=len(entry.mode_labels),
+            modes=len(modes),
         )
     return replace(modes, labels=entry.mode_labels)
 

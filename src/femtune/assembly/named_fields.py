@@ -90,9 +90,9 @@ def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:
         "generic.eigenvalues",
         where=where,
         level="info",
-        name=name,
+        group=name,
         rigid=modes.rigid,
-        shown=", ".join(shown),
+        eigenvalues=", ".join(shown),
         more=more,
     )
 
@@ -104,7 +104,7 @@ def _group(entry: GenericEntry, built: BuiltModel) -> GenericGroup:
         raise FemtuneError(
             "generic.elements",
             hint=did_you_mean(str(missing[0]), map(str, known)) or "name elements of the deck",
-            entry_name=entry.name,
-            missing=missing[0],
+            group=entry.name,
+            element=missing[0],
         )
     return GenericGroup(entry.name, frozenset(wanted.among(known)), entry.nodes, entry.components)

@@ -82,11 +82,11 @@ def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: 
         resolve(built, r, where)
     if not found:
         raise FemtuneError(
-            "parameter.touches-nothing/fields",
+            "parameter.touches-nothing/no-card",
             where=where,
             card=ref.card,
-            ref_name=ref.name,
-            words="" if chosen is None else " there",
+            field=ref.name,
+            place="" if chosen is None else " in the region",
         )
     return found
 
@@ -145,8 +145,8 @@ def _check_positive(target: Target) -> None:
                 "parameter.not-positive",
                 where=target.where,
                 values={"lower": target.entry.lower},
-                entry_name=target.entry.name,
-                ref=ref,
+                parameter=target.entry.name,
+                field=ref,
             )
 
 
@@ -154,13 +154,13 @@ def _deck_value(target: Target, built: BuiltModel) -> float:
     table = built.structure.values
     values = np.array([table.values[table.index(ref) or 0] for ref in target.refs])
     if not len(values):
-        raise FemtuneError("parameter.no-start", where=target.where, entry_name=target.entry.name)
+        raise FemtuneError("parameter.no-start", where=target.where, parameter=target.entry.name)
     if np.ptp(values) > 1e-12 * np.abs(values).max():
         raise FemtuneError(
             "parameter.absolute-differs",
             where=target.where,
             values={str(ref): float(v) for ref, v in zip(target.refs, values)},
-            entry_name=target.entry.name,
+            parameter=target.entry.name,
         )
     return float(values[0])
 
@@ -198,11 +198,11 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
         return chosen
     asked = _Asked(entry.name, built, file.where("parameter", i, "region"))
     if entry.region == RegionTable():
-        raise asked.error("parameter.region/region-of")
+        raise asked.error("parameter.region/no-condition")
     for condition in _conditions(asked, entry.region):
         chosen = condition if chosen is None else chosen & condition
     if not chosen:
-        raise asked.error("parameter.region/region-of-2")
+        raise asked.error("parameter.region/no-element")
     return chosen
 
 
@@ -264,14 +264,14 @@ def _known(asked: _Asked, wanted: IntegerList, known: set[int], what: str) -> No
     unknown = sorted(set(wanted.singles) - known)
     if unknown:
         shown = ", ".join(map(str, sorted(known)[:10])) or "none"
-        raise asked.error("parameter.region/known", subject=what, unknown=unknown[0], shown=shown)
+        raise asked.error("parameter.region/unknown-number", attribute=what, unknown=unknown[0], shown=shown)
 
 
 def _in_set(asked: _Asked, number: int) -> Numbers:
     sets = asked.built.deck.case_control.sets
     if number not in sets:
         known = ", ".join(map(str, sorted(sets)[:10])) or "none"
-        raise asked.error("parameter.region/in-set", number=number, known=known)
+        raise asked.error("parameter.region/unknown-set", number=number, known=known)
     return frozenset(sets[number].among(asked.built.structure.element_kinds))
 
 
@@ -293,13 +293,13 @@ def _near(asked: _Asked, near: NearTable) -> Numbers:
 def _place(asked: _Asked, near: NearTable) -> Reals:
     given = [key for key in ("point", "node", "element") if getattr(near, key) is not None]
     if len(given) != 1:
-        raise asked.error("parameter.region/place")
+        raise asked.error("parameter.region/near")
     nodes = asked.built.structure.nodes
     if near.point is not None:
         return np.array(near.point)
     if near.node is not None:
         if not nodes.has_grid(near.node):
-            raise asked.error("parameter.region/place-2", node=near.node)
+            raise asked.error("parameter.region/unknown-grid-point", node=near.node)
         return nodes.xyz[nodes.position(near.node)]
     return _middle(asked, int(near.element or 0))
 
@@ -313,7 +313,7 @@ def _middle(asked: _Asked, element: int) -> Reals:
     rigid = structure.rigid.keep(structure.rigid.owner == element)
     at = np.unique(rigid.dof[rigid.dof < 6 * len(structure.nodes.ids)] // 6)
     if not at.size:
-        raise asked.error("parameter.region/middle", element=element)
+        raise asked.error("parameter.region/unknown-element", element=element)
     return np.asarray(structure.nodes.xyz[at].mean(axis=0))
 
 

@@ -100,7 +100,7 @@ def _check_frequencies(hz: NDArray[np.float64], label: str) -> None:
     """Refuse what no structure does: zero, negative and astronomic frequencies; gaps (NaN) may stand."""
     bad = np.flatnonzero((hz <= 0.0) | (hz > _HIGHEST_HZ))
     if bad.size:
-        raise FemtuneError("quantify.file", bad=bad[0] + 1, label=label, hz=hz[bad[0]])
+        raise FemtuneError("quantify.file", repeat=bad[0] + 1, mode=label, frequency_hz=hz[bad[0]])
 
 
 def _check_columns(
@@ -111,12 +111,16 @@ def _check_columns(
     unknown = [h for h in named if h not in labels]
     if len(heads) == len(found.heads) and named and not unknown and len(set(named)) == len(named):
         return
-    why = f"'{unknown[0]}' is no mode of the test" if unknown else "they are not one for each column, or a mode twice"
+    why = (
+        f"'{unknown[0]}' is not a mode of the test"
+        if unknown
+        else "there is not one label for each column, or a mode is named twice"
+    )
     raise FemtuneError(
         "quantify.columns",
         where=study.file.where("quantify", "columns" if given else "repeats"),
         values={"columns of the file": ", ".join(found.heads), "modes of the test": ", ".join(labels)},
-        why=why,
+        reason=why,
     )
 
 
@@ -129,9 +133,9 @@ def _of_uff(study: Study, case: StudyCase, path: Path) -> NDArray[np.float64]:
     common = test.dofs.common(modes.dofs)
     if not len(common):
         raise FemtuneError(
-            "quantify.file/of-uff",
+            "quantify.file/no-common-sensor",
             values={"sensors of the test": len(test.dofs), "of the file": len(modes.dofs)},
-            path_name=path.name,
+            file=path.name,
         )
     a, b = (ModeSet(m.freq_hz, _at(m, common), common) for m in (test, modes))
     found = pair_modes(a, b, frequency_gate=rules.frequency_gate, mac_gate=rules.mac_gate, relative_gap=-1.0)
@@ -149,5 +153,5 @@ def _modes(study: Study, entry: ConfigurationEntry, path: Path) -> ModeSet:
     own = unit_system(entry.test_units) if entry.test_units else None
     modes = read_uff(path, units=study.file.study.unit_system, file_units=own, records=entry.records).test.modes
     if modes is None:
-        raise FemtuneError("quantify.file/modes", path_name=path.name)
+        raise FemtuneError("quantify.file/no-modes", file=path.name)
     return real_modes(modes).modes

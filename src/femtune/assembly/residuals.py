@@ -52,7 +52,7 @@ class AskedOf:
     def modes(self) -> ModeSet:
         """The modes of the configuration's test (error ``study.no-test``)."""
         if self.tested is None:
-            raise FemtuneError("study.no-test/modes", where=self.where(), case_name=self.case.name)
+            raise FemtuneError("study.no-test/residual", where=self.where(), configuration=self.case.name)
         return self.tested
 
     @property
@@ -130,10 +130,10 @@ def _built(asked: AskedOf) -> Residual:
     for i, label in enumerate(labels or ()):
         if label not in asked.modes.labels:
             raise FemtuneError(
-                "study.unknown-mode/built",
+                "study.unknown-mode/residual",
                 where=asked.where("modes", i),
                 hint=did_you_mean(label, asked.modes.labels),
-                asked_name=asked.name,
+                configuration=asked.name,
                 label=label,
             )
     return OfModes(built, labels) if labels is not None and isinstance(built, OfPairs) else built

@@ -76,7 +76,7 @@ def _nothing(study: Study, i: int) -> FemtuneError:
         "study.stage/nothing",
         where=study.file.where("stage", i, "residuals"),
         values={"residuals": ", ".join(entry.residuals)},
-        entry_name=entry.name,
+        stage=entry.name,
     )
 
 

@@ -67,7 +67,7 @@ class Study:
 
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
-            raise self.no_test("the update may use, or a [[residual]]")
+            raise self.no_test("the update may use, and none has a [[residual]]")
         return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
 
     def no_test(self, purpose: str) -> FemtuneError:

@@ -162,7 +162,7 @@ def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:
         return ()
     agreement = motion_agreement(psi[:, keep], phi[:, keep])
     labels = [str(dofs[int(k)]) for k in np.flatnonzero(np.nan_to_num(agreement) < _AGAINST)]
-    return (Notice("correlate.sensor-inverted", keep=keep.sum(), labels=", ".join(labels)),) if labels else ()
+    return (Notice("correlate.sensor-inverted", pairs=keep.sum(), sensors=", ".join(labels)),) if labels else ()
 
 
 def _orthogonality(

@@ -182,7 +182,7 @@ def no_pairs(test: ModeSet, reasons: Mapping[int, str], source: str = "") -> Fem
     values = {f"test mode {test.labels[i]} ({test.freq_hz[i]:.4g} Hz)": reason for i, reason in shown}
     if len(reasons) > len(shown):
         values["…"] = f"and {len(reasons) - len(shown)} more"
-    return FemtuneError("correlate.no-pairs", values=values, n_test=len(test), source=" of " + source if source else "")
+    return FemtuneError("correlate.no-pairs", values=values, modes=len(test), source=" of " + source if source else "")
 
 
 Allowed = NDArray[np.bool_]
@@ -331,7 +331,7 @@ def _check_fixed(name: str, size: int, used: Sequence[int]) -> None:
         raise FemtuneError(
             "correlate.fixed-pair",
             values={f"{name} mode (from 1)": ", ".join(str(i + 1) for i in bad), f"{name} modes": size},
-            name=name,
+            side=name,
         )
 
 

@@ -99,7 +99,7 @@ def _group_matrix(structure: Structure, group: GenericGroup) -> tuple[Integers, 
     every = np.unique(np.concatenate([np.zeros(0, np.int64), *(dofs.ravel() for dofs, _ in found)]))
     every = every[every >= 0]
     if len(every) > LARGEST:
-        raise _error("generic.too-large", group, n_every=len(every), largest=LARGEST)
+        raise _error("generic.too-large", group, dofs=len(every), largest=LARGEST)
     K = np.zeros((len(every) + 1,) * 2)
     for dofs, matrices in found:
         # ground is the last row, which falls away
@@ -208,7 +208,7 @@ def _check_overlap(structure: Structure, group: GenericGroup) -> None:
     for batch in structure.batches:
         both = group.elements & set(batch.facts["members"][0].tolist()) if batch.kind == KIND else set()
         if both:
-            raise _error("generic.overlap", group, both=min(both), card_text=batch.card)
+            raise _error("generic.overlap", group, member=min(both), other=batch.card)
 
 
 def check_untouched(structure: Structure, touched: Collection[int]) -> None:
@@ -235,8 +235,8 @@ def _refuse_moved(group: ElementBatch, moved: set[int]) -> None:
         raise FemtuneError(
             "generic.moved-elsewhere",
             values={"elements": ", ".join(map(str, both[:10]))},
-            both=both[0],
-            card=group.card,
+            member=both[0],
+            group=group.card,
         )
 
 
@@ -245,7 +245,7 @@ def check_whole(structure: Structure, off: Collection[int]) -> None:
     for batch in structure.batches if off else ():
         both = sorted(set(batch.facts["members"][0].tolist()) & set(off)) if batch.kind == KIND else []
         if both:
-            raise FemtuneError("generic.switched-off", both=both[0], card=batch.card)
+            raise FemtuneError("generic.switched-off", member=both[0], group=batch.card)
 
 
 def _error(code: str, group: GenericGroup, **facts: Any) -> FemtuneError:

@@ -135,7 +135,7 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
         and band[0] >= band[1]
     ):
         hint = "give the lower end first: band_hz = [2.0, 40.0]"
-        yield source.error(("identify", "band_hz"), "study.value/rules", {"band_hz": band}, hint=hint)
+        yield source.error(("identify", "band_hz"), "study.value/empty-band", {"band_hz": band}, hint=hint)
 
 
 def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

@@ -35,15 +35,15 @@ def read_repeats_table(path: Path) -> RepeatsTable:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise _error(path, None, "quantify.file/read-repeats-table-2") from error
+        raise _error(path, None, "quantify.file/not-text") from error
     lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if len(lines) < 2:
-        raise _error(path, None, "quantify.file/read-repeats-table")
+        raise _error(path, None, "quantify.file/no-values")
     separator = max(_SEPARATORS, key=lines[0][1].count)
     try:
         rows = list(csv.reader((line for _, line in lines), delimiter=separator))
     except csv.Error as error:
-        raise _error(path, None, "quantify.file/no-table", why=str(error)) from error
+        raise _error(path, None, "quantify.file/no-table", reason=str(error)) from error
     heads = tuple(cell.strip() for cell in rows[0])
     values = [_numbers(path, lines[i][0], rows[i], heads, separator) for i in range(1, len(rows))]
     return RepeatsTable(heads, np.array(values))
@@ -51,7 +51,7 @@ def read_repeats_table(path: Path) -> RepeatsTable:
 
 def _numbers(path: Path, line: int, cells: list[str], heads: tuple[str, ...], separator: str) -> list[float]:
     if len(cells) != len(heads):
-        raise _error(path, line, "quantify.file/numbers", n_cells=len(cells), n_heads=len(heads))
+        raise _error(path, line, "quantify.file/number-of-fields", fields=len(cells), headings=len(heads))
     return [_number(path, line, cell.strip(), head, separator) for cell, head in zip(cells, heads)]
 
 
@@ -64,7 +64,7 @@ def _number(path: Path, line: int, cell: str, head: str, separator: str) -> floa
         value = float("inf")
     if math.isfinite(value):
         return value
-    raise _error(path, line, "quantify.file/number", cell=cell[:40], head=head)
+    raise _error(path, line, "quantify.file/not-finite", text=cell[:40], heading=head)
 
 
 def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:

@@ -90,7 +90,7 @@ class ModeSet:
         for name, (value, shape) in wanted.items():
             if value is not None and np.shape(value) != shape:
                 raise FemtuneError(
-                    "modes.shape", values={"dofs": n, "modes": m}, name=name, shape=np.shape(value), shape_2=shape
+                    "modes.shape", values={"dofs": n, "modes": m}, name=name, shape=np.shape(value), expected=shape
                 )
         if self.normalisation not in NORMALISATIONS:
             raise FemtuneError(
@@ -104,25 +104,25 @@ class ModeSet:
                 "modes.values", values={self.labels[i]: self.freq_hz[i] for i in np.flatnonzero(bad)[:5]}
             )
         if np.isinf(self.shapes).any():
-            raise FemtuneError("modes.values/check-values")
+            raise FemtuneError("modes.values/infinite-shape")
         for name in ("freq_sd_hz", "damping_sd", "shapes_sd"):
             # NaN is a standard deviation that is not known
             sd = getattr(self, name)
             if sd is not None and (np.isinf(sd) | (sd < 0)).any():
-                raise FemtuneError("modes.values/check-values-3", name=name)
+                raise FemtuneError("modes.values/standard-deviation", name=name)
         if self.modal_a is not None and ((self.modal_a == 0) | np.isinf(self.modal_a)).any():
-            raise FemtuneError("modes.values/check-values-2")
+            raise FemtuneError("modes.values/modal-scale")
         if self.covariance is not None:
             self._check_covariance(self.covariance)
 
     def _check_covariance(self, covariance: NDArray[np.float64]) -> None:
         if not np.allclose(covariance, covariance.T, rtol=1e-8, atol=0.0, equal_nan=True):
-            raise FemtuneError("modes.values/check-covariance")
+            raise FemtuneError("modes.values/covariance-not-symmetric")
         variances = np.split(np.diag(covariance), 2)
         for name, variance in zip(("freq_sd_hz", "damping_sd"), variances):
             sd = getattr(self, name)
             if sd is not None and not np.allclose(variance, sd**2, rtol=1e-6, atol=0.0, equal_nan=True):
-                raise FemtuneError("modes.values/check-covariance-2", name=name)
+                raise FemtuneError("modes.values/covariance-diagonal", name=name)
 
     def __repr__(self) -> str:
         m = len(self)

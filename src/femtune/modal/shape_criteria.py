@@ -153,9 +153,9 @@ def check_shapes(shapes: NDArray, whose: str) -> None:
         raise FemtuneError(
             "modal.zero-shape",
             values={"columns (from 1)": ", ".join(str(i + 1) for i in still[:10])},
-            n_still=len(still),
-            shapes_shape=shapes.shape[1],
-            whose=whose,
+            still=len(still),
+            total=shapes.shape[1],
+            owner=whose,
         )
 
 
@@ -216,14 +216,14 @@ def _squared_ratio(top: Reals, a: NDArray, b: NDArray) -> Reals:
 
 def _mass_normalised(shapes: NDArray, mass: NDArray, whose: str) -> NDArray:
     if np.isnan(shapes).any():
-        raise FemtuneError("modal.missing-entries", any=int(np.isnan(shapes).any(axis=1).sum()), whose=whose)
+        raise FemtuneError("modal.missing-entries", dofs=int(np.isnan(shapes).any(axis=1).sum()), owner=whose)
     check_shapes(shapes, f"the {whose}")
     modal_mass = np.einsum("ij,ik,kj->j", shapes.conj(), mass, shapes).real
     if (modal_mass <= 0.0).any():
         raise FemtuneError(
             "modal.mass-not-positive",
             values={"column (from 1)": int(np.argmin(modal_mass)) + 1, "modal mass": float(modal_mass.min())},
-            whose=whose,
+            owner=whose,
         )
     return shapes / np.sqrt(modal_mass)
 

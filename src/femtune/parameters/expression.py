@@ -62,7 +62,7 @@ def parse_expression(text: str, where: Where | None = None) -> Expression:
 
 def _refused(text: str, why: str, where: Where | None, hint: str = "") -> FemtuneError:
     hint = hint or "use + - * / ** ( ) numbers, parameter names and sqrt exp log sin cos tan"
-    return FemtuneError("tie.syntax", where=where, hint=hint, text=text, why=why)
+    return FemtuneError("tie.syntax", where=where, hint=hint, text=text, reason=why)
 
 
 def _check(node: ast.expr, names: dict[str, None], text: str, where: Where | None, depth: int) -> None:
@@ -72,7 +72,7 @@ def _check(node: ast.expr, names: dict[str, None], text: str, where: Where | Non
         names[node.id] = None
     elif isinstance(node, ast.Constant):
         if not _is_number(node.value):
-            raise _refused(text, f"has a value that is no number: {ast.unparse(node)[:40]}", where)
+            raise _refused(text, f"has a value that is not a number: {ast.unparse(node)[:40]}", where)
     else:
         for child in _children(node, text, where):
             _check(child, names, text, where, depth + 1)
@@ -96,4 +96,4 @@ def _children(node: ast.expr, text: str, where: Where | None) -> list[ast.expr]:
         if node.func.id in _FUNCTIONS:
             return [node.args[0]]
         raise _refused(text, f"calls '{node.func.id}'", where, did_you_mean(node.func.id, _FUNCTIONS))
-    raise _refused(text, f"has a part that is not arithmetic: {ast.unparse(node)[:40]}", where)
+    raise _refused(text, f"contains something other than arithmetic: {ast.unparse(node)[:40]}", where)

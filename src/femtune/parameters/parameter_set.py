@@ -58,17 +58,17 @@ class Parameter:
         if not np.isfinite([self.nominal, self.lower, self.upper]).all():
             raise self._error("parameter.bounds")
         if self.lower > self.upper:
-            raise self._error("parameter.bounds/check-bounds")
+            raise self._error("parameter.bounds/crossed")
         if self.lower == self.upper:
-            raise self._error("parameter.bounds/check-bounds-2")
+            raise self._error("parameter.bounds/equal")
         if not self.lower <= self.nominal <= self.upper:
-            raise self._error("parameter.bounds/check-bounds-3")
+            raise self._error("parameter.bounds/nominal-outside")
 
     def _check_prior(self) -> None:
         if self.prior_mean is not None and not np.isfinite(self.prior_mean):
             raise self._error("parameter.prior")
         if self.prior_sd is not None and not (np.isfinite(self.prior_sd) and self.prior_sd > 0):
-            raise self._error("parameter.prior/check-prior")
+            raise self._error("parameter.prior/standard-deviation")
 
     def _error(self, code: str) -> FemtuneError:
         values: dict[str, object] = {"nominal": self.nominal, "lower": self.lower, "upper": self.upper}
@@ -124,7 +124,7 @@ class ParameterSet:
     def _check_names(self) -> None:
         for i, p in enumerate(self.parameters):
             if p.name in self.names[:i]:
-                raise FemtuneError("parameter.duplicate", where=p.where, p_name=p.name)
+                raise FemtuneError("parameter.duplicate", where=p.where, name=p.name)
 
     def _check_ties(self) -> None:
         for p in self.parameters:
@@ -134,7 +134,7 @@ class ParameterSet:
                         "tie.unknown",
                         where=p.where,
                         hint=did_you_mean(name, (other for other in self.names if other != p.name)),
-                        p_name=p.name,
+                        parameter=p.name,
                         name=name,
                     )
         _ = self._order
@@ -158,7 +158,7 @@ class ParameterSet:
             ready = [p for p in waiting if p.tie and set(p.tie.names) <= done]
             if not ready:
                 names = ", ".join(p.name for p in waiting)
-                raise FemtuneError("tie.circle", where=waiting[0].where, names=names)
+                raise FemtuneError("tie.circle", where=waiting[0].where, parameters=names)
             ordered += ready
             done |= {p.name for p in ready}
             waiting = [p for p in waiting if p.name not in done]

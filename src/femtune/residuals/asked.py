@@ -90,8 +90,8 @@ def check_asked_mass_scaled(asked: Asked) -> None:
     """Refuse a test whose shapes are not of unit modal mass (error ``residual.not-mass-scaled``)."""
     if asked.modes.normalisation != "mass" and not asked.entry.mass_scaled:
         raise FemtuneError(
-            "residual.not-mass-scaled/check-asked-mass-scaled",
+            "residual.not-mass-scaled/table",
             where=asked.where(),
             values={"normalisation of the test": asked.modes.normalisation},
-            asked_name=asked.name,
+            configuration=asked.name,
         )

@@ -173,4 +173,4 @@ class DynamicResidual(Residual):
 
 
 def _no_shape(name: str, label: str) -> FemtuneError:
-    return FemtuneError("residual.unmeasured/no-shape", name=name, label=label)
+    return FemtuneError("residual.unmeasured/equation-error", configuration=name, mode=label)

@@ -122,8 +122,8 @@ class FrequencyCovariance(OfPairs):
 
 def _check_scatter(asked: Asked, known: Reals | None, key: str) -> None:
     if known is None:
-        raise FemtuneError("residual.no-scatter/check-scatter", where=asked.where(key), asked_name=asked.name)
+        raise FemtuneError("residual.no-scatter/test", where=asked.where(key), configuration=asked.name)
 
 
 def _no_scatter(pair: PairedMode) -> FemtuneError:
-    return FemtuneError("residual.no-scatter/no-scatter", case_name=pair.case.name, pair_label=pair.label)
+    return FemtuneError("residual.no-scatter/mode", configuration=pair.case.name, mode=pair.label)

@@ -63,7 +63,9 @@ class CentreResidual(Residual):
 
     def __post_init__(self) -> None:
         if np.shape(self.centre) != (3,) or np.isnan(self.centre).all() or np.isinf(self.centre).any():
-            raise _bad("the centre of gravity", self.centre, "three coordinates, of which one at least was measured")
+            raise _bad(
+                "the centre of gravity", self.centre, "a set of three coordinates of which at least one was measured"
+            )
         self.weights.check_size(int(np.sum(~np.isnan(self.centre))), "coordinates of the centre of gravity")
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
@@ -105,9 +107,11 @@ class InertiaResidual(Residual):
     def __post_init__(self) -> None:
         values = np.asarray(self.inertia, dtype=float)
         if values.shape != (3, 3) or not np.array_equal(values, values.T, equal_nan=True) or np.isinf(values).any():
-            raise _bad("the inertia", values.tolist(), "a symmetric (3, 3) matrix")
+            raise _bad("the inertia tensor", values.tolist(), "a symmetric (3, 3) matrix")
         if not np.nan_to_num(values).any():
-            raise _bad("the inertia", values.tolist(), "one measured entry at least")
+            raise _bad(
+                "the inertia tensor", values.tolist(), "a matrix with at least one measured entry other than zero"
+            )
         self.weights.check_size(len(self._known), "entries of the inertia tensor")
 
     @property
@@ -135,4 +139,4 @@ def _numbers(values: Iterable[float | None]) -> list[float]:
 
 
 def _bad(what: str, value: object, wanted: str) -> FemtuneError:
-    return FemtuneError("residual.mass-data", values={"given": value}, subject=what, wanted=wanted)
+    return FemtuneError("residual.mass-data", values={"given": value}, quantity=what, requirement=wanted)

@@ -137,7 +137,7 @@ class UpdateProblem:
         """
         if not len(at.residuals):
             names = ", ".join(case.name for case in self.cases)
-            raise FemtuneError("residual.nothing-compared", names=names)
+            raise FemtuneError("residual.nothing-compared", configurations=names)
         if not (1.0 / _LARGEST < at.weights < _LARGEST and at.objective < _LARGEST):
             raise _out_of_range(at)
 
@@ -174,7 +174,7 @@ def _out_of_range(at: Evaluation) -> FemtuneError:
     return FemtuneError(
         "residual.out-of-range",
         values={"standard deviation": worst.sd, "largest residual in it": _largest(worst)},
-        worst_label=worst.label,
+        residual=worst.label,
     )
 
 

@@ -205,16 +205,16 @@ def check_mass_scaled(pair: PairedMode) -> None:
     """Refuse a test whose shapes are not of unit modal mass (error ``residual.not-mass-scaled``)."""
     if pair.case.test.normalisation != "mass":
         raise FemtuneError(
-            "residual.not-mass-scaled/check-mass-scaled",
+            "residual.not-mass-scaled/pair",
             values={"normalisation of the test": pair.case.test.normalisation},
-            case_name=pair.case.name,
+            configuration=pair.case.name,
         )
 
 
 def _unmeasured(pair: PairedMode, known: int) -> FemtuneError:
     return FemtuneError(
-        "residual.unmeasured/unmeasured",
+        "residual.unmeasured/shape",
         values={"measured entries": known},
-        case_name=pair.case.name,
-        pair_label=pair.label,
+        configuration=pair.case.name,
+        mode=pair.label,
     )

@@ -46,7 +46,7 @@ class StaticTest:
             raise FemtuneError(
                 "residual.static-data",
                 values={"sensors": self.outputs.shape[0], "displacements": measured.tolist()},
-                name=self.name,
+                load_case=self.name,
             )
 
     @property

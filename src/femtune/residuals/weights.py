@@ -90,7 +90,7 @@ class Weights:
 
     def __post_init__(self) -> None:
         if (self.sd is None) == (self.covariance is None):
-            raise FemtuneError("residual.weights/post-init")
+            raise FemtuneError("residual.weights/one-of-two")
         if self.covariance is None:
             _check_sd(np.asarray(self.sd, dtype=float))
         else:
@@ -120,7 +120,7 @@ class Weights:
     def check_size(self, n: int, what: str) -> None:
         """Refuse weights for another number of values (error ``residual.weights``)."""
         if self.size not in (None, n):
-            raise FemtuneError("residual.weights/check-size", size=self.size, n=n, subject=what)
+            raise FemtuneError("residual.weights/number", given=self.size, compared=n, described=what)
 
     def whiten(self, errors: Reals, jacobian: Reals) -> tuple[Reals, Reals]:
         """Residuals (n,) and Jacobian (n, k) of errors in their unit."""
@@ -146,14 +146,14 @@ def as_weights(given: float | Weights) -> Weights:
 
 def _check_sd(sd: Reals) -> None:
     if sd.ndim > 1 or not np.isfinite(sd).all() or (sd < 0.0).any():
-        raise FemtuneError("residual.weights/check-sd", values={"sd": sd.tolist()})  # fmt: skip
+        raise FemtuneError("residual.weights/standard-deviation", values={"sd": sd.tolist()})  # fmt: skip
     if (sd == 0.0).any():
         raise _zero("standard deviation", int(np.argmin(sd)), sd.ndim)
 
 
 def _check_covariance(matrix: Reals) -> None:
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.isfinite(matrix).all():
-        raise FemtuneError("residual.weights/check-covariance", values={"shape": matrix.shape})  # fmt: skip
+        raise FemtuneError("residual.weights/covariance", values={"shape": matrix.shape})  # fmt: skip
     variances = np.diag(matrix)
     if (variances == 0.0).any():
         raise _zero("variance", int(np.argmin(np.abs(variances))), 1)
@@ -162,13 +162,13 @@ def _check_covariance(matrix: Reals) -> None:
     root = np.sqrt(variances)
     found = la.eigvalsh(matrix / np.outer(root, root))
     if found.size and found[0] <= DEFINITE * found[-1]:
-        raise _not_definite(f"the least eigenvalue of its correlations is {found[0]:.2g}")
+        raise _not_definite(f"the smallest eigenvalue of the correlation matrix is {found[0]:.2g}")
 
 
 def _not_definite(why: str) -> FemtuneError:
-    return FemtuneError("residual.covariance", why=why)
+    return FemtuneError("residual.covariance", reason=why)
 
 
 def _zero(what: str, position: int, dimensions: int) -> FemtuneError:
     place = f" of value {position + 1}" if dimensions else ""
-    return FemtuneError("residual.zero-variance", subject=what, place_text=place)
+    return FemtuneError("residual.zero-variance", quantity=what, place=place)

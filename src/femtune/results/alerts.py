@@ -70,14 +70,14 @@ def _of_update(results: Results) -> Iterable[Alert]:
     if update.weight_choice is not None and not update.weight_choice.found:
         yield alert("problem", "update.no-weight", reason=update.weight_choice.sentence)
     if update.starts is not None and not update.starts.unique:
-        yield alert("warning", "update.not-unique", found=" ".join(update.starts.sentences))
+        yield alert("warning", "update.not-unique", sentences=" ".join(update.starts.sentences))
     if update.pairing_events:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
     yield from _of_stages(update.stages)
     if update.goodness is not None and update.goodness.verdict == "fail":
-        yield alert("warning", "update.misfit", found=update.goodness.sentence)
+        yield alert("warning", "update.misfit", outcome=update.goodness.sentence)
 
 
 def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
@@ -100,7 +100,7 @@ def _of_quantify(results: Results) -> Iterable[Alert]:
     if not found.ok:
         yield alert("problem", "quantify.no-distribution", ending=found.message)
     elif not found.agrees:
-        yield alert("warning", "quantify.disagrees", found=found.sentences[0])
+        yield alert("warning", "quantify.disagrees", outcome=found.sentences[0])
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:

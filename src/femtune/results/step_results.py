@@ -93,7 +93,7 @@ class OfConfigurations(StepResult, Sequence[R], Generic[R]):
     def _position(self, name: str) -> int:
         if name not in self.configurations:
             raise FemtuneError(
-                "study.unknown-configuration/position", hint=did_you_mean(name, self.configurations), name=name
+                "study.unknown-configuration/no-result", hint=did_you_mean(name, self.configurations), name=name
             )
         return self.configurations.index(name)
 

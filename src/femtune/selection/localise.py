@@ -122,4 +122,4 @@ def _in_groups(solution: EigenSolution, vector: Reals, groups: Mapping[str, Iter
 
 
 def _no_expansion(why: str) -> FemtuneError:
-    return FemtuneError("select.expansion", why=why)
+    return FemtuneError("select.expansion", reason=why)

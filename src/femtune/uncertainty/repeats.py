@@ -36,7 +36,7 @@ def check_positive(covariance: Reals, what: str, pairwise: bool = False) -> None
         lowest = least_eigenvalue(covariance)
         if lowest >= _NEGATIVE:
             return
-        values = {"least eigenvalue of its correlations": f"{lowest:.3g}"}
+        values = {"smallest eigenvalue of the correlation matrix": f"{lowest:.3g}"}
         code = "quantify.not-positive/pairwise" if pairwise else "quantify.not-positive"
         raise FemtuneError(code, values=values, covariance=what)
     raise FemtuneError("quantify.not-positive/not-symmetric", covariance=what)
@@ -190,7 +190,7 @@ def _pairwise(table: Reals) -> Reals:
 def _check_pairs(both: Reals) -> None:
     if both.min() < _FEWEST:
         i, j = np.unravel_index(int(both.argmin()), both.shape)
-        raise FemtuneError("quantify.too-few-repeats", i=i + 1, j=j + 1, both=both.min())
+        raise FemtuneError("quantify.too-few-repeats", first=i + 1, second=j + 1, repeats=both.min())
 
 
 def expectation_maximisation(table: Reals) -> tuple[Reals, Reals]:
@@ -259,7 +259,7 @@ def _about_outliers(table: Reals) -> tuple[Notice, ...]:
     if not found:
         return ()
     which = ", ".join(str(i + 1) for i in found)
-    return (Notice("quantify.outlier", which=which),)
+    return (Notice("quantify.outlier", repeats=which),)
 
 
 def _numbered(m: int) -> tuple[str, ...]:
@@ -269,21 +269,19 @@ def _numbered(m: int) -> tuple[str, ...]:
 def _check_finite(table: Reals, names: tuple[str, ...]) -> None:
     if np.isinf(table).any():
         row, column = np.argwhere(np.isinf(table))[0]
-        raise FemtuneError("quantify.infinite", row=row + 1, names=names[column])
+        raise FemtuneError("quantify.infinite", repeat=row + 1, output=names[column])
     for i, name in enumerate(names):
         if np.isfinite(table[:, i]).sum() < _FEWEST:
             raise FemtuneError(
                 "quantify.not-measured",
                 values={"repeats with a value": int(np.isfinite(table[:, i]).sum()), "repeats": len(table)},
-                name=name,
+                output=name,
             )
 
 
 def _check_count(table: Reals, names: tuple[str, ...]) -> None:
     if len(table) < _FEWEST:
-        raise FemtuneError(
-            "quantify.too-few-repeats/check-count", values={"repeats": len(table), "outputs": len(names)}
-        )
+        raise FemtuneError("quantify.too-few-repeats/one", values={"repeats": len(table), "outputs": len(names)})
 
 
 def _check_variance(variance: Reals, mean: Reals, names: tuple[str, ...]) -> None:
@@ -292,7 +290,7 @@ def _check_variance(variance: Reals, mean: Reals, names: tuple[str, ...]) -> Non
         raise FemtuneError(
             "quantify.zero-variance",
             values={"outputs without scatter": ", ".join(n for n, f in zip(names, flat) if f)},
-            names=names[int(np.argmax(flat))],
+            output=names[int(np.argmax(flat))],
         )
 
 
@@ -312,12 +310,14 @@ def _about_gaps(gaps: NDArray[np.bool_], missing: Missing, estimate: str) -> tup
         return ()
     if missing == "complete":
         left_out = int(gaps.any(axis=1).sum())
-        return (Notice("quantify.missing-values/complete", missing=int(gaps.sum()), size=gaps.size, left_out=left_out),)
-    return (Notice("quantify.missing-values", missing=int(gaps.sum()), size=gaps.size, estimate=estimate),)
+        return (
+            Notice("quantify.missing-values/complete", missing=int(gaps.sum()), total=gaps.size, left_out=left_out),
+        )
+    return (Notice("quantify.missing-values", missing=int(gaps.sum()), total=gaps.size, estimate=estimate),)
 
 
 def _about_count(table: Reals) -> tuple[Notice, ...]:
     n, m = table.shape
     if n > m:
         return ()
-    return (Notice("quantify.singular", n=n, m=m),)
+    return (Notice("quantify.singular", repeats=n, outputs=m),)

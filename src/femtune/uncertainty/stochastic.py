@@ -94,14 +94,14 @@ def estimator(
     if weighting == "covariance":
         return LinearEstimator(_inverse_root(measured), scale, regularisation)
     if (measured.mean == 0.0).any():
-        raise FemtuneError("quantify.zero-mean", labels=measured.labels[int(np.argmin(np.abs(measured.mean)))])
+        raise FemtuneError("quantify.zero-mean", output=measured.labels[int(np.argmin(np.abs(measured.mean)))])
     return LinearEstimator(np.diag(1.0 / np.abs(measured.mean)), scale, regularisation)
 
 
 def _inverse_root(measured: OutputStatistics) -> Reals:
     if measured.singular:
         raise FemtuneError(
-            "quantify.singular/inverse-root", values={"repeats": len(measured.repeats), "outputs": len(measured.mean)}
+            "quantify.singular/no-inverse", values={"repeats": len(measured.repeats), "outputs": len(measured.mean)}
         )
     return np.asarray(np.linalg.inv(factor(measured.covariance)), dtype=float)
 
@@ -665,16 +665,16 @@ def unexplained(G: Reals, measured: OutputStatistics) -> float:
 def _check_start(names: tuple[str, ...], start: Reals, sd: Reals) -> None:
     if not len(names) == len(start) == len(sd):
         raise FemtuneError(
-            "quantify.size/check-start",
+            "quantify.size/parameters",
             values={"names": len(names), "means": len(start), "standard deviations": len(sd)},
         )
     if not (np.isfinite(sd) & (sd > 0.0)).all():
         i = int(np.argmin(np.where(np.isfinite(sd), sd, -np.inf)))
-        raise FemtuneError("quantify.start-sd", values={"standard deviation": sd[i]}, names=names[i])
+        raise FemtuneError("quantify.start-sd", values={"standard deviation": sd[i]}, parameter=names[i])
     check_positive(np.diag(sd**2), "the covariance of the parameters at the start")
 
 
 def _check_outputs(counted: Counted, measured: OutputStatistics, start: Reals) -> None:
     found = len(counted.linearised(start)[0])
     if found != len(measured.mean):
-        raise FemtuneError("quantify.size/check-outputs", values={"predicted": found, "measured": len(measured.mean)})
+        raise FemtuneError("quantify.size/outputs", values={"predicted": found, "measured": len(measured.mean)})

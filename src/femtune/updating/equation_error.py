@@ -86,7 +86,7 @@ def reduced_point(state: CaseState) -> ReducedPoint:
         raise FemtuneError(
             "update.needs-reduction",
             values={"degrees of freedom": state.case.configured.n_free},
-            case_name=state.case.name,
+            configuration=state.case.name,
         )
     return cast(ReducedPoint, state.point)
 

@@ -90,7 +90,9 @@ def check_covariance(names: Sequence[str], covariance: Reals) -> None:
     flat = [name for name, v in zip(names, variances) if v <= 0.0]
     if flat:
         raise FemtuneError(
-            "prior.zero-variance", values={"variances": ", ".join(f"{v:g}" for v in variances)}, flat=", ".join(flat)
+            "prior.zero-variance",
+            values={"variances": ", ".join(f"{v:g}" for v in variances)},
+            parameters=", ".join(flat),
         )
     if not np.isfinite(covariance).all():
         raise _shape(names, variances, covariance)
@@ -111,7 +113,7 @@ def check_mean(parameters: ParameterSet, mean: Reals) -> None:
             "prior.outside-bounds",
             where=p.where,
             values={"mean": float(parameters.denormalise(mean)[i]), "lower": p.lower, "upper": p.upper},
-            p_name=p.name,
+            parameter=p.name,
         )
 
 
@@ -122,7 +124,7 @@ def _not_positive(names: Sequence[str], correlation: Reals, least: float) -> Fem
         "prior.not-positive-definite",
         values={
             "parameters": ", ".join(names),
-            "least eigenvalue of its correlation matrix": f"{least:.3g}",
+            "smallest eigenvalue of its correlation matrix": f"{least:.3g}",
             "largest correlation": f"{correlation[i, j]:.4g} between {names[i]} and {names[j]}",
         },
     )

@@ -56,7 +56,7 @@ def test_a_loss_factor_of_case_control_counts_and_cannot_be_updated(deck_of: Dec
     with pytest.raises(FemtuneError) as error:
         resolve(built, G)
     assert error.value.code == "study.unknown-field"
-    assert "the bulk data have no PARAM G" in str(error.value)
+    assert "the bulk data section has no PARAM G" in str(error.value)
 
 
 @pytest.mark.parametrize(("text", "message"), [("PARAM W3", "cannot be updated"), ("PARAM", "cannot be updated")])
@@ -66,7 +66,7 @@ def test_other_params_are_no_fields(text: str, message: str) -> None:
 
 
 def test_a_missing_param_is_told(deck_of: DeckOf) -> None:
-    with pytest.raises(FemtuneError, match="have no PARAM G"):
+    with pytest.raises(FemtuneError, match="has no PARAM G"):
         resolve(build_structure(deck_of(BASE)), G)
 
 

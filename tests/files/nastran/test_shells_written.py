@@ -208,8 +208,8 @@ def test_split_deck_is_the_split_structure(panels: BuiltModel, tmp_path: Path) -
     [
         ("PSHELL 11 TS/T", "", ""),
         ("PSHELL 11 12I/T**3", "", ""),
-        ("CQUAD4 21 T", "parameter.derived-field", "mean of its corners"),
-        ("CQUAD4 21 ZOFFS", "parameter.touches-nothing", "write 0. there"),
+        ("CQUAD4 21 T", "parameter.derived-field", "mean of its corner thicknesses"),
+        ("CQUAD4 21 ZOFFS", "parameter.touches-nothing", "write 0. into the field"),
         ("CQUAD4 21 T1", "parameter.touches-nothing", "CQUAD4 21 T1 is blank"),
         ("PSHELL 12 TS", "parameter.touches-nothing", "depends on PSHELL 12 TS"),
         ("MAT8 3 G1Z", "parameter.touches-nothing", "depends on MAT8 3 G1Z"),

@@ -42,10 +42,10 @@ def test_each_kind_has_a_table_of_its_own(folder: Path):
 
 REFUSED = {
     "an unknown kind": ('kind = "mas"\nmass = 1.0\nsd = 0.1', "study.value", "'mas' is not a kind of residual"),
-    "no kind": ("mass = 1.0", "study.missing-key", "lacks 'kind'"),
+    "no kind": ("mass = 1.0", "study.missing-key", "lacks the key 'kind'"),
     "a key of another kind": ('kind = "mass"\nmass = 1.0\nsd = 0.1\nscaling = "mass"', "study.unknown-key", "scaling"),
-    "no value": ('kind = "mass"\nsd = 0.1', "study.missing-key", "lacks 'mass'"),
-    "zero scatter": ('kind = "mac"\nsd = 0.0', "residual.zero-variance", "weigh without limit"),
+    "no value": ('kind = "mass"\nsd = 0.1', "study.missing-key", "lacks the key 'mass'"),
+    "zero scatter": ('kind = "mac"\nsd = 0.0', "residual.zero-variance", "infinite weight"),
     "no weight": ('kind = "shape"', "residual.weights", "has neither"),
     "two weights": ('kind = "shape"\nsd = 0.1\ncovariance = [[1.0]]', "residual.weights", "has both"),
     "a covariance that is no square": (
@@ -83,9 +83,9 @@ def test_what_is_refused(case: str, folder: Path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("", "does not say to which it belongs"),
-        ('configuration = "AA"', "no configuration is called 'AA'"),
-        ('configuration = "V"', "kept for validation"),
+        ("", "does not state which one it belongs to"),
+        ('configuration = "AA"', "there is no configuration 'AA'"),
+        ('configuration = "V"', "used for validation"),
     ],
 )
 def test_the_configuration_of_a_residual(line: str, words: str, folder: Path):

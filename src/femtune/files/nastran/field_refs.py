@@ -51,17 +51,15 @@ def parse_field_ref(text: str, where: Where | None = None) -> FieldRef:
         return FieldRef(words[0], 0, words[1])
     number = parse_integer(words[1]) if len(words) == 3 else None
     if number is None:
-        raise FemtuneError("study.unknown-field/parse-field-ref", where=where, text=text)
+        raise FemtuneError("study.unknown-field/form", where=where, text=text)
     card, name = words[0], _OTHER_NAMES.get((words[0], words[2]), words[2])
     if card not in UPDATABLE:
-        raise FemtuneError(
-            "study.unknown-field/parse-field-ref-2", where=where, hint=did_you_mean(card, UPDATABLE), card_text=card
-        )
+        raise FemtuneError("study.unknown-field/card", where=where, hint=did_you_mean(card, UPDATABLE), card=card)
     if (card, name) in _FOLLOWING:
         raise FemtuneError(_FOLLOWING[card, name], where=where, field=FieldRef(card, number, name))
     if not CATALOGUE[card].holds(name):
         hint = did_you_mean(name, CATALOGUE[card].values)
-        raise FemtuneError("study.unknown-field/parse-field-ref-3", where=where, hint=hint, card_text=card, name=name)
+        raise FemtuneError("study.unknown-field/name", where=where, hint=hint, card=card, field=name)
     return FieldRef(card, number, name)
 
 
@@ -89,11 +87,11 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
     table = built.structure.values
     index = table.index(ref)
     if ref.card == "PARAM" and ref not in built.fields:
-        raise FemtuneError("study.unknown-field/resolve", where=where, ref=ref)
+        raise FemtuneError("study.unknown-field/no-param-g", where=where, ref=ref)
     if index is None and ref.card in OF_MATRICES:
         known = [r.name for r in table.refs if r.card == ref.card]
         raise FemtuneError(
-            "study.unknown-field/resolve-2", where=where, hint=did_you_mean(ref.name, known) or None, ref=ref
+            "study.unknown-field/no-matrix", where=where, hint=did_you_mean(ref.name, known) or None, field=ref
         )
     if ref.card in BARS and (index is None or ref not in built.fields) and ref.id in built.element_cards:
         raise _blank(ref, where)
@@ -117,12 +115,10 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
     numbers = [record.card.text(record.start) for card in cards for record in records_of(card)]
     if str(ref.id) not in numbers:
         hint = did_you_mean(str(ref.id), numbers[:50]) or None
-        return FemtuneError(
-            "study.unknown-field/not-in-table", where=where, hint=hint, card_text=ref.card, ref_id=ref.id
-        )
+        return FemtuneError("study.unknown-field/no-card", where=where, hint=hint, card=ref.card, number=ref.id)
     if ref.name.startswith("DIM"):
         return FemtuneError(
-            "study.unknown-field/not-in-table-2", where=where, card_text=ref.card, ref_id=ref.id, ref_name=ref.name
+            "study.unknown-field/no-dimension", where=where, card=ref.card, number=ref.id, dimension=ref.name
         )
     if ref.card in _SHELLS:
         return _blank(ref, where)
@@ -134,15 +130,15 @@ def _not_in_table(built: BuiltModel, ref: FieldRef, where: Where | None) -> Femt
 def _no_ply(built: BuiltModel, ref: FieldRef, where: Where | None) -> FemtuneError:
     """Plies that are not there, or whose thickness is that of the ply before."""
     known = [r.name for r in built.fields if (r.card, r.id) == (ref.card, ref.id)]
-    code = "study.unknown-field/value-of-card" if known else "study.unknown-field/value-of-unused-card"
+    code = "study.unknown-field/no-ply" if known else "study.unknown-field/no-ply-unused"
     return FemtuneError(code, where=where, field=ref, known=", ".join(known[:_MOST_NAMED]))
 
 
 def _blank(ref: FieldRef, where: Where | None) -> FemtuneError:
     """Fields of shells and offsets of bars are values where they are filled; blank ones have none of their own."""
     start = "0." if ref.name == "ZOFFS" or ref.card in BARS else "the thickness of the PSHELL"
-    return FemtuneError("parameter.touches-nothing/blank", where=where, ref=ref, start=start)
+    return FemtuneError("parameter.touches-nothing/blank", where=where, field=ref, value=start)
 
 
 def _untouched(ref: FieldRef, where: Where | None) -> FemtuneError:
-    return FemtuneError("parameter.touches-nothing/untouched", where=where, ref=ref)
+    return FemtuneError("parameter.touches-nothing/untouched", where=where, field=ref)

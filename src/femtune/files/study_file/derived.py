@@ -30,18 +30,18 @@ def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     for place, entry in entries:
         name = entry.get("name")
         if isinstance(name, str) and name and (not name.isidentifier() or keyword.iskeyword(name)):
-            yield source.error((*place, "name"), "parameter.name/derived-rules", {}, name=name)
+            yield source.error((*place, "name"), "parameter.name/derived", {}, name=name)
         if name in parameters:
-            yield source.error((*place, "name"), "parameter.duplicate/derived-rules", {}, name=name)
+            yield source.error((*place, "name"), "parameter.duplicate/derived", {}, name=name)
         for used in _names_in(entry.get("expression")):
             if used not in parameters:
                 hint = did_you_mean(used, parameters)
                 yield source.error(
                     (*place, "expression"),
-                    "tie.unknown/derived-rules",
+                    "tie.unknown/derived",
                     {"expression": entry["expression"]},
                     hint=hint,
-                    used=used,
+                    name=used,
                 )
 
 

@@ -88,7 +88,7 @@ def off_list(value: str | tuple[int, ...]) -> frozenset[int]:
     try:
         return frozenset(element_list(value).expand())
     except ValueError as error:
-        raise FemtuneError("study.list/off", reason=error) from error
+        raise FemtuneError("study.list/off") from error
 
 
 def support(text: str) -> tuple[tuple[int, str], ...]:
@@ -158,7 +158,7 @@ def _weight(value: object) -> None:
     if not is_number(value):
         raise FemtuneError("study.type/weight")
     if not 0 <= value <= _LARGEST_WEIGHT:  # type: ignore[operator]
-        raise FemtuneError("study.value/weight", largest_weight=_LARGEST_WEIGHT)
+        raise FemtuneError("study.value/weight", largest=_LARGEST_WEIGHT)
 
 
 def _group_name(text: str) -> None:
@@ -174,7 +174,7 @@ def _components(text: str) -> None:
 def _spread(value: float) -> None:
     """Squares of its reciprocal stay finite; no measurement is as good or as bad."""
     if value != 0 and not _LEAST_SPREAD <= value <= 1.0 / _LEAST_SPREAD:
-        raise FemtuneError("study.value/spread", least_spread=_LEAST_SPREAD, least_spread_2=1.0 / _LEAST_SPREAD)
+        raise FemtuneError("study.value/standard-deviation", least=_LEAST_SPREAD, largest=1.0 / _LEAST_SPREAD)
 
 
 def _rotation(value: tuple[tuple[float, float, float], ...]) -> None:
@@ -192,13 +192,13 @@ def _inertia(value: object) -> None:
         hint = "write [Ixx, Iyy, Izz], or the symmetric matrix as three rows of three numbers"
         raise FemtuneError("study.type/inertia", hint=hint)
     if shape[0] == 3 and any(rows[i][j] != rows[j][i] for i in range(3) for j in range(i)):
-        raise FemtuneError("study.value/inertia")
+        raise FemtuneError("study.value/inertia-not-symmetric")
     import numpy as np  # noqa: PLC0415  as in `_rotation`
 
     moments = np.linalg.eigvalsh(np.array(rows, float) if shape[0] else np.diag(rows))
     if moments[0] < -1e-9 * np.abs(moments).max():
-        hint = "moments of inertia are zero or more; products Ixy are not larger than the moments allow"
-        raise FemtuneError("study.value/inertia-2", hint=hint)
+        hint = "moments of inertia must not be negative, and the products of inertia must not be too large for them"
+        raise FemtuneError("study.value/inertia-negative", hint=hint)
 
 
 def _covariance(value: object) -> None:

@@ -63,26 +63,26 @@ def matrix_rules(data: Data, source: StudyLines) -> Problems:
     yield from _sets(entries, source)
     model = table(data, "model")
     if "listed_hz" in model and "listing" in model:
-        yield source.error(("model", "listing"), "study.matrices/matrix-rules", {})
+        yield source.error(("model", "listing"), "study.matrices/two-lists-of-modes", {})
 
 
 def _deck_or_matrices(data: Data, source: StudyLines, matrices: bool) -> Problems:
     deck = "deck" in table(data, "study")
     if deck and matrices:
-        hint = "remove deck; the grid points of a deck are named by grid in [model]"
-        yield source.error(("study", "deck"), "study.matrices/deck-or-matrices", {}, hint=hint)
+        hint = "remove deck; if only its grid points are needed, name it by grid in [model]"
+        yield source.error(("study", "deck"), "study.matrices/deck-and-matrices", {}, hint=hint)
     if not deck and not matrices and "study" in data:
-        yield source.error(("study", "deck"), "study.missing-key/deck-or-matrices", {})
+        yield source.error(("study", "deck"), "study.missing-key/deck", {})
     for name in ("model", "variable"):
         if name in data and not matrices:
-            yield source.error((name,), "study.matrices/deck-or-matrices-2", {}, name=name)
+            yield source.error((name,), "study.matrices/table-without-matrices", {}, name=name)
 
 
 def _known_variables(place: Place, entry: Data, names: list[Any], source: StudyLines) -> Problems:
     at = entry.get("at")
     for name in at if isinstance(at, dict) else ():
         if name not in names:
-            yield source.error((*place, "at"), "study.matrices/known-variables", {}, name=name)
+            yield source.error((*place, "at"), "study.matrices/unknown-variable", {}, name=name)
 
 
 def _sets(entries: list[tuple[Place, Data]], source: StudyLines) -> Problems:
@@ -98,14 +98,14 @@ def _sets(entries: list[tuple[Place, Data]], source: StudyLines) -> Problems:
         if before.get("kind") != entry.get("kind"):
             yield source.error(
                 (*place, "name"),
-                "study.duplicate-name/sets",
+                "study.duplicate-name/matrices-of-two-kinds",
                 {},
                 name=name,
-                get=before.get("kind"),
-                get_2=entry.get("kind"),
+                earlier_kind=before.get("kind"),
+                kind=entry.get("kind"),
             )
         elif not before.get("at") or not entry.get("at"):
-            yield source.error((*place, "name"), "study.duplicate-name/sets-2", {}, name=name)
+            yield source.error((*place, "name"), "study.duplicate-name/matrices-without-points", {}, name=name)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ def generic_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
             used.add(words[1])
             if words[1] not in groups:
                 hint = did_you_mean(words[1], groups) or f'add [[generic]] name = "{words[1]}" with its elements'
-                yield source.error((*place, "fields"), "generic.unknown", {}, hint=hint, words=words[1])
+                yield source.error((*place, "fields"), "generic.unknown", {}, hint=hint, name=words[1])
     for place, entry in entries:
         name = entry.get("name")
         if isinstance(name, str) and name not in used:

@@ -1,4 +1,4 @@
-"""[response] with what the command line says in place of its keys, under the rules of a file."""
+"""[response] and [modes] with options of a call in place of their keys, under the rules of a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.source import Place, StudyLines
 from femtune.files.study_file.study import StudyFile
 
-_COMMAND_LINE = "command line"
+_OPTIONS = "option or argument"
 _EXCLUSIVE = (("step_hz", "lines"), ("modes", "max_hz"), ("ratio", "ratios"))
 """One of each pair that is given takes the place of the other."""
 
@@ -24,7 +24,7 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
 
     Raises
     ------
-    FemtuneError : as for a file, with the place "command line"
+    FemtuneError : as for a file, with the place "option or argument"
     """
     given = {key: plain(value) for key, value in options.items() if value is not None}
     if not given:
@@ -35,7 +35,7 @@ def with_response(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
             if key in given and rival not in given:
                 known.pop(rival, None)
     copy = file.model_copy(update={"response": _checked(file, {**known, **given})})
-    # messages about what the command line says must not point to the line that it replaces
+    # messages about an option must not point to the line of the study that it replaces
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given)}
     copy._source = StudyLines(file._source.file, lines)
     return copy
@@ -46,18 +46,18 @@ def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> Stud
 
     Raises
     ------
-    FemtuneError : ``study.*`` as for a file, with the place "command line"; ``study.modes-both``
+    FemtuneError : ``study.*`` as for a file, with the place "option or argument"; ``study.modes-both``
     """
     given = {key: plain(value) for key, value in (("count", count), ("max_hz", max_hz)) if value is not None}
     if not given:
         return file
     if len(given) > 1:
-        raise FemtuneError("study.modes-both", where=Where(_COMMAND_LINE), values=given)  # fmt: skip
+        raise FemtuneError("study.modes-both", where=Where(_OPTIONS), values=given)  # fmt: skip
     study = file.study.model_dump(exclude_unset=True)
     try:
         modes = StudyFile.model_validate({"study": study, "modes": given}).modes
     except ValidationError as findings:
-        errors = problems(findings, StudyLines(_COMMAND_LINE))
+        errors = problems(findings, StudyLines(_OPTIONS))
         ErrorCollector(list(errors)).raise_if_any()
         raise
     return file.model_copy(update={"modes": modes})
@@ -68,7 +68,7 @@ def _replaced(place: Place, given: Mapping[str, Any]) -> bool:
 
 
 def _checked(file: StudyFile, response: dict[str, Any]) -> Any:
-    source = StudyLines(_COMMAND_LINE)
+    source = StudyLines(_OPTIONS)
     errors: list[FemtuneError] = list(response_rules({"response": response}, source))
     study = file.study.model_dump(exclude_unset=True)
     try:

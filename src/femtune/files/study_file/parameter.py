@@ -105,7 +105,7 @@ def parameter_rules(data: Data, source: StudyLines) -> Problems:
 def _name(place: Place, entry: Data, source: StudyLines) -> Problems:
     name = entry.get("name")
     if isinstance(name, str) and name and (not name.isidentifier() or keyword.iskeyword(name)):
-        yield source.error((*place, "name"), "parameter.name/name", {}, name=name)
+        yield source.error((*place, "name"), "parameter.name/in-study", {}, name=name)
 
 
 def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Problems:
@@ -115,7 +115,7 @@ def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Pr
     for name in _names_in(entry["tie"]):
         if name not in names:
             hint = did_you_mean(name, (n for n in names if n != entry.get("name")))
-            yield source.error((*place, "tie"), "tie.unknown/tied", {"tie": entry["tie"]}, hint=hint, name=name)
+            yield source.error((*place, "tie"), "tie.unknown/in-study", {"tie": entry["tie"]}, hint=hint, name=name)
 
 
 def _names_in(tie: object) -> tuple[str, ...]:
@@ -129,20 +129,20 @@ def _names_in(tie: object) -> tuple[str, ...]:
 def _catalogue(place: Place, entry: Data, source: StudyLines) -> Problems:
     """A prior from a catalogue stands alone, and is of the field itself."""
     if "prior_name" in entry and "prior" not in entry:
-        yield source.error((*place, "prior_name"), "parameter.prior/catalogue", {})
+        yield source.error((*place, "prior_name"), "parameter.prior/no-catalogue", {})
     if "prior" not in entry:
         return
     for key in ("mean", "sd"):
         if key in entry:
-            yield source.error((*place, key), "parameter.prior/catalogue-3", {key: entry[key]}, key=key)
+            yield source.error((*place, key), "parameter.prior/given-twice", {key: entry[key]}, key=key)
     if entry.get("absolute") is not True:
-        yield source.error((*place, "prior"), "parameter.prior/catalogue-2", {})
+        yield source.error((*place, "prior"), "parameter.prior/catalogue-of-factor", {})
 
 
 def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     for key in ("lower", "upper"):
         if key not in entry:
-            yield source.error((*place, key), "study.missing-key/bounds", {}, get=entry.get("name", ""), key=key)
+            yield source.error((*place, key), "study.missing-key/bounds", {}, parameter=entry.get("name", ""), key=key)
     lower, upper = number(entry, "lower"), number(entry, "upper")
     if lower is None or upper is None:
         return
@@ -151,7 +151,9 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
     elif (start := _start(entry)) is not None and not lower <= start <= upper:
         shown = {"nominal": start, "lower": lower, "upper": upper}
         key = "nominal" if "nominal" in entry else "lower"
-        yield source.error((*place, key), "parameter.bounds/bounds", shown, get=entry.get("name", ""))
+        yield source.error(
+            (*place, key), "parameter.bounds/nominal-outside-in-study", shown, parameter=entry.get("name", "")
+        )
 
 
 def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
@@ -161,7 +163,7 @@ def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
         return
     if not _LEAST_PRIOR <= sd / (upper - lower) <= 1.0 / _LEAST_PRIOR:
         shown = {"sd": sd, "lower": lower, "upper": upper}
-        yield source.error((*place, "sd"), "study.value/prior-sd", shown, get=entry.get("name", ""))
+        yield source.error((*place, "sd"), "study.value/prior-sd", shown, parameter=entry.get("name", ""))
 
 
 def _start(entry: Data) -> float | None:

@@ -82,7 +82,7 @@ def _unknown_key(finding: ErrorDetails, place: Place, source: StudyLines, model:
         "study.unknown-key",
         {},
         hint=did_you_mean(str(place[-1]), known),
-        place_text=place[-1],
+        key=place[-1],
         table=_table(place[:-1], source),
     )
 
@@ -90,7 +90,7 @@ def _unknown_key(finding: ErrorDetails, place: Place, source: StudyLines, model:
 def _missing_key(place: Place, source: StudyLines) -> FemtuneError:
     if isinstance(place[-1], int):
         hint = f"{source.page} has an example"
-        return source.error(place, "study.value/missing-key", {}, hint=hint, name=_name(place[:-1]))
+        return source.error(place, "study.value/missing-entry", {}, hint=hint, name=_name(place[:-1]))
     key, table = str(place[-1]), _table(place[:-1], source)
     table_lacks = len(place) == 1 and source.whole == StudyLines.whole
     hint = f"add the table [{key}]" if table_lacks else f"add the line  {key} = …  ({source.page} has an example)"

@@ -63,19 +63,19 @@ def toml_text(file: Path) -> str:
     """The text of a TOML file (errors ``study.missing-file``, ``study.syntax``)."""
     where = Where(str(file))
     if not file.is_file():
-        raise FemtuneError("study.missing-file/toml-text", where=where)
+        raise FemtuneError("study.missing-file/study", where=where)
     try:
         content = file.read_bytes()
     except OSError as error:
-        raise FemtuneError("study.missing-file/toml-text-2", where=where, strerror=error.strerror) from error
+        raise FemtuneError("study.missing-file/unreadable", where=where, reason=error.strerror) from error
     if len(content) > _LARGEST:
-        raise FemtuneError("study.syntax/toml-text-2", where=where, n_content=len(content) // 1000000)
+        raise FemtuneError("study.syntax/too-large", where=where, megabytes=len(content) // 1000000)
     try:
         return content.decode("utf-8").removeprefix("\ufeff").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         where = Where(str(file), line)
-        raise FemtuneError("study.syntax/toml-text", where=where) from error
+        raise FemtuneError("study.syntax/encoding", where=where) from error
 
 
 def toml_data(text: str, file: Path) -> dict[str, Any]:
@@ -90,7 +90,9 @@ def _parsed(text: str, file: Path) -> dict[str, Any]:
         message = "brackets are nested too deeply" if isinstance(error, RecursionError) else str(error)
         match = _PLACE.search(message)
         line = int(match[1]) if match and match[1] else text.count("\n") + 1 if match else None
-        raise FemtuneError("study.syntax/parsed", where=Where(str(file), line), sub=_PLACE.sub("", message)) from error
+        raise FemtuneError(
+            "study.syntax/not-toml", where=Where(str(file), line), reason=_PLACE.sub("", message)
+        ) from error
 
 
 def frozen(value: Any) -> Any:
@@ -125,7 +127,7 @@ def _missing_files(data: dict[str, Any], source: StudyLines, folder: Path, given
             values = {str(place[-1]): name, "looked for": os.path.abspath(folder / name)}
             there = os.path.exists(folder / name)
             code = "study.missing-file/not-a-file" if there else "study.missing-file/named"
-            yield source.error(place, code, values, file_of=what)
+            yield source.error(place, code, values, file_kind=what)
 
 
 def _is_file(path: Path) -> bool:

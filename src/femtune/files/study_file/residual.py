@@ -62,7 +62,7 @@ class ResidualTable(TomlTable):
         if given.get("covariance") == "test" and not cls.covariance_of_test:
             yield Breach("covariance", "residual.weights/not-of-test")
         if number(given, "sd") == 0:
-            yield Breach("sd", "residual.zero-variance/table", {"sd": given["sd"]})
+            yield Breach("sd", "residual.zero-variance/standard-deviation", {"sd": given["sd"]})
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -364,17 +364,15 @@ def _configuration(data: Data, place: Place, entry: Data, source: StudyLines) ->
         if len(known) > 1:
             yield source.error(
                 place,
-                "study.residual-configuration/configuration-2",
+                "study.residual-configuration/several",
                 {"configurations": list(known)},
-                iter=next(iter(known)),
+                first=next(iter(known)),
             )
         return
     where = (*place, "configuration")
     if known and isinstance(name, str) and name not in known:
-        yield source.error(
-            where, "study.residual-configuration/configuration", {}, hint=did_you_mean(name, known), name=name
-        )
+        yield source.error(where, "study.residual-configuration/unknown", {}, hint=did_you_mean(name, known), name=name)
     elif not known:
         yield source.error(where, "study.residual-configuration/none", {})
     elif known.get(str(name), {}).get("use") == "validation":
-        yield source.error(where, "study.residual-configuration/configuration-3", {}, name=name)
+        yield source.error(where, "study.residual-configuration/for-validation", {}, name=name)

@@ -94,7 +94,7 @@ def _problem(response: Data) -> tuple[str, str, dict[str, Any]] | None:
 def _alternatives(response: Data, source: StudyLines) -> Problems:
     if "modes" in response and "max_hz" in response:
         shown = {key: response[key] for key in ("modes", "max_hz")}
-        yield source.error(("response", "max_hz"), "study.modes/alternatives", shown)
+        yield source.error(("response", "max_hz"), "study.modes/response", shown)
     if "ratio" in response and "ratios" in response:
         shown = {key: response[key] for key in ("ratio", "ratios")}
         yield source.error(("response", "ratios"), "study.response-ratios", shown)

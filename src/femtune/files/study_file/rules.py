@@ -62,7 +62,7 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
 def _without_test(place: Place, entry: Data, source: StudyLines) -> Problems:
     for key in _ABOUT_THE_TEST:
         if key in entry and "test" not in entry:
-            yield source.error((*place, key), "study.no-test/without-test", {}, key=key)
+            yield source.error((*place, key), "study.no-test/key", {}, key=key)
 
 
 def _test_modes(place: Place, entry: Data, source: StudyLines) -> Problems:
@@ -79,7 +79,7 @@ def _test_modes(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 def _known_label(place: Place, label: object, labels: list[str], source: StudyLines) -> Problems:
     if labels and isinstance(label, str) and label not in labels:
-        yield source.error(place, "study.unknown-mode/known-label", {}, hint=did_you_mean(label, labels), label=label)
+        yield source.error(place, "study.unknown-mode/mode-labels", {}, hint=did_you_mean(label, labels), label=label)
 
 
 def _sensors(data: Data, source: StudyLines) -> Problems:

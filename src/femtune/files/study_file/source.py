@@ -238,6 +238,6 @@ def named_twice(entries: list[tuple[Place, Data]], code: str, source: StudyLines
             continue
         if name in seen:
             line = source.where((*seen[name], "name")).line
-            earlier = dotted(seen[name]) if line is None else f"the one on line {line}"
+            earlier = dotted(seen[name]) if line is None else f"the entry on line {line}"
             yield source.error((*place, "name"), code, {}, name=name, earlier=earlier)
         seen.setdefault(name, place)

@@ -61,12 +61,12 @@ def stage_rules(data: Data, source: StudyLines) -> Problems:
 def _update(data: Data, source: StudyLines) -> Problems:
     update = table(data, "update")
     if update.get("regularisation", "none") != "none":
-        yield source.error(("update", "regularisation"), "study.stage/update", {})
+        yield source.error(("update", "regularisation"), "study.stage/regularisation", {})
     for key in _OF_ONE_UPDATE:
         if key in update:
-            yield source.error(("update", key), "study.stage/update-3", {}, key=key)
+            yield source.error(("update", key), "study.stage/key-of-update", {}, key=key)
     if "reduction" in data:
-        yield source.error(("reduction",), "study.stage/update-2", {})
+        yield source.error(("reduction",), "study.stage/reduction", {})
 
 
 def _configurations(data: Data) -> list[str]:
@@ -86,7 +86,12 @@ def _names(place: Place, entry: Data, known: list[str], what: str, source: Study
     for i, name in enumerate(texts(entry.get(str(place[-1])))):
         if name not in known:
             yield source.error(
-                (*place, i), "study.stage/names", {}, hint=did_you_mean(name, known), name=name, subject=what
+                (*place, i),
+                "study.stage/unknown-name",
+                {},
+                hint=did_you_mean(name, known),
+                name=name,
+                kind_of_name=what,
             )
 
 
@@ -105,7 +110,7 @@ def _seeds(place: Place, entry: Data, data: Data, source: StudyLines) -> Problem
             if name not in texts(entry.get("parameters")):
                 yield source.error(where, "study.stage/seed-parameter", {}, name=name)
             elif not _inside(value, bounds.get(name, (None, None))):
-                yield source.error(where, "study.stage/seeds", {name: value}, name=name)
+                yield source.error(where, "study.stage/seed-outside-bounds", {name: value}, name=name)
 
 
 def _inside(value: object, bounds: tuple[object, object]) -> bool:

@@ -49,14 +49,14 @@ def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
     """Keys that only one kind of regularisation reads."""
     kind = update.get("regularisation", "none")
     if update.get("adapt") and update.get("weight") not in _FOUND:
-        yield source.error(("update", "adapt"), "study.regularisation/of-other-kinds", {"weight": update.get("weight")})
+        yield source.error(("update", "adapt"), "study.regularisation/adapt", {"weight": update.get("weight")})
     for key, owner in (("identical", "identical"), ("correlations", "prior")):
         if update.get(key) and kind != owner:
             yield source.error(
-                ("update", key), "study.regularisation/of-other-kinds-3", {"regularisation": kind}, key=key, owner=owner
+                ("update", key), "study.regularisation/other-kind", {"regularisation": kind}, key=key, owner=owner
             )
     if kind == "identical" and not update.get("identical"):
-        yield source.error(("update", "regularisation"), "study.regularisation/of-other-kinds-2", {})
+        yield source.error(("update", "regularisation"), "study.regularisation/no-groups", {})
 
 
 def _names(data: Data, update: Data, source: StudyLines) -> Problems:
@@ -66,7 +66,9 @@ def _names(data: Data, update: Data, source: StudyLines) -> Problems:
             for name in group if isinstance(group, tuple) else ():
                 if isinstance(name, str) and name not in free:
                     hint = did_you_mean(name, free)
-                    yield source.error(("update", key), "update.unknown-parameter/names", {}, hint=hint, name=name)
+                    yield source.error(
+                        ("update", key), "update.unknown-parameter/in-study", {}, hint=hint, parameter=name
+                    )
 
 
 def _pairs(update: Data) -> tuple[tuple[object, object], ...]:
@@ -100,13 +102,13 @@ def _means(data: Data, source: StudyLines) -> Problems:
         if mean is not None and lower is not None and upper is not None and not lower <= mean <= upper:
             name = entry.get("name", "")
             shown = {"mean": mean, "lower": lower, "upper": upper}
-            yield source.error((*place, "mean"), "prior.outside-bounds/means", shown, name=name)
+            yield source.error((*place, "mean"), "prior.outside-bounds/in-study", shown, parameter=name)
 
 
 def _starts(data: Data, update: Data, source: StudyLines) -> Problems:
     several = (number(update, "starts") or 1) > 1
     for key in ("hops", "first"):
         if update.get(key) not in (None, 0, "none") and not several:
-            yield source.error(("update", key), "study.starts/starts-2", {}, key=key)
+            yield source.error(("update", key), "study.starts/one-start", {}, key=key)
     if update.get("first") == "equation-error" and "reduction" not in data:
-        yield source.error(("update", "first"), "study.starts/starts", {})
+        yield source.error(("update", "first"), "study.starts/needs-reduction", {})

@@ -73,7 +73,7 @@ def validation_rules(data: Data, source: StudyLines) -> Problems:
     configurations = {e["name"]: e for _, e in tables(data, "configuration") if isinstance(e.get("name"), str)}
     for place, entry in tables(data, "hold_out"):
         if not any(entry.get(key) for key in _WHAT):
-            yield source.error(place, "study.hold-out/validation-rules", {})
+            yield source.error(place, "study.hold-out/nothing-named", {})
         yield from _configuration(place, entry, configurations, source)
 
 
@@ -82,9 +82,9 @@ def _configuration(place: Place, entry: Data, known: dict[str, Data], source: St
     if not isinstance(name, str):
         return
     if name not in known:
-        hint = did_you_mean(name, known) or "remove the key: the study has one configuration only"
-        yield source.error((*place, "configuration"), "study.hold-out/configuration", {}, hint=hint, name=name)
+        hint = did_you_mean(name, known) or "remove the key, which is for studies with several configurations"
+        yield source.error((*place, "configuration"), "study.hold-out/unknown-configuration", {}, hint=hint, name=name)
     elif "test" not in known[name]:
-        yield source.error((*place, "configuration"), "study.hold-out/configuration-2", {}, name=name)
+        yield source.error((*place, "configuration"), "study.hold-out/without-test", {}, name=name)
     elif known[name].get("use") == "validation":
-        yield source.error((*place, "configuration"), "study.hold-out/configuration-3", {}, name=name)
+        yield source.error((*place, "configuration"), "study.hold-out/for-validation", {}, name=name)

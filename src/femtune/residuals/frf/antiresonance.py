@@ -70,12 +70,15 @@ class CandidateZeros:
     def why_not(self, i: int, j: int | None, gates: ZeroGates) -> str:
         """What speaks against a pair; "" where nothing does."""
         if j is None:
-            return "the model has no antiresonance left for it"
+            return "all antiresonances of the model are assigned to others"
         off, mac = float(np.expm1(self.off[i, j])), float(self.mac[i, j])
         if abs(off) > gates.frequency:
-            return f"the nearest of the model is {100.0 * off:+.0f} % away; the gate is {100.0 * gates.frequency:.0f} %"
+            return (
+                f"the nearest antiresonance of the model differs by {100.0 * off:+.0f} %; "
+                f"the gate is {100.0 * gates.frequency:.0f} %"
+            )
         if mac < gates.mac:
-            return f"there the model moves otherwise (MAC {mac:.2f} below {gates.mac:.2f})"
+            return f"the MAC of the deflection shapes is {mac:.2f}, below {gates.mac:.2f}"
         return ""
 
 
@@ -180,7 +183,7 @@ class AntiresonanceResidual(Residual):
         return max(test.sd_hz / test.freq_hz, _LEAST) if self.sd == "test" else float(self.sd)
 
     def _lost(self, test: Antiresonance) -> FemtuneError:
-        return FemtuneError("residual.antiresonance-lost", configuration=self.configuration, test_label=test.label)
+        return FemtuneError("residual.antiresonance-lost", configuration=self.configuration, antiresonance=test.label)
 
 
 def antiresonance_residual(
@@ -218,7 +221,9 @@ def antiresonance_residual(
         for i, (test, partner) in enumerate(zip(tests, found.assigned())):
             why = found.why_not(i, partner, gates or ZeroGates())
             if why:
-                notices.append(Notice("residual.antiresonance-unpaired", name=name, test_label=test.label, why=why))
+                notices.append(
+                    Notice("residual.antiresonance-unpaired", configuration=name, antiresonance=test.label, reason=why)
+                )
             else:
                 kept.append(test)
     if not kept:
@@ -234,7 +239,7 @@ def _check_sd(sd: ZeroSd) -> None:
 
 def _no_pairs(name: str, notices: list[Notice]) -> FemtuneError:
     return FemtuneError(
-        "residual.no-antiresonances/no-pairs",
+        "residual.no-antiresonances/none-paired",
         values={str(i + 1): notice.what for i, notice in enumerate(notices[:6])},
-        name=name,
+        configuration=name,
     )

@@ -111,12 +111,12 @@ def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:
 def _check_labels(asked: Asked) -> None:
     entry, modes = asked.entry, asked.tested
     if entry.around == "resonances" and modes is None:
-        raise FemtuneError("study.no-test/check-labels", where=asked.where("around"))
+        raise FemtuneError("study.no-test/around-resonances", where=asked.where("around"))
     for i, label in enumerate(entry.modes or ()):
         assert modes is not None
         if label not in modes.labels:
             raise FemtuneError(
-                "study.unknown-mode/check-labels",
+                "study.unknown-mode/frf-residual",
                 where=asked.where("modes", i),
                 hint=did_you_mean(label, modes.labels),
                 label=label,
@@ -127,7 +127,7 @@ def _functions(asked: Asked) -> tuple[FrfSet, Places, tuple[Notice, ...]]:
     """The functions that are asked for and have a place in the model."""
     entry, frfs = asked.entry, asked.frfs
     if frfs is None:
-        raise FemtuneError("residual.no-frfs", where=asked.where(), asked_name=asked.name)
+        raise FemtuneError("residual.no-frfs", where=asked.where(), configuration=asked.name)
     outputs, seen, about_outputs = asked.seen(_named(asked, entry.outputs, frfs.responses, "outputs"))
     inputs, driven, about_inputs = asked.seen(_named(asked, entry.inputs, frfs.references, "inputs"))
     _check_some(asked, outputs, "outputs")
@@ -153,7 +153,9 @@ def _known(known: dict[tuple[int, str], Dof], dof: Dof, where: Where) -> Dof:
 
 def _check_some(asked: Asked, labels: DofSet, key: str) -> None:
     if not len(labels):
-        raise FemtuneError("residual.no-frf-channels/check-some", where=asked.where(), asked_name=asked.name, key=key)
+        raise FemtuneError(
+            "residual.no-frf-channels/not-in-model", where=asked.where(), configuration=asked.name, key=key
+        )
 
 
 def _select(frfs: FrfSet, responses: DofSet, references: DofSet) -> FrfSet:

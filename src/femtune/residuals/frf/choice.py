@@ -134,9 +134,9 @@ def _lost_in_noise(residual: FrfResidual) -> list[Notice]:
             "residual.frf-below-noise",
             level="info",
             configuration=residual.configuration,
-            lost=lost.sum(),
+            left_out=lost.sum(),
             measured=measured.sum(),
-            above_noise=ABOVE_NOISE,
+            threshold=ABOVE_NOISE,
         )
     ]
 
@@ -149,9 +149,9 @@ def _coupled(residual: FrfResidual, silent: NDArray[np.bool_], notices: list[Not
             Notice(
                 "residual.silent-frf",
                 configuration=residual.configuration,
-                n_out=len(out),
+                silent=len(out),
                 known=known.sum(),
-                listed=_listed(out),
+                functions=_listed(out),
             )
         )
     return replace(residual, sd=np.where(silent[:, :, None], np.nan, residual.sd))
@@ -167,5 +167,5 @@ def _listed(labels: Iterable[str]) -> str:
 
 
 def _nothing_left(name: str, notices: list[Notice]) -> FemtuneError:
-    why = "; ".join(n.what for n in notices) or "none has a value at the chosen lines that is not zero"
-    return FemtuneError("residual.no-frf-channels/nothing-left", name=name, why=why)
+    why = "; ".join(n.what for n in notices) or "none has a nonzero value at the chosen frequency lines"
+    return FemtuneError("residual.no-frf-channels/nothing-left", configuration=name, reason=why)

@@ -92,9 +92,9 @@ class Resonance:
         numbers = np.array([self.freq_hz, self.damping_ratio, self.freq_hz if self.model_hz is None else self.model_hz])
         if not (np.isfinite(numbers).all() and (numbers > 0.0).all() and self.damping_ratio < 1.0):
             raise FemtuneError(
-                "residual.resonance/post-init",
+                "residual.resonance/region",
                 values={"frequency (Hz)": self.freq_hz, "damping ratio": self.damping_ratio},
-                label=self.label,
+                mode=self.label,
             )
 
 
@@ -122,7 +122,9 @@ class Resonances:
             if at.size:
                 out.append(Region(mode.label, at, (mode.model_hz or mode.freq_hz) / mode.freq_hz))
         if not out:
-            raise _no_lines(freq_hz, "at the resonances", "widen the regions, or check the damping of the test's modes")
+            raise _no_lines(
+                freq_hz, "at the resonances", "widen the regions, or check the damping ratios of the test modes"
+            )
         return out
 
     def _lines_of(self, freq_hz: Reals, mode: Resonance) -> Integers:
@@ -177,7 +179,7 @@ class PairedResonances:
         """
         modes = tuple(self._paired(state))
         if not modes:
-            raise FemtuneError("residual.resonance/found", case_name=state.case.name)
+            raise FemtuneError("residual.resonance/none-paired", configuration=state.case.name)
         return Resonances(modes, self.bandwidths, self.lines), tuple(self._left(state))
 
     def _wanted(self, label: str) -> bool:
@@ -204,7 +206,7 @@ class PairedResonances:
                 yield Notice(
                     "residual.resonance-unpaired",
                     level="info",
-                    case_name=state.case.name,
-                    labels=labels[u.test],
+                    configuration=state.case.name,
+                    mode=labels[u.test],
                     reason=u.reason,
                 )

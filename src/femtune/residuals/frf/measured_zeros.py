@@ -160,7 +160,7 @@ def _between(frfs: FrfSet, j: int, freq_hz: float) -> Complexes:
 def _none(frfs: FrfSet, search: ZeroSearch) -> FemtuneError:
     span = f"{max(search.from_hz, frfs.freq_hz[0]):g} to {min(search.to_hz, frfs.freq_hz[-1]):g} Hz"
     return FemtuneError(
-        "residual.no-antiresonances/none",
+        "residual.no-antiresonances/none-measured",
         values={"functions": int(np.isfinite(frfs.values).any(axis=2).sum()), "lines": len(frfs.freq_hz)},
-        span=span,
+        band=span,
     )

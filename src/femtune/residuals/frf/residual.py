@@ -202,4 +202,4 @@ class FrfResidual(Residual):
         return self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
 
     def _not_finite(self, label: str) -> FemtuneError:
-        return FemtuneError("residual.frf-not-finite", configuration=self.configuration, label=label)
+        return FemtuneError("residual.frf-not-finite", configuration=self.configuration, function=label)
