@@ -114,7 +114,7 @@ def _interrupted(ctx: click.Context) -> NoReturn:
     count, journal = (running.journaled() if running else None) or (0, None)
     if count:
         solutions = f"{count} solution{'s' if count > 1 else ''} in {journal}"
-        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command goes on from there"
+        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command continues from there"
     click.echo(printable(f"stopped by Ctrl-C; {kept}"), err=True)
     ctx.exit(INTERRUPTED)
 
@@ -123,7 +123,7 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
     """One line for the user, the traceback in a file."""
     name = _write_crash(ctx.find_object(Running), fault)
     kind = f"{type(fault).__name__}: {fault}".splitlines()[0]
-    what = f"this is a fault of femtune, not of your input ({kind}); please report it and send {name}"
+    what = f"internal error of femtune, not caused by your input ({kind}); please report it and send {name}"
     click.echo(printable(what), err=True)
     ctx.exit(FAULT)
 

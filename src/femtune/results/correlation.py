@@ -270,7 +270,7 @@ def _unpaired(c: Correlation, i: int, reason: str) -> dict:
 
 def _unpaired_model(c: Correlation, rigid: int) -> Iterable[UnpairedModelMode]:
     for j in c.pairing.unpaired_model:
-        reason = "no test mode was paired with it" if j >= rigid else "rigid-body motion"
+        reason = "no test mode was paired with it" if j >= rigid else "rigid-body mode"
         yield UnpairedModelMode(model_number=j + 1, model_freq_hz=float(c.model.freq_hz[j]), reason=reason)
 
 
@@ -283,7 +283,7 @@ def _clusters(c: Correlation) -> Iterable[ClusterRecord]:
                 test_labels=tuple(c.test.labels[k] for k in match.test),
                 model_numbers=tuple(j + 1 for j in match.model),
                 angle_deg=float(np.nanmax(angles)) if np.isfinite(angles).any() else 0.0,
-                sentence=f"the model's vectors were rotated by {match.rotation.angle_deg:.1f}° within theirs",
+                sentence=f"the model modes were rotated by {match.rotation.angle_deg:.1f}° within their subspace",
             )
 
 

@@ -417,7 +417,7 @@ def alert_of(notice: Notice) -> Alert:
 def _deck_parameters(study: Study) -> Iterable[DeckParameterRecord]:
     for name, given in study.built.deck.params.items():
         known = name in UNDERSTOOD_PARAMS
-        remark = "" if known else "not needed for normal modes, or not understood"
+        remark = "" if known else "not needed for normal modes, or not supported"
         yield DeckParameterRecord(name=name, value=given.value, understood=known, remark=remark)
 
 
@@ -432,8 +432,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         supports=tuple(_supports(study, configuration)),
         constraints=tuple(_constraints(study, configuration)),
         held_dofs=tuple(
-            HeldDof(dof=str(d), reason="without stiffness of any element (AUTOSPC)")
-            for d in case.configured.held_singular
+            HeldDof(dof=str(d), reason="no stiffness from any element (AUTOSPC)") for d in case.configured.held_singular
         ),
         mass=mass.mass,
         centre_of_gravity=_vector(mass.centre) if structure.nodes.has_coordinates else None,
@@ -524,7 +523,7 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
 def _without_coordinates() -> RigidBodyCheck:
     """Without coordinates nothing is known of rigid motions."""
     none = (0.0,) * 6
-    sentence = "the points of the model have no coordinates"
+    sentence = "the grid points of the model have no coordinates"
     return RigidBodyCheck(
         strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
         worst_dofs=(), grounding_elements=(),
@@ -538,7 +537,7 @@ def _supports_inside(checks: tuple[RigidMotionCheck, ...]) -> RigidBodyCheck:
         relative_energies=tuple(c.relative_energy for c in checks),
         grounded=True,
         verdict="not tested",
-        sentence="the matrices resist rigid motion, as they do where held degrees of freedom were left out of them",
+        sentence="the matrices constrain rigid-body motion; this is so if constrained degrees of freedom were removed",
         worst_dofs=_worst(checks),
     )
 
@@ -551,7 +550,7 @@ def _ending_on_ground(structure: Structure) -> set[int]:
 def _meant_sentence(elements: tuple[GroundingElementRecord, ...]) -> str:
     names = list(dict.fromkeys(f"{e.card} {e.element}" for e in elements))
     shown = ", ".join(names[:6]) + (f" … ({len(names)} in all)" if len(names) > 6 else "")
-    return f"without its supports rigid motion strains nothing but elements that end on the ground: {shown}"
+    return f"without supports, rigid-body motion strains only elements that are connected to ground: {shown}"
 
 
 def _grounding(
@@ -569,11 +568,11 @@ def _rigid_sentence(checks: tuple[RigidMotionCheck, ...], tied: int) -> str:
     parts = []
     if bad:
         parts.append(
-            f"rigid motion {', '.join(bad)} strains the model without its supports: something ties it to the ground"
+            f"without supports, rigid-body motion {', '.join(bad)} strains the model; it is constrained to ground"
         )
     if tied:
-        parts.append(f"{_equations(tied)} do not let the model move as a rigid body")
-    return "; ".join(parts) or "without its supports the model moves in all six rigid motions without strain"
+        parts.append(f"{_equations(tied)} prevent rigid-body motion")
+    return "; ".join(parts) or "without supports, all six rigid-body motions are free of strain"
 
 
 def _worst(checks: tuple[RigidMotionCheck, ...]) -> tuple[GroundedDof, ...]:
@@ -629,9 +628,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
     counted = solution.sturm_count >= 0
     below = int((solution.eigenvalues < solution.sturm_shift).sum())
     shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
-    sentence = (
-        f"{solution.sturm_count} eigenvalues lie below {shift_hz:.6g} Hz by the signs of the pivots, {below} were found"
-    )
+    sentence = f"the Sturm count is {solution.sturm_count} eigenvalues below {shift_hz:.6g} Hz; {below} were found"
     return ModelModes(
         configuration=name,
         stage=version,

@@ -178,15 +178,15 @@ def listed_poles(
 def _not_listed(request: ResponseRequest, point: ModelPoint, modes: Solve, damped: bool) -> str:
     """Why complex modes would say nothing that the real ones do not, or are not asked for; "" where they are listed."""
     if not damped:
-        return "nothing damps the model"
+        return "the model has no damping"
     if _may_grow(request, point):
         return ""
     if not np.any(point.viscous.data) and not np.any(point.hysteretic.data):
-        return "with modal damping they are the real modes"
+        return "with modal damping, they are identical to the real modes"
     if request.method == "direct":
-        return 'they are computed by the methods "real modes" and "complex modes"'
+        return 'they are only computed by the methods "real modes" and "complex modes"'
     if request.method == "real-modes" and is_proportional(modes()):
-        return "damping is proportional, so they have the shapes of the real modes"
+        return "damping is proportional, so that their shapes are those of the real modes"
     return ""
 
 

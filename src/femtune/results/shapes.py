@@ -96,7 +96,7 @@ def drawn_mesh(configured: ConfiguredModel) -> DrawnMesh:
 def _not_drawn(mesh: DrawnMesh, modes: int) -> str:
     if not len(mesh.lines) and not len(mesh.faces):
         return "the model has no shells, no solids and no two-node or rigid elements to draw"
-    return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
+    return f"there are {modes} modes, and shapes are stored for up to {MOST_MODES}" if modes > MOST_MODES else ""
 
 
 def grid_translations(

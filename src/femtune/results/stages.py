@@ -184,7 +184,7 @@ def _refused(entry: StageEntry, found: StageResult, seed: int) -> StageRun:
     values = {**found.start.values, **entry.seeds[seed - 1]}
     start = tuple(values[name] for name in entry.parameters)
     return StageRun(seed=seed, start=start, values=start, objective=None, iterations=0, status="",
-                    message=f"no update could start here: {found.refused[seed]}", agrees=False)  # fmt: skip
+                    message=f"the update could not start here: {found.refused[seed]}", agrees=False)  # fmt: skip
 
 
 def _values(entry: StageEntry, run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:

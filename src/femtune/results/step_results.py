@@ -207,7 +207,7 @@ class ModesResult(OfConfigurations["ModelModes"]):
         found = []
         for m in self.records:
             shown = ", ".join(f"{f:.5g}" for f in m.freq_hz[:6]) + (" …" if len(m.freq_hz) > 6 else "")
-            rigid = f", {m.rigid_body_modes} of them rigid-body motions" if m.rigid_body_modes else ""
+            rigid = f", {m.rigid_body_modes} of them rigid-body modes" if m.rigid_body_modes else ""
             found.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
         return [*found, *self.remarks]
 

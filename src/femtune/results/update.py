@@ -94,7 +94,7 @@ class IdentifiabilityResults(Record):
     sd_ratio: float | None
     """Posterior over prior standard deviation, 0 to 1 (no unit); None where not tested."""
     verdict: str
-    """In words: "determined by the data", "not determined by these data", "not tested"."""
+    """In words: "determined by the data", "not determined by the data", "not tested"."""
     sentence: str = ""
     """Explanation in words."""
 
@@ -407,7 +407,7 @@ class WriteBackResults(Record):
 # How the records of derived quantities are made.
 
 
-_NO_VALUE = "its expression has no finite value at the updated parameters"
+_NO_VALUE = "its expression is not finite at the updated parameters"
 
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:

@@ -264,9 +264,9 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
 
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
-_LINEARITY = "linearity: the test's modes were taken as those of one linear structure"
-_MESH = "mesh convergence: the deck's mesh was taken as it is; refinement = true in [checks] refines it once"
-_NOTHING = "the updated model on data that were not used: the study holds out neither a configuration, nor modes"
+_LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
+_MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
+_NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
 
 
@@ -445,7 +445,7 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
 
 
 def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> Iterable[str]:
-    yield from (f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None)
+    yield from (f"{c.name}: the configuration has no test with modes" for c in study.cases if c.modal is None)
     kinds = {word for s in scopes for word in s.data.split(", ")}
     if not kinds:
         yield _NOTHING
@@ -458,11 +458,11 @@ def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> I
 
 def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:
     if "modified structure" not in kinds:
-        yield "a modified structure: no configuration that was kept has other masses or elements"
+        yield "a modified structure: no held-out configuration has other masses or elements"
     if "other boundary conditions" not in kinds:
-        yield "other boundary conditions: no configuration that was kept has other supports"
+        yield "other boundary conditions: no held-out configuration has other supports"
     if "beyond the frequencies used" not in kinds:
-        yield "frequencies beyond those used: no mode above or below them was held out"
+        yield "frequencies outside the range used: no mode above or below this range was held out"
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -61,15 +61,18 @@ class CosineDistances:
     def sentences(self) -> tuple[str, ...]:
         """The verdict, and what it does not cover."""
         which = ", ".join(self.scatters) or "none"
-        found = f"The outputs scatter in {self.rank} independent ways, which these parameters explain: {which}."
+        found = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
         if not self.clear:
             found = (
-                f"The scatter of the outputs points at no set of these parameters clearly; nearest are {which}: a "
-                "parameter that scatters is not among the candidates, or the scatter is too large for first-order "
-                "sensitivities."
+                f"The output covariance does not clearly identify a set of these parameters; the nearest are {which}. "
+                "A parameter that varies is not among the candidates, or the variations are too large for "
+                "first-order sensitivities."
             )
         blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
-        return (found, *([f"No output depends on {', '.join(blind)}: nothing can be said."] if blind else []))
+        return (
+            found,
+            *([f"No output depends on {', '.join(blind)}; the data give no information on them."] if blind else []),
+        )
 
 
 def cosine_distances(

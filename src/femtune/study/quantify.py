@@ -76,9 +76,9 @@ def in_words_of_the_study(table: QuantifyTable) -> Iterator[None]:
         yield
     except FemtuneError as error:
         if error.code in ("quantify.not-positive", "quantify.singular") and table.missing == "pairwise":
-            error.hint = 'covariances of pairs need not fit together: take missing = "em"'
+            error.hint = 'covariances that are estimated pair by pair need not be consistent; use missing = "em"'
         elif error.code.startswith("eigen.") and table.method in _CLOUDS:
-            error.hint = 'the cloud reaches values with which the model cannot be: take method = "second-order"'
+            error.hint = 'the model cannot be solved for some of the samples; use method = "second-order"'
         raise
 
 
@@ -197,10 +197,10 @@ def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...
     out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
     if len(found.names) >= len(found.measured.mean):
         out.append(
-            f"{len(found.names)} parameters from {len(found.measured.mean)} frequencies: they meet the measured "
-            "scatter whether they are those that scatter or not. More frequencies than parameters would tell."
+            f"{len(found.names)} parameters can reproduce the covariance of {len(found.measured.mean)} frequencies "
+            "even if other parameters vary. Use more frequencies than parameters."
         )
     outside = [p.parameter for p in parameters if p.outside_bounds]
     if outside:
-        out.append(f"The mean of {', '.join(outside)} lies outside the bounds, which this step does not enforce.")
+        out.append(f"The mean of {', '.join(outside)} lies outside the bounds; this step does not enforce bounds.")
     return [*out, *(_sentence(n.what) for n in found.measured.notices)]

@@ -22,13 +22,15 @@ from femtune.uncertainty.repeats import OutputStatistics, check_positive, correl
 class StochasticStatus(Enum):
     """Outcome; `ok` says whether mean and covariance may be used."""
 
-    CONVERGED = "converged: the answer does not change any more"
-    UNDETERMINED = "converged, but the outputs do not determine every parameter: the nearest to the start was taken"
-    MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last ones are kept"
-    CLOUD_LIMIT = "stopped at the iteration limit before the cloud converged; the last one is kept"
-    MEANS_STALLED = "no step of any length brings the means nearer; the best ones are kept"
-    TOO_CURVED = "the curvature of the outputs is too strong for the second-order correction; that of (39) is kept"
-    NOT_POSITIVE = "a step left no positive definite covariance; the last one that was is kept"
+    CONVERGED = "converged: means and covariance are stationary"
+    UNDETERMINED = (
+        "converged, but the outputs do not determine all parameters; the solution nearest to the initial values is used"
+    )
+    MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last means are kept"
+    CLOUD_LIMIT = "stopped at the iteration limit before the samples converged; the last samples are kept"
+    MEANS_STALLED = "stopped because no step of any length reduces the error of the means; the best means are kept"
+    TOO_CURVED = "the outputs are too nonlinear for the second-order correction; the result of equation (39) is kept"
+    NOT_POSITIVE = "stopped because a step gave a covariance that is not positive definite; the last valid one is kept"
 
     @property
     def ok(self) -> bool:

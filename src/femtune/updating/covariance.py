@@ -101,11 +101,13 @@ def parameter_covariance(
     misfit = _misfit(r, kinds, freedom)
     size = _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
     known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
-    reasons = {int(i): "not moved by this update, σ not given" for i in np.flatnonzero(~moving)}
+    reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
     reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}
     if size is None:
-        reasons |= {int(i): "no residual is left over to estimate the scatter from, σ not given" for i in free[known]}
+        reasons |= {
+            int(i): "no degrees of freedom left to estimate the residual variance, σ not given" for i in free[known]
+        }
         size, known = _Size({}, np.inf), np.zeros(len(free), bool)
     rows = np.concatenate([[size.by_kind.get(kind, 1.0) for kind in kinds], np.ones(len(extra))])
     spread = prior_sd[free, None] * fit.estimator * rows

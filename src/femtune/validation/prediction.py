@@ -55,13 +55,17 @@ class FrequencyMiss:
     def __str__(self) -> str:
         known = self.parameter_sd is not None
         parts = f"test {_percent(self.test_sd)}"
-        parts += f", parameters {_percent(self.parameter_sd or 0.0)}" if known else "; that of the parameters unknown"
+        parts += (
+            f", parameters {_percent(self.parameter_sd or 0.0)}" if known else "; that of the parameters is not known"
+        )
         word = "could explain" if self.explained else "does not explain"
-        return f"scatter (σ {_percent(self.sd)}: {parts}) {word} the miss of {_percent(abs(self.error))} ({self._z})"
+        return (
+            f"uncertainty (σ {_percent(self.sd)}: {parts}) {word} the error of {_percent(abs(self.error))} ({self._z})"
+        )
 
     @property
     def _z(self) -> str:
-        return f"{abs(self.z):.1f} σ" if np.isfinite(self.z) else "nothing scatters"
+        return f"{abs(self.z):.1f} σ" if np.isfinite(self.z) else "σ is zero"
 
 
 def _percent(value: float) -> str:
@@ -119,7 +123,7 @@ class HeldOutSensors:
         if not np.isfinite(noise):
             return ""
         word = "could explain" if error <= 2.0 * noise else "does not explain"
-        return f"scatter of the measured shape (it gives {100 * noise:.2g} % on average) {word} it"
+        return f"noise of the measured shape ({100 * noise:.2g} % on average) {word} it"
 
 
 def held_out_sensors(c: Correlation, held: Collection[int], tests: Collection[int] | None = None) -> HeldOutSensors:

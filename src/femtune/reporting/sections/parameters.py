@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
     """A table of them; nothing where the study defines none."""
-    heads = columns("Quantity", "Unit", ">At the start", ">Updated", ">± σ", "Expression")
+    heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", "Expression")
     return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
 
 
 def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
     spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
-    nominal, updated = ("no value" if v is None else value(v) for v in (found.nominal, found.value))
+    nominal, updated = ("not finite" if v is None else value(v) for v in (found.nominal, found.value))
     return row(found.name, found.unit or NONE, nominal, updated, spread, found.expression)
 
 
@@ -77,7 +77,7 @@ def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult
         ">Change %",
         ">Bounds",
         ">Prior σ",
-        "Fields, or tie",
+        "Fields or tie",
     )  # fmt: skip
     return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
 
@@ -119,7 +119,7 @@ def _fields(fact: ParameterFacts) -> str:
     named = _named(fact.fields)
     if fact.tie:
         return f"tied: {fact.tie}" + (f"; {named}" if named else "")
-    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field of the model"
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field in the model"
 
 
 def _named(fields: tuple[str, ...]) -> str:

@@ -30,8 +30,8 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
     words = tuple(b for b in scatter_blocks(found)[1:] if isinstance(b, Listing))
     how = scatter_blocks(found)[-3]
     sections = (
-        Section("words", "How far it can be trusted", words),
-        Section("parameters", "Scatter of the parameters", (how, parameter_table(found))),
+        Section("words", "Reliability", words),
+        Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
         Section("outputs", "Forward check", (output_table(found),)),
     )
     return subject.document(first, level, sections)
@@ -41,7 +41,7 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
 # The updated model on data that the update did not use.
 
 
-_NOTHING = "nothing was kept from the update, so that how well the model predicts was not tested"
+_NOTHING = "no data were held out of the update, so that the quality of predictions was not tested"
 
 
 def validation_document(subject: Subject, results: Results) -> Document:
