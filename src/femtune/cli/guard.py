@@ -1,4 +1,4 @@
-"""What the command line does with errors, Ctrl-C and faults of its own: a message and an exit code, no traceback."""
+"""Handling of errors, Ctrl-C and internal errors on the command line: a message and an exit code, no traceback."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
-    """What was asked for where the allocation tells, and what is free where the reader of that was loaded before."""
+    """The requested memory, if the allocation reports it, and the free memory, if its reader was loaded before."""
     memory = sys.modules.get("femtune.model.linear.memory")
     free = memory.free_memory() if memory is not None else None
     values = {} if free is None else {"free_bytes": free}
