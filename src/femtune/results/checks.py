@@ -27,13 +27,13 @@ class ModelCheck(Record):
     check: str
     """"weighed mass", "lumped or consistent mass" or "mesh"."""
     measured: float | None
-    """The error in %, with its sign; of frequencies that of the worst mode. None where not tested."""
+    """The error in %, with its sign; for frequencies that of the worst mode. None if not tested."""
     limit: float
     """Largest magnitude that passes, in %."""
     verdict: VerdictWord
     """Outcome."""
     sentence: str
-    """What was found, or why it was not tested."""
+    """Result of the check, or the reason why it was not tested."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ _IN_PARAMETERS = "an update would absorb this error into the parameters"
 
 
 def mass_checks(study: Study) -> tuple[ModelCheck, ...]:
-    """Weighed mass beside the model's, each configuration."""
+    """Measured mass and mass of the model, for each configuration."""
     return tuple(_mass(study, case) for case in study.cases)
 
 

@@ -398,7 +398,7 @@ class SelectResult(StepResult):
 
     @property
     def sensitivities(self) -> Rows:
-        """Change of each frequency in % for a change of each parameter by 1 % of its initial value; one column per parameter."""
+        """Change of each frequency in % for 1 % of each parameter's initial value; one column per parameter."""
         names = self.record.column_labels
         return Rows.of(
             {"configuration": s.configuration, "test_label": s.test_label, **dict(zip(names, s.percent_per_percent))}
