@@ -234,5 +234,5 @@ def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
     assert run.results.update.ok
     assert run.results.quantify is None
     assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
-        "scatter of the parameters: mode 1 does not vary: its variance is zero"
+        "variability of the parameters: mode 1 does not vary: its variance is zero"
     ]

@@ -39,9 +39,9 @@ class Correlation:
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
-    noise : for each pair what the scatter of the test shape explains, or why that is not known
+    noise : for each pair the effect of noise of the test shape, or the reason why it is not known
     notices : findings such as sensors that move against the model
-    orthogonality_sd, self_sd : (p, p) what the scatter of the test's shapes gives off the diagonal of the two matrices
+    orthogonality_sd, self_sd : (p, p) standard deviations of the off-diagonal terms of the two matrices
         (one standard deviation; on the diagonal of the first the mean loss), or why that is not known
     """
 
@@ -180,7 +180,7 @@ def _orthogonality_sd(
     test: ModeSet, psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing
 ) -> tuple[Reals | NotTested, Reals | NotTested]:
     if not isinstance(mass, ReducedMass) or test.shapes_sd is None:
-        return (NotTested("the scatter of the test's shapes, or its orthogonality, is not known"),) * 2
+        return (NotTested("the standard deviations of the test shapes, or their orthogonality, are not known"),) * 2
     kept = list(mass.kept)
     sd = test.shapes_sd[:, list(pairing.test_indices)][kept]
     return orthogonality_noise(psi[kept], phi[kept], sd, mass.mass)
@@ -216,6 +216,6 @@ def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:
     if test.shapes_sd is None:
-        return NotTested("the scatter of the test's shapes is not known")
+        return NotTested("the standard deviations of the test shapes are not known")
     sd = test.shapes_sd
     return tuple(noise_share(pair.mac, test.shapes[:, pair.test], sd[:, pair.test]) for pair in pairing.pairs)

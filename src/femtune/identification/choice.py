@@ -126,7 +126,7 @@ class Candidate:
     Parameters
     ----------
     freq_hz, damping_ratio : medians of the cluster
-    freq_scatter_hz, damping_scatter : standard deviations over orders and methods, which tell how firm the cluster
+    freq_scatter_hz, damping_scatter : standard deviations over orders and methods, a measure of how stable the cluster
         is and are no error bars
     share : of each method, the part of its orders that has the pole
     collinearity, phase_deviation_deg : of the shape; 1 and 0 for a real mode
@@ -210,7 +210,7 @@ def chosen_poles(candidates: Sequence[Candidate], table: PoleTable) -> PoleTable
 
 
 def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule) -> list[Candidate]:
-    """Clusters that a method's bias or scatter split are one mode."""
+    """Clusters that were split by bias or variance of a method are joined to one mode."""
     kept: list[Candidate] = []
     result = list(found)
     for i in sorted(range(len(found)), key=lambda i: -len(found[i].members)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from femtune.results.base import CitationRecord, Record
 
 
-class ScatteringParameter(Record):
+class QuantifiedParameter(Record):
     """Mean and standard deviation of one parameter from the repeated tests, in its unit."""
 
     parameter: str
@@ -25,7 +25,7 @@ class ScatteringParameter(Record):
     """True if the mean is outside the bounds of the parameter; this step does not enforce them."""
 
 
-class ScatteringOutput(Record):
+class QuantifiedOutput(Record):
     """One frequency in the repeated tests and in the updated distribution."""
 
     label: str
@@ -71,9 +71,9 @@ class QuantifyResults(Record):
     """Part of the measured variance that variations of these parameters cannot explain, to first order, in %."""
     agrees: bool
     """True if the samples reproduce the measured means and covariance."""
-    parameters: tuple[ScatteringParameter, ...]
+    parameters: tuple[QuantifiedParameter, ...]
     """One record a free parameter."""
-    outputs: tuple[ScatteringOutput, ...]
+    outputs: tuple[QuantifiedOutput, ...]
     """One record a compared frequency."""
     sentences: tuple[str, ...]
     """Sentences of the step, the verdict first."""

@@ -1,4 +1,4 @@
-"""The step that tells how parameters scatter, from repeated tests."""
+"""The step quantify: variability of the parameters from repeated tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from femtune.assembly.error_places import errors_at
 from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
 from femtune.residuals import UpdateProblem
-from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+from femtune.results.quantify import QuantifyResults, QuantifiedOutput, QuantifiedParameter
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
 from femtune.uncertainty import (
@@ -153,9 +153,9 @@ def _distances(found: StochasticResult) -> CosineDistances | None:
     return cosine_distances(measured.covariance, measured.mean, found.G, found.mean, found.names)
 
 
-def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[ScatteringParameter, ...]:
+def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[QuantifiedParameter, ...]:
     return tuple(
-        ScatteringParameter(
+        QuantifiedParameter(
             parameter=p.name,
             start=float(found.start[i]),
             mean=float(found.mean[i]),
@@ -173,11 +173,11 @@ def _of_distances(near: CosineDistances | None) -> list[str]:
     return [near.sentences[0]] if near is not None and near.clear else []
 
 
-def _output_records(check: ForwardCheck) -> tuple[ScatteringOutput, ...]:
+def _output_records(check: ForwardCheck) -> tuple[QuantifiedOutput, ...]:
     measured = check.measured
     counts = np.isfinite(measured.repeats).sum(axis=0)
     return tuple(
-        ScatteringOutput(
+        QuantifiedOutput(
             label=label.removeprefix("mode "),
             repeats=int(counts[i]),
             measured_mean_hz=float(measured.mean[i]),
@@ -193,7 +193,7 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...]) -> list[str]:
+def _remarks(found: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
     out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
     if len(found.names) >= len(found.measured.mean):
         out.append(

@@ -212,7 +212,8 @@ def _shortened(
 # Means and covariances to second order at the price of (39): k further model solutions.
 #
 # Equation (39) takes z(θ) as linear over the cloud, so that its means are those of a model without curvature: off by
-# ½ T H:Cov θ, percents at a scatter of 20 %. With H from k differences of the sensitivity matrix the quadratic model
+# ½ T H:Cov θ, per cent at a standard deviation of 20 %. With H from k differences of the sensitivity matrix the
+# quadratic model
 #
 #     z(θ) = z₀ + G d + ½ H[d, d],  d = θ − θ₀
 #
@@ -582,7 +583,7 @@ def stochastic_update(
     start_sd: Reals,
     rules: StochasticRules = StochasticRules(),
 ) -> StochasticResult:
-    """Mean and covariance of k parameters for which the outputs scatter as they were measured.
+    """Mean and covariance of k parameters for which the outputs have the measured mean and covariance.
 
     Parameters
     ----------
@@ -654,7 +655,7 @@ def _by_cloud(
 def unexplained(G: Reals, measured: OutputStatistics) -> float:
     """Share of the outputs' variance outside the range of G, to first order; zero for a square G of full rank.
 
-    A set of parameters that is not the one that scatters can still meet the mean; here it shows. Outputs are scaled by
+    A wrong set of parameters can still reproduce the mean; the covariance shows it. Outputs are scaled by
     their means, as their weights are, and variances are summed over all of them.
     """
     scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)

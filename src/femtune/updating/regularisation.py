@@ -354,7 +354,7 @@ class Identical:
     """Rows μ(P_i − mean P)/|scale| over each group of parameters, the side constraint Cθ = 0.
 
     The sum of their squares is that of all differences within a group over its number of parameters. 1/`weight` is the
-    relative scatter that the parameters are thought to have. Source: Ahmadian, Mottershead and Friswell (1998);
+    assumed relative standard deviation of the parameters. Source: Ahmadian, Mottershead and Friswell (1998);
     Mottershead, Link and Friswell (2011), after Eq. (21).
 
     Parameters

@@ -84,8 +84,8 @@ class Optimum:
 def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
     """By how much the objective ½rᵀr may differ from the best for the data not to tell two points apart.
 
-    Half the 95 % quantile of χ² of as many degrees of freedom as parameters; where residuals to spare show less scatter
-    than was stated, half that of F on the scatter that they show: weights that are no standard deviations must not
+    Half the 95 % quantile of χ² of as many degrees of freedom as parameters; if the residuals have a smaller variance
+    than stated, half that of F with the variance of the residuals: weights that are no standard deviations must not
     make every valley as good as the best one. An exact fit has no noise, and only exact fits are as good.
     """
     stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - SURE))

@@ -37,7 +37,7 @@ class Evidence:
     ----------
     correlation : test against model
     tests : positions of the test modes that count; None for all
-    misses : by position of the test mode, the frequency's miss beside its scatter
+    misses : by position of the test mode, the frequency error with its standard deviation
     sensors : of the held-out sensors, or None
     """
 
@@ -81,7 +81,7 @@ def assess(
     correlation : test against model
     criteria : what is asked
     tests : positions of the test modes that count; None for all
-    misses : by position of a test mode, its frequency's miss beside the scatter, for what noise explains
+    misses : by position of a test mode, its frequency error with the standard deviation
     sensors : held-out sensors, for criteria on them
     """
     evidence = Evidence(correlation, None if tests is None else frozenset(tests), tuple(misses), sensors)

@@ -1,8 +1,9 @@
 """Are the residuals noise? Chi-square test with the stated standard deviations, a test of runs, the largest residual.
 
 The part of the residuals that no parameters could remove is looked at: r⊥ = r − U Uᵀ r with U spanning the Jacobian's
-range. Where the model is right and the data scatter as stated, |r⊥|² is chi-square with n − rank degrees of freedom,
-whatever the regularisation, the bounds and the last step did to the parameters (to first order).
+range. If the model is correct and the stated standard deviations are those of the data, |r⊥|² is chi-square with n −
+rank degrees of freedom, whatever the regularisation, the bounds and the last step did to the parameters (to first
+order).
 
 Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowitz (1940) for runs.
 """

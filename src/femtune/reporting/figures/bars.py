@@ -124,7 +124,7 @@ def error_sums_svg(labels: Sequence[str], before: Sequence[float], after: Sequen
 
 
 # ----------------------------------------------------------------------------------------------------
-# Errors of predicted frequencies beside what scatter gives, and beside the limit that is asked for.
+# Errors of predicted frequencies with their standard deviations and the required limit.
 
 
 if TYPE_CHECKING:

@@ -109,7 +109,7 @@ def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
     if result is None or result.interval_95 is None:
         return NONE
     low, high = result.interval_95
-    # few data left over to estimate a scatter from: Student's t then says less than the bounds did
+    # with few degrees of freedom Student's t interval can be wider than the bounds
     if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
         return "wider than the bounds"
     return " … ".join(value(end) for end in result.interval_95)

@@ -1,4 +1,4 @@
-"""How the parameters scatter over repeated tests: table, forward check and ellipses; nothing without repeats."""
+"""Variability of the parameters over repeated tests: tables, forward check and ellipses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from femtune.reporting.numbers import counted, freq, listed, short, signed_perce
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+    from femtune.results.quantify import QuantifyResults, QuantifiedOutput, QuantifiedParameter
 
 METHODS = {
     "second-order": "second-order perturbation, equation (39)",
@@ -32,10 +32,10 @@ def quantify(source: ReportSource) -> list[Block]:
         return [
             Paragraph("Not tested: the study has no repeated tests; the variability of the parameters is not known.")
         ]
-    return [*scatter_blocks(found), *_pictures(source, found)]
+    return [*variability_blocks(found), *_pictures(source, found)]
 
 
-def scatter_blocks(found: QuantifyResults) -> list[Block]:
+def variability_blocks(found: QuantifyResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
     first, *others = found.sentences
     rest = [Listing(tuple(others))] if others else []
@@ -51,7 +51,7 @@ def _how(found: QuantifyResults) -> str:
 
 
 def parameter_table(found: QuantifyResults) -> Table:
-    """Mean, scatter and correlations."""
+    """Mean, standard deviation and correlations."""
     shown = found.parameters[:_MOST_SHOWN]
     few = len(shown) <= 8
     heads = columns(
@@ -72,7 +72,7 @@ def parameter_table(found: QuantifyResults) -> Table:
     return Table("Variability of the parameters", heads, tuple(_parameter(p, few) for p in shown), note)
 
 
-def _parameter(p: ScatteringParameter, few: bool) -> tuple[Cell, ...]:
+def _parameter(p: QuantifiedParameter, few: bool) -> tuple[Cell, ...]:
     correlations = [f"{c:+.2f}" for c in p.correlation] if few else []
     mean = Cell(value(p.mean), tone="poor") if p.outside_bounds else Cell(value(p.mean))
     ratio = signed_percent(100.0 * p.sd / abs(p.mean)).lstrip("+") if p.mean else "–"
@@ -89,7 +89,7 @@ def output_table(found: QuantifyResults) -> Table:
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
 
 
-def _output(o: ScatteringOutput) -> tuple[Cell, ...]:
+def _output(o: QuantifiedOutput) -> tuple[Cell, ...]:
     means = freq(o.measured_mean_hz), freq(o.model_mean_hz)
     return row(o.label, str(o.repeats), *means, short(o.measured_sd_hz), short(o.model_sd_hz))
 

@@ -1,4 +1,4 @@
-"""On data that the update did not use: verdicts, predictions beside their scatter, and what was not tested."""
+"""Validation on data that the update did not use: verdicts, predictions, and what was not tested."""
 
 from __future__ import annotations
 
