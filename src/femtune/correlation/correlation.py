@@ -196,22 +196,22 @@ def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pai
         return NotTested("no modes are paired")
     kept = list(mass.kept)
     if np.isnan(psi[kept]).any() or not _defined(psi[kept], phi[kept]).all():
-        return NotTested("some paired shapes have entries that were not measured, or do not move the sensors")
+        return NotTested("some paired shapes have entries that were not measured, or are zero at the sensors")
     return _inaccurate(mass, pairing.model_indices)
 
 
 def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
-    """Modes that the reduction misses in frequency, or that none of its modes resembles in shape."""
+    """Modes with a large frequency error in the reduced model, or without a similar shape in it."""
     errors = {i: float(mass.frequency_error[i]) for i in modes}
     lost = [mass.labels[i] for i, error in errors.items() if np.isnan(error)]
     off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
-    misses = f"the model misses its own frequencies by more than {100 * REDUCTION_TOLERANCE:.0f} %: mode "
-    shapes = f"the model has no mode with the shape of its mode {', '.join(lost)} any more"
+    misses = f"the frequency error of the reduced model exceeds {100 * REDUCTION_TOLERANCE:.0f} % for mode "
+    shapes = f"the reduced model has no mode with the shape of mode {', '.join(lost)}"
     found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
     if not found:
         return None
-    needed = "sensors at more places where these modes move are needed"
-    return NotTested(f"reduced to the sensors, {', and '.join(found)}; {needed}")
+    needed = "more sensors are needed at points where these modes have large displacements"
+    return NotTested(f"{', and '.join(found)}; {needed}")
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:

@@ -27,12 +27,12 @@ class NoiseShare:
 
     @property
     def explains(self) -> bool:
-        """True where noise alone could be the whole loss."""
+        """True if noise alone could explain the loss."""
         return self.loss <= self.limit
 
     def __str__(self) -> str:
         if self.explains:
-            return f"noise alone could explain the whole MAC loss of {self.loss:.2g} (it gives {self.expected:.2g})"
+            return f"noise alone could explain the MAC loss of {self.loss:.2g} (expected {self.expected:.2g})"
         return f"noise explains {self.expected:.2g} of the MAC loss of {self.loss:.2g}"
 
 

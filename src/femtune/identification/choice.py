@@ -195,7 +195,8 @@ def change_choice(
     changed = list(candidates)
     for freq, chosen in (*((f, True) for f in take), *((f, False) for f in drop)):
         i = _nearest(changed, freq, within)
-        changed[i] = replace(changed[i], chosen=chosen, reason="by hand")
+        reason = "chosen by the user" if chosen else "dropped by the user"
+        changed[i] = replace(changed[i], chosen=chosen, reason=reason)
     return tuple(changed)
 
 
@@ -216,7 +217,7 @@ def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule
     for i in sorted(range(len(found)), key=lambda i: -len(found[i].members)):
         twin = next((c for c in kept if _same(c, found[i], table, rule)), None)
         if found[i].chosen and twin is not None:
-            result[i] = replace(found[i], chosen=False, reason=f"the same mode as the one at {twin.freq_hz:.4g} Hz")
+            result[i] = replace(found[i], chosen=False, reason=f"same mode as at {twin.freq_hz:.4g} Hz")
         elif found[i].chosen:
             kept.append(found[i])
     return result
@@ -262,9 +263,9 @@ def _verdict(share: dict[str, float], collinearity: float, rule: Rule) -> tuple[
     best = max(share.values())
     several = sum(value >= 0.5 * rule.share for value in share.values())
     if best < rule.share:
-        return False, f"in {best:.0%} of the orders only"
+        return False, f"stable in only {best:.0%} of the orders"
     if several < 2 and best < rule.alone:
-        return False, f"in {best:.0%} of the orders of one method only"
+        return False, f"stable in {best:.0%} of the orders of one method only"
     if collinearity < rule.collinearity:
         return False, f"its shape is complex (phase collinearity {collinearity:.2f})"
-    return True, f"in {best:.0%} of the orders"
+    return True, f"stable in {best:.0%} of the orders"

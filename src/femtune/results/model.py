@@ -233,7 +233,7 @@ class MatchedSensor(Record):
     distance: float | None
     """Between the two, in the study's unit of length; None if matched without coordinates."""
     how: str
-    """How it was matched, in words: "nearest grid", "same number", "by hand", "combination of 2 DOFs"."""
+    """How it was matched: "nearest", "by id", "given" or "combination"."""
 
 
 class UnmatchedSensor(Record):

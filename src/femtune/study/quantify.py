@@ -14,7 +14,7 @@ from femtune.assembly.error_places import errors_at
 from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
 from femtune.residuals import UpdateProblem
-from femtune.results.quantify import QuantifyResults, QuantifiedOutput, QuantifiedParameter
+from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
 from femtune.uncertainty import (

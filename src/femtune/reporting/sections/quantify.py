@@ -14,7 +14,7 @@ from femtune.reporting.numbers import counted, freq, listed, short, signed_perce
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.quantify import QuantifyResults, QuantifiedOutput, QuantifiedParameter
+    from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
 
 METHODS = {
     "second-order": "second-order perturbation, equation (39)",

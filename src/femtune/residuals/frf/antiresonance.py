@@ -70,12 +70,12 @@ class CandidateZeros:
     def why_not(self, i: int, j: int | None, gates: ZeroGates) -> str:
         """What speaks against a pair; "" where nothing does."""
         if j is None:
-            return "the model has no antiresonance left for it"
+            return "the model has no further antiresonance"
         off, mac = float(np.expm1(self.off[i, j])), float(self.mac[i, j])
         if abs(off) > gates.frequency:
-            return f"the nearest of the model is {100.0 * off:+.0f} % away; the gate is {100.0 * gates.frequency:.0f} %"
+            return f"that of the model differs by {100.0 * off:+.0f} %; the gate is {100.0 * gates.frequency:.0f} %"
         if mac < gates.mac:
-            return f"there the model moves otherwise (MAC {mac:.2f} below {gates.mac:.2f})"
+            return f"the shapes at the antiresonance differ (MAC {mac:.2f} below {gates.mac:.2f})"
         return ""
 
 
