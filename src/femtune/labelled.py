@@ -1,4 +1,4 @@
-"""Results as labelled arrays, for those who have xarray (``pip install "femtune[xarray]"``)."""
+"""Results as labelled arrays; requires xarray (``pip install "femtune[xarray]"``)."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def to_xarray(
 
     Parameters
     ----------
-    result : what a step returned, or modes or functions by themselves
-    configuration : which one, where there are several
+    result : the result of a step, or a `ModeSet` or `FrfSet`
+    configuration : name of the configuration, if there are several
 
     Returns
     -------

@@ -80,7 +80,7 @@ def test_the_choice_can_be_changed(eight_modes: Any) -> None:
     table = _table(eight_modes.frfs(_EVEN, noise=0.01))
     changed = change_choice(choose(table), drop=[13.0, 58.0])
     np.testing.assert_allclose(chosen_poles(changed, table).freq_hz, np.delete(eight_modes.freq_hz, [1, 7]), rtol=2e-3)
-    assert next(c for c in changed if abs(c.freq_hz - 13.0) < 0.1).reason == "by hand"
+    assert next(c for c in changed if abs(c.freq_hz - 13.0) < 0.1).reason == "dropped by the user"
     back = change_choice(changed, take=[13.0])
     assert sum(c.chosen for c in back) == 7
     with pytest.raises(FemtuneError) as caught:

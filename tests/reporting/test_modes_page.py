@@ -111,13 +111,13 @@ def test_a_free_structure_has_no_table_of_dashes(plate: Path) -> None:
     table = _table(_page(plate))
     assert [c.title for c in table.columns] == ["Mode", "Hz"]
     assert [cell.text for cell in table.rows[0]] == ["1 to 6", "rigid body"]
-    assert "its rigid-body motions carry all of its mass" in table.note
+    assert "its rigid-body modes have the total effective mass" in table.note
 
 
 def test_units_are_told_by_a_study_and_not_by_a_deck(plate: Path) -> None:
     study = plate.with_name("study.toml")
     study.write_text('[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "mm-t-s"\n[modes]\ncount = 7\n')
-    assert dict(_page(plate).facts)["Units"] == "those of the deck, which names none"
+    assert dict(_page(plate).facts)["Units"] == "those of the deck (none are declared)"
     page = _page(study)
     assert (page.title, dict(page.facts)["Units"]) == ("Plate", "mm-t-s")
     keys = html_text(page).replace("\n", " ")
@@ -167,7 +167,8 @@ def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
     bare = {key: data[key] for key in ("provenance", "study")}
     document = build_modes_page(Results.model_validate(bare), {})
     assert next(s for s in document.sections if s.id == section).blocks
-    assert "ot run" in _said(document, section) or section == "pictures"
+    text = _said(document, section)
+    assert "not built" in text or "not computed" in text or section == "pictures"
 
 
 def test_too_many_pictures_are_counted(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,7 +187,7 @@ def test_more_modes_than_are_kept_leaves_the_first_ones(plate: Path, monkeypatch
 def test_huge_models_are_drawn_coarser_and_say_so(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_faces=1))
     page = _page(plate)
-    assert "The mesh is drawn coarser than it is: 1 faces in place of 2" in _said(page, "pictures")
+    assert "The mesh is simplified in the drawing: 1 faces in place of 2" in _said(page, "pictures")
     assert len(_figures(page)) == 2
 
 

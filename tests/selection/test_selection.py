@@ -176,7 +176,7 @@ def test_scatter_that_no_candidate_explains():
     C = np.cov(np.random.default_rng(2).standard_normal((9, 200)))
     found = cosine_distances(C + 1e-3 * S @ S.T, np.ones(9), S, np.ones(3), ("a", "b", "c"), rank=2)
     assert not found.clear
-    assert "points at no set" in found.sentences[0]
+    assert "does not clearly identify a set" in found.sentences[0]
 
 
 def test_a_covariance_without_scatter_is_refused():

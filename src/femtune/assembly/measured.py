@@ -254,7 +254,7 @@ def _compared(
 
 
 def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
-    """The modes with the scatter of shapes that [validate] states, where the test does not tell its own."""
+    """The modes with the standard deviations of shapes from [validate], if the test does not state them."""
     stated = file.validation.shape_sd
     if stated is None or modes.shapes_sd is not None:
         return modes

@@ -25,7 +25,7 @@ class FrfSet:
     responses, references : the DOFs of the first two axes
     kind : one of KINDS
     coherence : (responses, references, k) or None
-    source : where they come from, in words
+    source : origin of the functions, a text
     response_names, reference_names : names of the axes where some of them are combinations of DOFs, which bear the
         label of the one DOF that they stand for; empty where the labels say all
 
@@ -93,7 +93,7 @@ class FrfSet:
 def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
     """The same functions as receptance, mobility or accelerance: each is iω times the one before.
 
-    At 0 Hz mobility and accelerance do not tell the receptance, which becomes NaN there; the other way they are 0.
+    At 0 Hz the receptance cannot be computed from mobility or accelerance and becomes NaN; conversely, these are 0.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
 def frac(a: NDArray, b: NDArray) -> float | None:
     """Frequency response assurance criterion |aᴴb|²/(aᴴa · bᴴb) of two functions (k,) at the same lines.
 
-    Lines where one of them is not known (NaN) do not count; None where nothing is left, or one is zero.
+    Lines where one of them is not known (NaN) are ignored; None if no lines remain, or one function is zero.
 
     Source: W. Heylen, S. Lammens, FRAC: a consistent way of comparing frequency response functions, 1996.
     """
