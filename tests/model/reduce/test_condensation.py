@@ -12,8 +12,17 @@ import scipy.sparse as sp
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, ModelPoint, configure, parametric_model
-from femtune.model.reduce import Component, couple, craig_bampton, deck_masters, dynamic, guyan, irs, serep
-from femtune.model.reduce import condensation
+from femtune.model.reduce import (
+    Component,
+    condensation,
+    couple,
+    craig_bampton,
+    deck_masters,
+    dynamic,
+    guyan,
+    irs,
+    serep,
+)
 from femtune.parameters import ParameterSet
 
 Pair = tuple[np.ndarray, np.ndarray]
