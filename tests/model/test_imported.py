@@ -12,7 +12,10 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError, Where
 from femtune.fem import NodeTable
+from femtune.fem.elimination import eliminate
+from femtune.fem.structure import no_constraints
 from femtune.model import Assignment, Configuration, ParametricModel, configure, parametric_model, solve_modes
+from femtune.model.configured import node_blocks
 from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, imported_structure
 from femtune.model.imported.modes import check_modes, compare_modes
 from femtune.model.imported.polynomial import MatrixSet, Variable, fit_polynomial
@@ -94,6 +97,16 @@ def test_cubic_sets_give_the_matrix_at_any_value() -> None:
     np.testing.assert_allclose(slope, exact, rtol=1e-11, atol=1e-11)
     found = configured.at(np.array([0.1])).stiffness_derivatives[0].toarray()
     np.testing.assert_allclose(found, exact, rtol=1e-11, atol=1e-11)
+
+
+def test_stiffness_of_single_points_at_another_value_than_one() -> None:
+    """Diagonals of points without coordinates, which say what has no stiffness: t³ and t at t = 0.5."""
+    sets = tuple(MatrixSet(upper(stiffness_at(t)), {"T": t}) for t in (0.3, 0.4, 0.5, 0.6, 0.7))
+    model = model_of([ImportedMatrix("K", "stiffness", sets), constant("M", "mass", M)], [Variable("T", 0.5, 3)])
+    terms = [t for t in model.terms if t.matrix == "stiffness"]
+    everything = eliminate(N, no_constraints(), [], str)
+    blocks = node_blocks(terms, everything, 0, model.table(np.zeros(0)))
+    np.testing.assert_allclose(blocks.toarray(), np.diag(np.diag(stiffness_at(0.5))), rtol=1e-12, atol=1e-12)
 
 
 def test_products_of_crossed_variables() -> None:
@@ -199,6 +212,16 @@ def test_missing_supports_are_the_first_cause_of_rigid_modes() -> None:
     free[0, 0] -= STORIES[0]
     values = refusal(free, M, LISTED[:4])
     assert "1 rigid-body modes more than listed" in str(values["likely cause 1"])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_list_that_begins_higher_or_lower_tells_of_supports(count: int) -> None:
+    """All modes agree when some of the lowest of one side are left out."""
+    values = refusal(stiffness_at(1.0), M, LISTED[count:])
+    assert f"{count} of the lowest are left out: {count} modes more than listed" in str(values["likely cause 1"])
+    below = [0.2 * LISTED[0], 0.5 * LISTED[0]][:count]
+    values = refusal(stiffness_at(1.0), M, np.array([*below, *LISTED[: N - count]]))
+    assert f"{count} of the lowest are left out: {count} modes fewer than listed" in str(values["likely cause 1"])
 
 
 def test_lumped_mass_drifts_with_the_mode_number() -> None:

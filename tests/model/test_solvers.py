@@ -242,7 +242,8 @@ def test_the_list_tells_of_each_solver() -> None:
         if name != "SLEPc":
             assert facts.at_hand == (name in available_solvers())
     assert found["SuperLU"].at_hand
-    assert not found["CHOLMOD"].inertia
+    for ability, lacking in (("inertia", ["CHOLMOD"]), ("complex_numbers", ["CHOLMOD", "SLEPc"])):
+        assert [name for name, facts in found.items() if not getattr(facts, ability)] == lacking
     assert found["SLEPc"].distributed
 
 
