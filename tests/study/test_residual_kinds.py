@@ -187,7 +187,7 @@ BAD = {
         'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "requires mass-normalised"),
     "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "has no mode '9'"),
     "an unknown sensor": (
-        'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no 77Z+"),
+        'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no DOF 77Z+"),
     "a covariance of another size": (
         'kind = "frequency"\ncovariance = [[1.0]]', "beam.uff", "residual.weights", "for 1 values, but 4"),
     "an indefinite covariance": (
