@@ -61,7 +61,7 @@ def test_dofs_sort_by_node_and_component() -> None:
 
 
 def test_a_direction_stands_once_whatever_its_sign() -> None:
-    with pytest.raises(FemtuneError, match=r"3Y[+-] is given twice") as caught:
+    with pytest.raises(FemtuneError, match=r"3Y[+-] occurs twice") as caught:
         DofSet.parse(["1X+", "3Y+", "3Y-"])
     assert caught.value.code == "dof.duplicate"
 

@@ -29,7 +29,11 @@ class Record:
     def covering(self, file: str, first: int, last: int) -> list[str]:
         """Tests that run any of these lines, the fastest first."""
         by_line, names = self.lines.get(file, {}), list(self.seconds)
-        return [names[i] for i in sorted({i for line in range(first, last + 1) for i in by_line.get(line, ())})]
+        return [names[i] for i in sorted({i for n, tests in by_line.items() if first <= n <= last for i in tests})]
+
+    def of_file(self, file: str) -> list[str]:
+        """Tests that run any line of a file, the fastest first."""
+        return self.covering(file, 0, max(self.lines.get(file, {}), default=0))
 
 
 class _Contexts:

@@ -64,6 +64,9 @@ class Choice:
     def of(self, mutant: Mutant) -> tuple[list[str], list[str]]:
         """Those to be tried at first, and further ones; each file of tests has its turn."""
         of_line = self.known.covering(mutant.file, mutant.line, mutant.last)
+        if not of_line and not (mutant.function and self.known.covering(mutant.file, *mutant.around)):
+            # what runs only when the module is imported belongs to no test, and may matter to all tests of the file
+            of_line = self.known.of_file(mutant.file)
         by_file: dict[str, list[str]] = {}
         for test in of_line:
             by_file.setdefault(test.split("::")[0], []).append(test)

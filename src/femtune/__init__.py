@@ -1,7 +1,7 @@
 """femtune: finite element model updating, from a deck and a vibration test to an updated deck with its uncertainty.
 
-``import femtune as ft`` has all that a script or a notebook needs. A name is imported when it is first used, so that
-the import itself takes no time. docs/guide/python.md has an example from deck to result.
+``import femtune as ft`` gives all classes and functions that a script or a notebook needs. Names are imported at first
+use, so that the import itself is fast. docs/guide/python.md has an example from deck to result.
 """
 
 from __future__ import annotations

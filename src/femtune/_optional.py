@@ -19,8 +19,8 @@ def require(module: str, *, extra: str = "") -> ModuleType:
     target = f"femtune[{extra}]" if extra else "femtune"
     top = module.partition(".")[0]
     if importlib.util.find_spec(top) is None:
-        raise FemtuneError("install.missing", top=top, target=target)
+        raise FemtuneError("install.missing", library=top, target=target)
     try:
         return importlib.import_module(module)
     except Exception as broken:
-        raise FemtuneError("install.broken", top=top, broken=broken, target=target) from broken
+        raise FemtuneError("install.broken", library=top, problem=broken, target=target) from broken

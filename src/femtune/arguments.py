@@ -56,7 +56,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         except TypeError as error:
             unknown = [word for word in words if word not in declared.parameters]
             hint = did_you_mean(unknown[0], list(declared.parameters)) if unknown else ""
-            raise FemtuneError("call.signature", function=called, why=error, hint=hint or None) from None
+            raise FemtuneError("call.signature", function=called, reason=error, hint=hint or None) from None
         for name, value in given.items():
             parameter = declared.parameters[name]
             if parameter.kind is Parameter.VAR_KEYWORD or not isinstance(parameter.annotation, str):

@@ -1,4 +1,4 @@
-"""Degrees of freedom: a node and a signed direction, written ``101Z+``; strict, never a default."""
+"""Degrees of freedom: a node and a signed direction, written ``101Z+``; all three parts are required."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _bad_dof(text: object, sign: object = "") -> FemtuneError:
 
 
 def parse_dof(text: str) -> Dof:
-    """Read ``101Z+``; node, direction and sign must all be there.
+    """Read ``101Z+``; node, direction and sign are required.
 
     Raises
     ------
@@ -76,11 +76,11 @@ def parse_dof(text: str) -> Dof:
 
 
 class DofSet:
-    """An ordered set of degrees of freedom without repetition (a node's direction may stand once).
+    """An ordered set of degrees of freedom without repetition (each direction of a node occurs once).
 
     Raises
     ------
-    FemtuneError : ``dof.duplicate`` when a node and direction stand twice, whatever their signs
+    FemtuneError : ``dof.duplicate`` if a node and direction occur twice, with any sign
 
     Examples
     --------
@@ -93,7 +93,7 @@ class DofSet:
         self._dofs = tuple(dofs)
         self._index = {(d.node, d.direction): i for i, d in enumerate(self._dofs)}
         if len(self._index) != len(self._dofs):
-            raise FemtuneError("dof.duplicate", first_repeated=self._first_repeated())
+            raise FemtuneError("dof.duplicate", dof=self._first_repeated())
 
     def _first_repeated(self) -> Dof:
         return next(d for i, d in enumerate(self._dofs) if self._index[(d.node, d.direction)] != i)
@@ -126,21 +126,21 @@ class DofSet:
 
     @property
     def nodes(self) -> Integers:
-        """Node numbers, one a DOF."""
+        """Node numbers, one per DOF."""
         import numpy as np  # noqa: PLC0415  a study file is checked before numpy is imported
 
         return np.array([d.node for d in self._dofs], dtype=np.int64)
 
     @property
     def components(self) -> Integers:
-        """Components 0 to 6, one a DOF."""
+        """Components 0 to 6, one per DOF."""
         import numpy as np  # noqa: PLC0415
 
         return np.array([d.component for d in self._dofs], dtype=np.int64)
 
     @property
     def signs(self) -> Reals:
-        """+1 or −1, one a DOF."""
+        """+1 or −1, one per DOF."""
         import numpy as np  # noqa: PLC0415
 
         return np.array([d.sign for d in self._dofs], dtype=float)
@@ -158,7 +158,7 @@ class DofSet:
 
         Raises
         ------
-        FemtuneError : ``dof.missing`` where `other` lacks one
+        FemtuneError : ``dof.missing`` if `other` lacks one
         """
         import numpy as np  # noqa: PLC0415
 
@@ -168,11 +168,11 @@ class DofSet:
                 "dof.missing",
                 values={"missing": " ".join(missing[:5]) + (" …" if len(missing) > 5 else "")},
                 n_missing=len(missing),
-                n_self=len(self),
+                n_dofs=len(self),
             )
         at = np.array([other._index[(d.node, d.direction)] for d in self._dofs], dtype=np.int64)
         return at, self.signs * other.signs[at]
 
     def common(self, other: DofSet) -> DofSet:
-        """The DOFs that are in both sets, in the order and with the signs of this one."""
+        """The DOFs in both sets, in the order and with the signs of this one."""
         return DofSet(d for d in self._dofs if d in other)

@@ -1,6 +1,6 @@
-"""Errors and notices: what, where, the values, and the smallest fix, each with a stable code.
+"""Errors and notices: problem, place, values and fix, each with a stable code.
 
-A code is ``area.problem`` (``deck.missing-include``). The wording of each code stands once, in the registry
+A code is ``area.problem`` (``deck.missing-include``). The texts of all codes are in the registry
 ``messages/``, from which the pages of ``docs/errors/`` are made.
 """
 
@@ -70,7 +70,7 @@ def codes() -> list[str]:
 
 
 def explanation(code: str) -> str:
-    """What a code means and how to fix it, as the page of its area in docs/errors says it.
+    """Meaning of a code and its fix, as on the page of its area in docs/errors.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _copied(kind: type[FemtuneError], args: tuple[Any, ...], state: dict[str, An
 
 
 class FemtuneErrors(FemtuneError):  # noqa: N818
-    """Several problems found in one pass, shown together."""
+    """Several errors, reported together."""
 
     def __init__(self, errors: Iterable[FemtuneError]) -> None:
         self.errors = tuple(errors)
@@ -182,7 +182,7 @@ class _Catching(AbstractContextManager[None]):
 
 @dataclass
 class ErrorCollector:
-    """Gathers errors so that a set-up shows all of them at once."""
+    """Collects errors so that all of them are reported together."""
 
     errors: list[FemtuneError] = field(default_factory=list)
 
@@ -200,7 +200,7 @@ class ErrorCollector:
 
 @dataclass(frozen=True, init=False)
 class Notice:
-    """Something that the user should know and that does not stop the work.
+    """A remark that does not stop the analysis.
 
     `level` is "info" or "warning"; the wording is that of the registry, filled with `facts`, or `what` as it is given.
     """

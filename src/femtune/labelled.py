@@ -1,4 +1,4 @@
-"""Results as labelled arrays, for those who have xarray (``pip install "femtune[xarray]"``)."""
+"""Results as labelled arrays; requires xarray (``pip install "femtune[xarray]"``)."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def to_xarray(
 
     Parameters
     ----------
-    result : what a step returned, or modes or functions by themselves
-    configuration : which one, where there are several
+    result : the result of a step, or a `ModeSet` or `FrfSet`
+    configuration : name of the configuration, if there are several
 
     Returns
     -------
@@ -116,7 +116,7 @@ def _of_solved(result: ModesResult, configuration: str | None) -> Parts:
 def _of_responses(result: RespondResult, configuration: str | None) -> Parts:
     name = configuration or result._only("frf_set").configuration
     if result[name].frfs is None:
-        raise FemtuneError("response.nothing-asked/frfs")
+        raise FemtuneError("response.nothing-asked/no-frfs")
     return _of_functions(result.frf_sets[name], None)
 
 

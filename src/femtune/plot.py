@@ -1,7 +1,7 @@
-"""Pictures of results on matplotlib, for notebooks and papers: free functions that take what the steps return.
+"""Plots of results with matplotlib, for notebooks and papers; the functions take the results of the steps.
 
-Each takes an optional `ax` to draw on and returns it; a picture of several panels returns its figure. Colour-blind
-readers can tell the colours apart, and so can grey print. matplotlib is imported when something is drawn.
+Each takes an optional `ax` to draw on and returns it; a plot with several panels returns its figure. Colour-blind
+readers can tell the colours apart, and so can grey print. matplotlib is imported at the first plot.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def mac(
 
     Parameters
     ----------
-    result : of `femtune.correlate`; or of an update, of which the model after it is drawn (``run.before`` has the model
+    result : of `femtune.correlate`; or of an update: the model after the update (``run.before`` has the model
         before); or a matrix (test modes, model modes)
-    ax : axes to draw on; a new figure where None
-    configuration : which one, where there are several
+    ax : axes to draw on; None: a new figure
+    configuration : name of the configuration, if there are several
 
     Raises
     ------
@@ -139,14 +139,14 @@ def modes(
     configuration: str | None = None,
     scale: float = 1.0,
 ) -> Figure:
-    """Mode shapes of the model, each on a panel: the structure at rest in grey, deflected in blue.
+    """Mode shapes of the model, each on a panel: undeformed structure in grey, mode shape in blue.
 
     Parameters
     ----------
-    result : of `femtune.modes`, or of an update, of which the last state of the model is drawn
-    numbers : which modes, from 1; the first six that are no rigid-body motions where None
-    configuration : which one, where there are several; the first where None
-    scale : times the motion that is drawn otherwise
+    result : of `femtune.modes`, or of an update: the model after the update
+    numbers : numbers of the modes, from 1; None: the first six elastic modes
+    configuration : name of the configuration, if there are several; None: the first
+    scale : factor on the default deformation
 
     Raises
     ------
@@ -249,11 +249,11 @@ def frf(
 
     Parameters
     ----------
-    result : of `femtune.respond`, with the test's functions where the study has some; of `femtune.identify`, measured
-        and synthesised; or functions by themselves
-    output, input : labels, "12Z+"; the first ones where None
-    configuration : which one, where there are several
-    ax : axes for the magnitude alone; a figure with magnitude and phase where None
+    result : of `femtune.respond`, with the functions of the test, if any; of `femtune.identify`, measured
+        and synthesised; or an `FrfSet`
+    output, input : labels, "12Z+"; None: the first
+    configuration : name of the configuration, if there are several
+    ax : axes for the magnitude alone; None: a figure with magnitude and phase
 
     Raises
     ------
@@ -320,12 +320,12 @@ def _functions(
     if isinstance(result, RespondResult):
         record = result._only("frf_set") if configuration is None else result[configuration]
         if record.frfs is None:
-            raise FemtuneError("response.nothing-asked/frfs")
+            raise FemtuneError("response.nothing-asked/no-frfs")
         measured = result.measured_sets.get(record.configuration)
         model = {"model": result.frf_sets[record.configuration]}
         return ({"test": measured} | model if measured is not None else model), record.frfs.unit
     if result.measured is None or result.synthesised is None:
-        raise FemtuneError("response.nothing-asked/functions")
+        raise FemtuneError("response.nothing-asked/no-functions")
     unit = frf_unit(result.measured.kind, unit_system(result.record.units))
     return {"measured": result.measured, "synthesised": result.synthesised}, unit
 
@@ -335,24 +335,25 @@ def _position(dofs: Any, label: str | None) -> int:
     if label is None:
         return 0
     if label not in labels:
-        raise FemtuneError("dof.missing/position", hint=did_you_mean(label, labels), label=label)
+        raise FemtuneError("dof.missing/function", hint=did_you_mean(label, labels), label=label)
     return labels.index(label)
 
 
 @checked
 def parameters(result: RunResult, ax: Axes | None = None) -> Axes:
-    """Updated parameters with 95 % confidence intervals, as changes of their start values; bounds in grey.
+    """Updated parameters with 95 % confidence intervals, as changes from their initial values; bounds in grey.
 
-    A parameter at a bound is an orange square: it has no interval. Parameters that start at zero are left out.
+    A parameter at a bound has no interval and is shown as an orange square. Parameters with initial value zero are left
+    out.
 
     Parameters
     ----------
     result : of `femtune.update`, `femtune.run` or `femtune.read_results`
-    ax : axes to draw on; a new figure where None
+    ax : axes to draw on; None: a new figure
 
     Raises
     ------
-    FemtuneError : ``plot.nothing-to-draw`` for results that hold no update
+    FemtuneError : ``plot.nothing-to-draw`` for results without an update
 
     Examples
     --------
@@ -378,7 +379,7 @@ def parameters(result: RunResult, ax: Axes | None = None) -> Axes:
     ax.axvline(0.0, color=SOFT, linewidth=0.8)
     ax.set_yticks(range(len(shown)), [p.name for p in shown])
     ax.set_ylim(len(shown) - 0.5, -0.5)
-    ax.set_xlabel("change in % of the start value; blue: 95 % interval, grey: bounds")
+    ax.set_xlabel("change in % of the initial value; blue: 95 % interval, grey: bounds")
     ax.tick_params(axis="y", length=0)
     ax.spines[["top", "right", "left"]].set_visible(False)
     return ax
@@ -413,16 +414,16 @@ def _updated(result: RunResult) -> UpdateResults:
 
 @checked
 def convergence(result: RunResult, ax: Axes | None = None) -> Axes | Figure:
-    """How the update came to its end: weighted mean error over the iterations, and the parameters on a second panel.
+    """Convergence of the update: weighted mean error over the iterations, and the parameters in a second panel.
 
     Parameters
     ----------
     result : of `femtune.update`, `femtune.run` or `femtune.read_results`
-    ax : axes for the error alone; a figure with both panels where None
+    ax : axes for the error alone; None: a figure with both panels
 
     Raises
     ------
-    FemtuneError : ``plot.nothing-to-draw`` for results that hold no update
+    FemtuneError : ``plot.nothing-to-draw`` for results without an update
 
     Examples
     --------
@@ -482,11 +483,11 @@ def stabilisation(result: IdentifyResult, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     result : of `femtune.identify`
-    ax : axes to draw on; a new figure where None
+    ax : axes to draw on; None: a new figure
 
     Raises
     ------
-    FemtuneError : ``plot.nothing-to-draw`` where the method has no model orders
+    FemtuneError : ``plot.nothing-to-draw`` if the method has no model orders
 
     Examples
     --------

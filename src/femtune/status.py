@@ -1,4 +1,4 @@
-"""How an iterative method ended: members are values, their text is the message."""
+"""Outcome of an iterative method; the text of a member is the message that a user reads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Status(Enum):
-    """Outcome of an iteration; `ok` says whether the result may be used as an optimum.
+    """Outcome of an iteration; `ok` states whether the result is an optimum.
 
     Examples
     --------
@@ -15,14 +15,14 @@ class Status(Enum):
     True
     """
 
-    CONVERGED = "converged: neither the parameters nor the objective change any more"
+    CONVERGED = "converged: parameters and objective are stationary"
     CONVERGED_AT_BOUNDS = "converged, with at least one parameter at its bound"
-    UNDETERMINED = "converged, but the data leave combinations of parameters undetermined"
-    EXACT = "the residuals vanish: the model repeats the test exactly"
+    UNDETERMINED = "converged, but the data do not determine all combinations of the parameters"
+    EXACT = "converged: all residuals are zero, so that the model reproduces the test exactly"
     MAX_ITERATIONS = "stopped at the iteration limit before it converged; the last point is kept"
-    STALLED = "no step of any length lowers the objective; the best point is kept"
-    PAIRING_CYCLES = "the pairing of modes changes back and forth; the last point is kept"
-    SOLVE_FAILED = "the eigen-solution failed at a trial point; the best point is kept"
+    STALLED = "stopped because no step of any length reduces the objective; the best point is kept"
+    PAIRING_CYCLES = "stopped because the pairing of modes alternates between iterations; the last point is kept"
+    SOLVE_FAILED = "stopped because the eigen-solution failed at a trial point; the best point is kept"
 
     @property
     def ok(self) -> bool:

@@ -80,7 +80,7 @@ def test_solvers_need_no_study(invoke: Invoke) -> None:
 def test_info_without_anything(invoke: Invoke) -> None:
     result = invoke("info")
     assert result.exit_code == 2
-    assert "name a study or a deck" in result.output
+    assert "give a study or a deck" in result.output
 
 
 def test_run_ends_by_naming_the_report(invoke: Invoke, steps: Any, study: Path) -> None:

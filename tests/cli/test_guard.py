@@ -96,7 +96,7 @@ def test_ctrl_c_says_how_the_run_goes_on(invoke: Invoke, steps: Any, study: Path
     assert result.exit_code == 130
     files = f" {journal.parent / 'history.jsonl'}, and" if count > 1 else ""
     assert result.stderr == (
-        f"stopped by Ctrl-C; kept:{files} {solutions} in {journal}; the same command goes on from there\n"
+        f"stopped by Ctrl-C; kept:{files} {solutions} in {journal}; the same command continues from there\n"
     )
 
 

@@ -101,10 +101,12 @@ def test_gates_and_their_words() -> None:
     assert found.key == ((0, 0),)
     reasons = {u.test: u.reason for u in found.unpaired_test}
     assert reasons[1] == (
-        "best candidate is model mode 2 (27 Hz): MAC 1.00, frequency error +35.0 %; the frequency gate of 30 % fails"
+        "the best candidate is model mode 2 (27 Hz): MAC 1.00, frequency error +35.0 %; the frequency difference "
+        "exceeds the frequency gate of 30 %"
     )
     assert reasons[2] == (
-        "best candidate is model mode 3 (33 Hz): MAC 0.36, frequency error +10.0 %; the MAC gate of 0.50 fails"
+        "the best candidate is model mode 3 (33 Hz): MAC 0.36, frequency error +10.0 %; the MAC is below the MAC gate "
+        "of 0.50"
     )
     assert found.unpaired_model == (1, 2)
 
@@ -114,7 +116,7 @@ def test_a_taken_candidate_is_named() -> None:
     test = _modes([10.0, 10.5], np.column_stack([phi[:, 0], phi[:, 0] + 0.5 * phi[:, 3]]))
     found = pair_modes(test, _modes([10.2], phi[:, :1]))
     assert found.key == ((0, 0),)
-    assert found.unpaired_test[0].reason.endswith("it is taken by test mode 1")
+    assert found.unpaired_test[0].reason.endswith("it is paired with test mode 1")
 
 
 def test_fixed_pairs_override_gates_and_are_flagged() -> None:
@@ -231,7 +233,7 @@ def test_the_same_shape_twice_gets_one_partner() -> None:
     found = pair_modes(_modes([20.0, 20.1], twice), _modes([20.0, 20.0], phi[:, :2]), mac_gate=0.6)
     assert [p.test for p in found.pairs] == [0]
     assert found.pairs[0].mac == pytest.approx(1.0)
-    assert "within its cluster of close modes the MAC after rotation is 0.5" in found.unpaired_test[0].reason
+    assert "the MAC after rotation within its cluster is 0.5" in found.unpaired_test[0].reason
 
 
 def test_a_pair_fixed_inside_a_cluster_keeps_its_member() -> None:
@@ -270,7 +272,7 @@ def test_a_test_shape_that_no_model_mode_shares() -> None:
     shapes = np.array([[1.0, np.nan], [np.nan, 1.0]])
     found = pair_modes(_modes([1.0, 2.0], shapes), _modes([2.0], np.array([[0.0], [1.0]])))
     assert found.key == ((1, 0),)
-    assert found.unpaired_test[0].reason == "no model mode moves where this mode was measured"
+    assert found.unpaired_test[0].reason == "all model modes are zero at the measured DOFs of this mode"
 
 
 def test_no_pairs_is_a_result() -> None:
@@ -285,7 +287,7 @@ def test_no_pairs_is_a_result() -> None:
 
 def test_a_model_without_modes() -> None:
     found = pair_modes(_modes([10.0], np.ones((3, 1))), _modes([], np.zeros((3, 0))))
-    assert found.unpaired_test[0].reason == "no model mode moves where this mode was measured"
+    assert found.unpaired_test[0].reason == "all model modes are zero at the measured DOFs of this mode"
 
 
 def test_a_test_at_zero_hertz_has_no_relative_error() -> None:
@@ -299,6 +301,13 @@ def test_gates_are_fractions(gates: tuple[float, float]) -> None:
     phi = _orthonormal()
     with pytest.raises(FemtuneError, match=r"correlate\.gate"):
         pair_modes(_modes(TEST_HZ, phi), _modes(TEST_HZ, phi), frequency_gate=gates[0], mac_gate=gates[1])
+
+
+@pytest.mark.parametrize("gate", [0.0, 1.0])
+def test_the_ends_of_the_range_are_gates(gate: float) -> None:
+    """Unit vectors have MACs of 0 and 1 exactly."""
+    modes = _modes(TEST_HZ, np.eye(len(TEST_HZ)))
+    assert pair_modes(modes, modes, mac_gate=gate).key == tuple((i, i) for i in range(len(TEST_HZ)))
 
 
 def test_no_frequency_gate_at_all() -> None:

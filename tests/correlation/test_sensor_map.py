@@ -92,7 +92,7 @@ def test_equal_distances_take_the_lower_number_and_say_so() -> None:
     found = map_sensors(test, structure, tolerance=0.01)
     assert [m.node for m in found.matches] == [12, 12]
     assert [n.code for n in found.notices] == ["sensor.tie"]
-    assert "grid points 12 and 40 are equally near to test node 1; 12 is taken" in found.notices[0].what
+    assert "grid points 12 and 40 are equally near to test node 1; 12 is used" in found.notices[0].what
     chosen = map_sensors(test, structure, tolerance=0.01, given={1: 40})
     assert [(m.node, m.how) for m in chosen.matches] == [(40, "given"), (40, "given")]
     assert not chosen.notices
@@ -106,7 +106,7 @@ def test_by_number_and_far_away() -> None:
     assert found.notices[0].code == "sensor.far-from-node"
     with pytest.raises(FemtuneError, match=r"sensor\.unmatched") as caught:
         map_sensors(_test(_sensor("77Z+", (0, 0, 0), Z)), _structure(SQUARE), tolerance=0.1, by_id=True)
-    assert "have no number in the model" in str(caught.value)
+    assert "have no grid point with their number" in str(caught.value)
 
 
 def test_a_test_without_geometry_by_number_only() -> None:
@@ -132,7 +132,7 @@ def test_two_test_nodes_on_one_grid_point() -> None:
     test = _test(_sensor("1Z+", (0, 0, 0), Z), _sensor("2Z+", (0.01, 0, 0), Z))
     notices = map_sensors(test, _structure(SQUARE), tolerance=0.1).notices
     assert [n.code for n in notices] == ["sensor.shared-node"]
-    assert "test nodes 1, 2 all fall on grid point 1" in notices[0].what
+    assert "test nodes 1, 2 are all assigned to grid point 1" in notices[0].what
 
 
 def test_unmatched_sensors_are_all_listed() -> None:
@@ -185,7 +185,7 @@ def test_no_guess_where_nothing_fits() -> None:
     sensors = [_sensor(f"{i + 1}Z+", np.array(p) + 7.3, Z) for i, p in enumerate(BOX)]
     with pytest.raises(FemtuneError) as caught:
         map_sensors(_test(*sensors), _structure(BOX), tolerance=1e-4)
-    assert caught.value.hint.startswith("check the test's units and axes")
+    assert caught.value.hint.startswith("check the units and axes of the test")
 
 
 def test_points_that_shrink_onto_one_node_are_no_guess() -> None:
@@ -242,13 +242,15 @@ def test_floor_motion_by_hand() -> None:
 
 def test_nodes_that_do_not_determine_the_motion() -> None:
     structure = _structure([[-1, 0, 0], [1, 0, 0], [3, 0, 0]])
-    with pytest.raises(FemtuneError, match="do not determine the rigid-body motion RX of test node 9"):
+    with pytest.raises(
+        FemtuneError, match="do not determine the components RX of the rigid-body motion at test node 9"
+    ):
         rigid_motion_sensor(structure, 9, [1, 2, 3], (0, 0, 0), "123456")
     with pytest.raises(FemtuneError, match=r"sensor\.rigid-motion"):
         rigid_motion_sensor(structure, 9, [2], (0, 0, 0))
     with pytest.raises(FemtuneError, match=r"sensor\.rigid-motion"):
         rigid_motion_sensor(structure, 9, [], (0, 0, 0))
-    with pytest.raises(FemtuneError, match="is given twice"):
+    with pytest.raises(FemtuneError, match="has a node twice"):
         rigid_motion_sensor(structure, 9, [1, 1], (0, 0, 0))
     with pytest.raises(FemtuneError, match=r"model\.unknown-node"):
         rigid_motion_sensor(structure, 9, [1, 99], (0, 0, 0))

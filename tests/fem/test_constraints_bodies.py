@@ -36,7 +36,7 @@ SPREAD: list[Components] = [
 
 
 @pytest.mark.parametrize("independent", SPREAD)
-@pytest.mark.parametrize("scale", [1.0, 1e3])
+@pytest.mark.parametrize("scale", [1.0, 1e3, 1e9])
 def test_rbe1_is_one_rigid_body(independent: Components, scale: float) -> None:
     table = nodes(turned=len(independent) != 3, scale=scale)
     rows = rigid_body_rows(table, independent, [(40, EVERY), (30, (1, 2))], 7)

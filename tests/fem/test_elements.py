@@ -109,6 +109,19 @@ def test_bar_ignores_shear_where_its_planes_are_coupled_and_beam_does_not():
     assert np.abs(K["CBEAM"] - K["CBAR"]).max() > 1.0
 
 
+def test_a_general_mass_acts_along_its_frame_and_with_the_mass_factor():
+    """½ m v·v of a rigid motion is the same along the frame and along the basic axes."""
+    rng = np.random.default_rng(3)
+    whole = rng.standard_normal((6, 6))
+    whole, Q = whole @ whole.T, turned(1)[0]
+    values = {f"M{i + 1}{j + 1}": whole[i, j] for i in range(6) for j in range(i + 1)}
+    part = Part("general-mass", "CONM1", np.array([[0]]), values, {"frame": Q[None]})
+    M = assemble(make_structure(XYZ[:1], [part], mass_factor=0.25), "mass").toarray()
+    motion = rng.standard_normal(6)
+    along = np.concatenate([Q.T @ motion[:3], Q.T @ motion[3:]])
+    assert motion @ M @ motion == pytest.approx(0.25 * along @ whole @ along, rel=1e-12)
+
+
 def condensed(K: np.ndarray, out: list[int]) -> np.ndarray:
     """Static condensation of released DOFs; their rows and columns are left zero."""
     keep = [i for i in range(len(K)) if i not in out]

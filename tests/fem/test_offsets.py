@@ -11,6 +11,7 @@ from tests.fem.tapered_parts import tapered
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef, Structure
 from femtune.fem.assemble import assemble
+from femtune.fem.checks import mass_properties
 from femtune.fem.contribution import joined
 from femtune.fem.elements import contributions
 from femtune.fem.offsets import settled, with_offsets
@@ -160,6 +161,20 @@ def test_derivatives_of_many_parameters_are_those_of_few():
     for i, j in ((0, 0), (0, 1)):
         expected, found = (m.stiffness_second_derivative(i, j).toarray() for m in (one.at(x), point))
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("consistent", [False, True])
+def test_the_moment_of_inertia_of_a_moved_beam_about_its_axis(consistent: bool):
+    """ρ (I1 + I2) L, with the length between the moved ends; a CBAR has none."""
+    ends = ((0.2, 0.0, 0.0), (-0.3, 0.0, 0.0))
+    for card, expected in (("CBEAM", 0.25 * 7850.0 * (1.5e-8 + 6e-9) * 1.5), ("CBAR", 0.0)):
+        part = bars([[0, 1]], SECTION_ONE, card=card)
+        movable = with_offsets(
+            make_structure([[0, 0, 0], [2, 0, 0]], [part], consistent_mass=consistent, mass_factor=0.25), [1]
+        )
+        moved = _at(movable, _refs(card, 1), np.concatenate(ends))
+        found = mass_properties(moved.nodes, assemble(moved, "mass")).central_inertia[0, 0]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 def test_one_offset_normal_to_a_beam_is_three_terms():

@@ -50,23 +50,23 @@ def test_any_text_and_number_survive(tmp_path_factory: pytest.TempPathFactory, t
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("sd = 3e-5", "sd = 0.0", "sd is not above zero"),
-        ("sd = 3e-5", "sd = -1", "sd is not above zero"),
+        ("sd = 3e-5", "sd = 0.0", "sd is not positive"),
+        ("sd = 3e-5", "sd = -1", "sd is not positive"),
         ("sd = 3e-5", "sd = nan", "'sd' is not a finite number"),
         ("value = 0.0045", "value = inf", "'value' is not a finite number"),
         ("value = 0.0045", "value = true", "'value' is not a finite number"),
         ("value = 0.0045", "value = " + "9" * 400, "'value' is not a finite number"),
         ("value = 0.0045", 'value = "0.0045"', "'value' is not a finite number"),
-        ("value = 0.0045\n", "", "it lacks 'value'"),
-        ('of = "material"', 'of = "steel"', "of is 'steel'"),
-        ('name = "eta"', 'name = "a b"', "is not a name"),
+        ("value = 0.0045\n", "", "the key 'value' is missing"),
+        ('of = "material"', 'of = "steel"', "'steel' is not allowed for the key of"),
+        ('name = "eta"', 'name = "a b"', "is not a valid name"),
         ('name = "eta"', "name = 3", "'name' is not a text"),
         ('date = "2026-11-22"', 'date = "yesterday"', "is not a date"),
         ('date = "2026-11-22"', "date = 2026-11-22", "'date' is not a text"),
         ('fields = ["MAT1 1 GE"]', "fields = []", "fields is not a list of texts"),
         ('fields = ["MAT1 1 GE"]', 'fields = "MAT1 1 GE"', "fields is not a list of texts"),
         ('unit = ""', 'unti = ""', "did you mean 'unit'?"),
-        ('study = "Frame"', f'study = "{"x" * 501}"', "not a text of up to 500 letters"),
+        ('study = "Frame"', f'study = "{"x" * 501}"', "not a text of at most 500 characters"),
     ],
 )
 def test_entries_that_have_no_meaning_are_refused(tmp_path: Path, old: str, new: str, says: str):
@@ -82,12 +82,12 @@ def test_entries_that_have_no_meaning_are_refused(tmp_path: Path, old: str, new:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"[[damping]\n", "no catalogue of damping"),
+        (b"[[damping]\n", "not a damping catalogue"),
         (b"[[parameter]]\nname = 'a'\n", "it has 'parameter'"),
         (b"damping = 3\n", "damping is no list of tables"),
         (b"\xff\xfe\x00", "not UTF-8"),
-        (b"a = " + b"[" * 5000 + b"]" * 5000, "no catalogue"),
-        (b"#" * 1_000_001, "MB are no catalogue"),
+        (b"a = " + b"[" * 5000 + b"]" * 5000, "not a damping catalogue"),
+        (b"#" * 1_000_001, "MB are too large"),
     ],
 )
 def test_files_that_are_no_catalogue_are_refused(tmp_path: Path, content: bytes, says: str):
@@ -117,7 +117,7 @@ def test_one_name_twice(tmp_path: Path):
     (tmp_path / "c.toml").write_text(GOOD + GOOD)
     with pytest.raises(FemtuneError) as caught:
         read_catalogue(tmp_path / "c.toml")
-    assert "two entries are called 'eta'" in str(caught.value)
+    assert "another entry has the same name 'eta'" in str(caught.value)
 
 
 def test_a_name_that_is_not_there(tmp_path: Path):

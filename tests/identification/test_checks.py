@@ -93,6 +93,19 @@ def test_a_bad_channel_is_found_and_named(harm: Callable[[np.ndarray], None], co
     assert "2Z+" in notice.what or (code == "record.cut-short" and "40 s" in notice.what)
 
 
+@pytest.mark.parametrize(("still", "told"), [(75, False), (125, True)])
+def test_a_record_is_cut_short_where_more_than_two_percent_stand_still(still: int, told: bool) -> None:
+    values = _values()
+    values[:, -still:] = values[:, [-still]]
+    assert [n.code for n in check_record(_record(values))] == ["record.cut-short"] * told
+
+
+def test_a_wave_that_repeats_has_one_extreme_a_period_and_is_not_clipped() -> None:
+    values = _values()
+    values[1] = np.tile(0.1 * np.random.default_rng(2).standard_normal(50), 100)
+    assert check_record(_record(values)) == ()
+
+
 def test_sound_functions_have_nothing_to_tell(eight_modes: Any) -> None:
     for kind in KINDS:
         assert check_frfs(eight_modes.frfs(_LINES, noise=0.03, kind=kind)) == ()
@@ -150,7 +163,7 @@ def test_the_mass_line_tells_units() -> None:
     assert apparent_mass(as_kind(_free_mass(42.0, 1.0), "receptance"), 10.0)[0] == pytest.approx(42.0, rel=0.01)
     (notice,) = check_mass(_free_mass(42.0, 1 / 9.80665), 42.0, 10.0)
     assert notice.code == "frf.mass-line"
-    assert "g in place of m/s²" in notice.what
+    assert "g instead of m/s²" in notice.what
 
 
 def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
@@ -161,10 +174,10 @@ def test_exchanged_and_inverted_channels_are_named(eight_modes: Any) -> None:
     values[4] *= -1.0
     found = exchanged(dataclasses.replace(one, values=values), other)
     assert [n.what for n in found if n.code == "frf.exchanged"] == [
-        "what is called 3Z+ was measured at 10Z+",
-        "what is called 10Z+ was measured at 3Z+",
+        "the response with the label 3Z+ was measured at 10Z+",
+        "the response with the label 10Z+ was measured at 3Z+",
     ]
-    assert [n.what.split()[3] for n in found if n.code == "frf.inverted"] == ["5Z+"]
+    assert [n.what.split()[5] for n in found if n.code == "frf.inverted"] == ["5Z+"]
 
 
 def test_levels_of_a_linear_structure_differ_by_noise(three_modes: Any) -> None:

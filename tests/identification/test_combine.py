@@ -135,7 +135,7 @@ def test_lines_of_the_ground_are_flagged_and_modes_are_not():
     spectra = cross_spectra(np.vstack([np.convolve(ground, [1.0, 0.5], "same"), ground]), 50.0, 4096)
     flagged, free = judge_peaks([7.8, 5.0], spectra, [1])
     assert flagged.of_input
-    assert "the ground has a line at 7.8 Hz" in flagged.sentence
+    assert "the ground motion has a peak at 7.8 Hz" in flagged.sentence
     assert not free.of_input
     assert abs(free.ground_db) < 3.0
     ratio = np.abs(ground_to_floor(spectra, 1, 0))

@@ -139,6 +139,16 @@ def test_periodic_signals_have_no_leakage() -> None:
     assert np.median(scores) == pytest.approx(0.7435, rel=0.1)
 
 
+def test_driven_lines_are_all_from_the_first_above_zero_to_the_last_below_half_the_rate() -> None:
+    """An offset and half the sampling rate are no lines of a test, whatever the channel holds there."""
+    at = np.array([1, 5, _N // 2 - 1])
+    t = np.arange(4 * _N)
+    x = np.sum(np.cos(2 * np.pi * np.outer(at, t) / _N), axis=0) + 3.0 + 2.0 * (-1.0) ** t
+    found = periodic_frfs([TimeSeries(np.vstack([x, 2.5 * x]), _channels(1, 1), _RATE)], _N)
+    np.testing.assert_allclose(found.frfs.freq_hz, at * _RATE / _N)
+    np.testing.assert_allclose(found.frfs.values, 2.5)
+
+
 def _with_noise(record: TimeSeries, seed: int) -> TimeSeries:
     noise = np.random.default_rng(seed).standard_normal(record.values.shape)
     return TimeSeries(record.values + 0.1 * noise, record.channels, _RATE)

@@ -137,6 +137,54 @@ def test_errors_that_are_no_noise_raise_the_covariance(three_modes: Any) -> None
     assert np.sqrt(part.pole_covariance[0, 0]) > 3.0 * np.sqrt(whole.pole_covariance[0, 0])
 
 
+def test_the_misfit_is_the_square_of_how_much_too_small_the_stated_deviations_are(three_modes: Any) -> None:
+    """Half of what they are: 4 in the mean of 40 seeds, where parameters take a third of the values' freedom."""
+    lines = np.linspace(7.0, 24.0, 16)
+    sd = np.full((3, 1, 16), 0.01 * np.sqrt(np.mean(np.abs(three_modes.frfs(lines).values) ** 2)))
+    start = pole_of(three_modes.freq_hz, three_modes.damping_ratio)
+    found = [fit_modes(three_modes.frfs(lines, 0.02, seed), start, sd).misfit for seed in range(40)]
+    assert np.mean(found) == pytest.approx(4.0, rel=0.1)
+
+
+def test_the_spread_is_that_of_fits_of_each_function_alone(three_modes: Any) -> None:
+    """Birge's ratio of poles and their covariances, with two real numbers a pole."""
+    known = dataclasses.replace(three_modes, freq_hz=[10.0], damping_ratio=[0.01], shapes=three_modes.shapes[:, :1])
+    parts = [dataclasses.replace(known, freq_hz=[f]).frfs(_LINES) for f in (10.0, 10.004, 9.997)]
+    values = np.concatenate([f.values[[i]] for i, f in enumerate(parts)])
+    frfs = dataclasses.replace(parts[0], values=values)
+    sd, start = np.full(values.shape, 0.002 * np.abs(values).max()), pole_of(np.array([10.0]), np.array([0.01]))
+    fit = fit_modes(frfs, start, sd)
+    ratio = 0.0
+    for i in range(3):
+        one = FrfSet(_LINES, values[[i]], frfs.responses.select([i]), frfs.references, frfs.kind)
+        alone = fit_modes(one, start, sd[[i]])
+        gap = (alone.poles - fit.poles)[0]
+        ratio += np.array([gap.real, gap.imag]) @ np.linalg.solve(alone.pole_covariance, [gap.real, gap.imag])
+        assert alone.spread.tolist() == [1.0]
+    assert fit.spread[0] > 3.0
+    assert fit.spread[0] == pytest.approx(ratio / (2 * (3 - 1)), rel=0.02)
+
+
+def test_the_covariance_of_the_poles_goes_on_to_frequencies_damping_and_scale(three_modes: Any) -> None:
+    """Slopes by differences; α² = 2ω_d|R| for a mass-normalised shape, so that its error is that of ω_d by half."""
+    fit = fit_modes(three_modes.frfs(_LINES, noise=0.02), pole_of(three_modes.freq_hz, three_modes.damping_ratio))
+    made, h = as_modes(fit), 1e-4
+    slopes = []
+    for move in [*h * np.eye(3), *1j * h * np.eye(3)]:
+        ends = [
+            np.concatenate([np.abs(p) / (2 * np.pi), -p.real / np.abs(p)]) for p in (fit.poles + move, fit.poles - move)
+        ]
+        slopes.append((ends[0] - ends[1]) / (2 * h))
+    J = np.array(slopes).T
+    np.testing.assert_allclose(made.covariance, J @ fit.pole_covariance @ J.T, rtol=1e-5, atol=1e-16)
+    sd = np.array([3.0, 2.0, 5.0, 0.1, 0.2, 0.3])
+    only_poles = dataclasses.replace(
+        fit, pole_covariance=np.diag(sd**2), own_covariance=0.0 * fit.own_covariance, pole_effect=0.0 * fit.pole_effect
+    )
+    expected = np.abs(made.shapes) * 0.5 * sd[3:] / fit.poles.imag
+    np.testing.assert_allclose(as_modes(only_poles).shapes_sd, expected, rtol=1e-5)
+
+
 def test_functions_that_disagree_on_a_frequency_widen_its_bar(three_modes: Any) -> None:
     """One function of a structure whose second mode has moved by .5 %, as between hits of a hammer."""
     frfs = three_modes.frfs(_LINES, noise=0.01)

@@ -65,7 +65,20 @@ def test_records_are_resampled_to_the_band():
     ready = prepared(made, Operational((0.5, 8.0)))
     assert ready.sampling_hz == 20.0
     assert np.abs(ready.values.mean(axis=1)).max() < 1e-2 * ready.values.std()
-    assert segment_of(ready, Operational((0.5, 8.0))) <= ready.samples // 8 + 2
+    # eight segments where the record is too short for the resolution, else the power of two next to 20 Hz/.15 Hz
+    assert ready.samples == 2000
+    assert segment_of(ready, Operational((0.5, 8.0))) == 250
+    assert segment_of(ready, Operational((0.5, 8.0), resolution_hz=0.15)) == 128
+
+
+def test_deviations_stand_beside_what_they_are_of():
+    """Two of the four modes, at four responses."""
+    truth, made = record(duration_s=200.0)
+    found = by_covariances(made, Operational((1.0, 7.0), 16)).modes
+    assert found.freq_hz == pytest.approx(truth.freq_hz[:2], rel=0.02)
+    assert found.shapes_sd.shape == found.shapes.shape == (4, 2)
+    error = np.abs(found.shapes) - np.abs(truth.shapes[:, :2] / np.linalg.norm(truth.shapes[:, :2], axis=0))
+    assert np.abs(error / found.shapes_sd).max() < 6.0
 
 
 def test_lost_samples_and_bands_that_are_not_there_are_refused():
@@ -74,7 +87,7 @@ def test_lost_samples_and_bands_that_are_not_there_are_refused():
     holes[2, 50] = np.nan
     with pytest.raises(FemtuneError, match=r"channels have samples that are not finite(.|\n)*3X\+: 1"):
         by_covariances(TimeSeries(holes, made.channels, 100.0), Operational((1.0, 12.0)))
-    with pytest.raises(FemtuneError, match="does not reach the band"):
+    with pytest.raises(FemtuneError, match="outside the frequency range"):
         by_covariances(made, Operational((1.0, 60.0)))
 
 

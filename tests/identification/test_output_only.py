@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femtune.dofs import Dof, DofSet
-from femtune.identification.averaging import cross_spectra
+from femtune.identification.averaging import CrossSpectra, cross_spectra
 from femtune.identification.fdd import decompose, enhanced, peaks
 from femtune.identification.realisation import Observability, block_hankel, correlations, correlations_by_block, era
 from femtune.identification.ssi import covariance_driven, data_driven, scatter_of_order
@@ -129,6 +129,29 @@ def test_frequency_domain_decomposition_finds_frequency_damping_and_shape():
     assert [b.freq_hz for b in bells] == pytest.approx(truth.freq_hz, rel=3e-3)
     assert [b.damping_ratio for b in bells] == pytest.approx([0.01] * 3, rel=0.2)
     assert min(mac(b.shape, truth.shapes[:, i]) for i, b in enumerate(bells)) > 0.995
+
+
+def _two_peaks():
+    """One motion with peaks of the same size and width at 2 and 3 Hz, on lines of .01 Hz."""
+    hz = np.linspace(0.0, 10.0, 1001)
+    density = sum(1.0 / ((hz - peak) ** 2 + 0.05**2) for peak in (2.0, 3.0))
+    shape = np.array([0.6, 0.8])
+    return CrossSpectra(hz, density[:, None, None] * np.outer(shape, shape).astype(complex), 10, np.hanning(2000))
+
+
+@pytest.mark.parametrize(("band", "lines"), [((1.0, 9.0), [200, 300]), ((1.0, 2.4), [200]), ((2.6, 9.0), [300])])
+def test_peaks_are_those_of_the_band(band, lines):
+    assert peaks(decompose(_two_peaks()), band) == lines
+
+
+def test_a_bell_ends_in_the_valley_before_the_next_peak_of_its_shape():
+    spectra = _two_peaks()
+    lower, upper = (enhanced(spectra, decompose(spectra), line).band_hz for line in (200, 300))
+    assert lower[1] == pytest.approx(2.5)
+    assert upper[0] == pytest.approx(2.5)
+    # on the other side to 25 decibels below the peak, (f − 2)² = .05²·(10^2.5 − 1) for one peak alone
+    reach = 0.05 * np.sqrt(10.0**2.5 - 1.0)
+    assert [2.0 - lower[0], upper[1] - 3.0] == pytest.approx([reach] * 2, rel=0.2)
 
 
 def test_spectra_hold_the_power():

@@ -80,7 +80,7 @@ def test_the_choice_can_be_changed(eight_modes: Any) -> None:
     table = _table(eight_modes.frfs(_EVEN, noise=0.01))
     changed = change_choice(choose(table), drop=[13.0, 58.0])
     np.testing.assert_allclose(chosen_poles(changed, table).freq_hz, np.delete(eight_modes.freq_hz, [1, 7]), rtol=2e-3)
-    assert next(c for c in changed if abs(c.freq_hz - 13.0) < 0.1).reason == "by hand"
+    assert next(c for c in changed if abs(c.freq_hz - 13.0) < 0.1).reason == "dropped by the user"
     back = change_choice(changed, take=[13.0])
     assert sum(c.chosen for c in back) == 7
     with pytest.raises(FemtuneError) as caught:
@@ -108,6 +108,14 @@ def test_poles_that_wander_are_not_stable(three_modes: Any) -> None:
     dofs = three_modes.dofs
     table = PoleTable(poles, np.ones((3, 3), complex), np.array([2, 4, 6]), ("N4SID",) * 3, dofs)
     assert stable(table, Limits()).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize(("second", "expected"), [(1.0, True), (-1.0, False)])
+def test_shapes_at_two_responses_tell_poles_apart(three_modes: Any, second: float, expected: bool) -> None:
+    poles = pole_of(np.array([10.0, 10.0]), np.array([0.01, 0.01]))
+    shapes = np.array([[1.0, 1.0], [1.0, second]], complex)
+    table = PoleTable(poles, shapes, np.array([2, 4]), ("N4SID",) * 2, three_modes.dofs.select([0, 1]))
+    assert stable(table, Limits()).tolist() == [False, expected]
 
 
 @pytest.mark.parametrize("method", [lambda f: subspace(f, 60), lambda f: normal_equations(f, 30)])

@@ -47,6 +47,14 @@ def test_accelerance_of_a_whole_structure_is_exact_with_a_direct_term(eight_mode
     assert fit_quality(system.frf(_LINES), frfs).error.max() < 1e-4
 
 
+@pytest.mark.parametrize(("kind", "direct"), [("receptance", False), ("receptance", True), ("accelerance", True)])
+def test_functions_of_one_reference_are_exact(three_modes: Any, kind: str, direct: bool) -> None:
+    frfs = three_modes.frfs(_LINES, kind=kind)
+    values = frfs.values + (0.5 * np.abs(frfs.values).max() if direct else 0.0)
+    system = fit_system(dataclasses.replace(frfs, values=values), _poles(three_modes), direct=direct)
+    np.testing.assert_allclose(system.frf(_LINES).values, values, atol=1e-9 * np.abs(values).max())
+
+
 def test_a_reciprocal_model_is_reciprocal_under_noise(eight_modes: Any) -> None:
     frfs = eight_modes.frfs(_LINES, noise=0.1)
     free, tied = (fit_system(frfs, _poles(eight_modes), reciprocal=r) for r in (False, True))

@@ -49,9 +49,9 @@ def test_an_entry_twice(tmp_path: Path) -> None:
 
 def test_a_line_that_is_no_entry(tmp_path: Path) -> None:
     text = of_text(tmp_path, "k.mtx", "1 1 2.0\n1 2\n2 2 2.0\n")
-    assert "[matrices.text] a line should hold 3 numbers: row, column and value\n  at k.mtx:2\n  line = '1 2'" in text
+    assert "[matrices.text] a line must have 3 numbers: row, column and value\n  at k.mtx:2\n  line = '1 2'" in text
     assert "[matrices.text]" in of_text(tmp_path, "k.mtx", "1 1 2.0\n1 x 3.0\n")
-    assert "number 2 should be a whole number\n  at k.mtx:2" in of_text(tmp_path, "k.mtx", "1 1 2.0\n1 1.5 3.0\n")
+    assert "number 2 must be a whole number\n  at k.mtx:2" in of_text(tmp_path, "k.mtx", "1 1 2.0\n1 1.5 3.0\n")
 
 
 @pytest.mark.parametrize("cut", ["1 1 2.0\n1 2 -1.0\n2 2 2", "1 1 2.0\n1 2 -1.0\n2 2"])
@@ -63,33 +63,36 @@ def test_cut_in_the_middle_of_a_line(tmp_path: Path, cut: str) -> None:
 
 def test_a_row_number_out_of_the_blue_does_not_fill_the_memory(tmp_path: Path) -> None:
     text = of_text(tmp_path, "k.mtx", "1 1 2.0\n900000000000 2 1.0\n")
-    assert "[matrices.index] the matrix has 900000000000 rows and 2 entries" in text
+    assert "[matrices.index] the matrix has 900000000000 rows but only 2 entries" in text
     assert "at k.mtx:2" in text
     text = of_text(
         tmp_path, "k.mtx", "%%MatrixMarket matrix coordinate real general\n2000000000 2000000000 1\n1 1 2.0\n"
     )
-    assert "the matrix has 2000000000 rows and 1 entries" in text
+    assert "the matrix has 2000000000 rows but only 1 entries" in text
 
 
 def test_empty_file(tmp_path: Path) -> None:
-    assert "[matrices.empty] the file holds no entry of a matrix" in of_text(tmp_path, "k.mtx", "** nothing\n")
+    assert "[matrices.empty] the file has no entry of a matrix" in of_text(tmp_path, "k.mtx", "** nothing\n")
 
 
 def test_lagrange_node_of_abaqus(tmp_path: Path) -> None:
     text = of_text(tmp_path, "k.mtx", "1,1,1,1,2.0\n-5,1,-5,1,1.0\n")
     assert "[matrices.index] a node number is not positive" in text
     assert "at k.mtx:2\n  node = -5" in text
-    assert "a degree of freedom is none of 1 to 6" in of_text(tmp_path, "k.mtx", "1,8,1,8,2.0\n")
+    assert "a degree of freedom is not between 1 and 6" in of_text(tmp_path, "k.mtx", "1,8,1,8,2.0\n")
 
 
 def test_calculix_without_and_with_another_dof_list(tmp_path: Path) -> None:
     assert "[matrices.missing-dof-list]" in of_text(tmp_path, "k.sti", GOOD)
     (tmp_path / "k.dof").write_text("1.1\n")
     text = of_text(tmp_path, "k.sti", GOOD)
-    assert "[matrices.index] an entry lies outside the matrix of 1 rows\n  at k.sti:2\n  row = 1\n  column = 2" in text
+    assert (
+        "[matrices.index] an entry is outside the matrix, which has 1 rows\n  at k.sti:2\n  row = 1\n  column = 2"
+        in text
+    )
     (tmp_path / "k.dof").write_text("1.1\n1.2\n1.3\n")
     text = of_text(tmp_path, "k.sti", GOOD)
-    assert "[matrices.truncated] the file has no diagonal entry of 1 of the 3 DOFs" in text
+    assert "[matrices.truncated] the file lacks the diagonal entry of 1 of the 3 DOFs" in text
     assert "first row without one = 3" in text
 
 
@@ -139,7 +142,7 @@ def test_op4_that_is_damaged(tmp_path: Path) -> None:
     content[36:40] = struct.pack("<i", 99)
     (tmp_path / "k.op4").write_bytes(content)
     text = message(lambda: read_matrix(tmp_path / "k.op4"), tmp_path)
-    assert "[matrices.op4] columns are out of order\n  at k.op4 (KGG, byte 32)\n  column = 99" in text
+    assert "[matrices.op4] columns are not in order\n  at k.op4 (KGG, byte 32)\n  column = 99" in text
     (tmp_path / "k.op4").write_bytes(b"\x01\x02\x03\x04 no matrix")
     text = message(lambda: read_matrix(tmp_path / "k.op4"), tmp_path)
     assert "[matrices.op4] the file does not begin with the header of a matrix" in text
@@ -161,21 +164,24 @@ OP4_TEXT = "       2       2       6       2KGG     {}\n{}"
 
 def test_text_op4_whose_header_lies(tmp_path: Path) -> None:
     head = "50000000500000 00"  # no blanks between: cut out of the number fields
-    assert "[matrices.op4] this line is not a header of a matrix" in of_text(tmp_path, "k.op4", head)
+    assert "[matrices.op4] this line is not the header of a matrix" in of_text(tmp_path, "k.op4", head)
     head = "50000000500000000000000600000002KGG     1P,3E23.16\n       1       150000000\n"
     text = of_text(tmp_path, "k.op4", head)
     assert "[matrices.truncated] the file ends inside matrix KGG\n  at k.op4:3" in text
     for format in ("1P,0E0.0", "1P,3E0.0", "what?"):
         text = of_text(tmp_path, "k.op4", OP4_TEXT.format(format, "       1       1       2\n"))
-        assert "[matrices.op4] this line is not a header of a matrix\n  at k.op4:1" in text
+        assert "[matrices.op4] this line is not the header of a matrix\n  at k.op4:1" in text
 
 
 def test_text_op4_columns_that_lie(tmp_path: Path) -> None:
     text = of_text(tmp_path, "k.op4", OP4_TEXT.format("1P,3E23.16", "       1       1      -5\n"))
-    assert "[matrices.op4] a string of KGG holds no whole number of values\n  at k.op4:2\n  column = 1" in text
+    assert (
+        "[matrices.op4] the length of a string of KGG is not a whole number of values\n  at k.op4:2\n  column = 1"
+        in text
+    )
     assert "real numbers = -5" in text
     text = of_text(tmp_path, "k.op4", OP4_TEXT.format("1P,3E23.16", "       1       1       9\n"))
-    assert "a column of KGG is longer than the matrix's 2 rows\n  at k.op4:2" in text
+    assert "a column of KGG is longer than the 2 rows of the matrix\n  at k.op4:2" in text
 
 
 def sparse_op4(kind: int, words: int, body: bytes, rows: int = 2) -> bytes:
@@ -192,15 +198,15 @@ def sparse_op4(kind: int, words: int, body: bytes, rows: int = 2) -> bytes:
 def test_binary_op4_strings_that_hold_no_whole_numbers(tmp_path: Path) -> None:
     (tmp_path / "k.op4").write_bytes(sparse_op4(2, 3, bytes(12)))
     text = message(lambda: read_matrix(tmp_path / "k.op4"), tmp_path)
-    assert "[matrices.op4] a string of values holds no whole number of them\n  at k.op4 (KGG, byte 32)" in text
+    assert "[matrices.op4] the length of a string is not a whole number of values\n  at k.op4 (KGG, byte 32)" in text
     assert "bytes = 12\n  bytes a number = 8" in text
     (tmp_path / "k.op4").write_bytes(sparse_op4(4, 6, bytes(24)))
     text = message(lambda: read_matrix(tmp_path / "k.op4"), tmp_path)
-    assert "[matrices.op4] a string of KGG holds no whole number of values" in text
+    assert "[matrices.op4] the length of a string of KGG is not a whole number of values" in text
     # four bytes behind the string: half the head of another one
     (tmp_path / "k.op4").write_bytes(sparse_op4(2, 2, bytes(12), rows=-2))
     text = message(lambda: read_matrix(tmp_path / "k.op4"), tmp_path)
-    assert "[matrices.op4] a column ends inside the head of a string" in text
+    assert "[matrices.op4] a column ends inside the header of a string" in text
 
 
 def test_a_matrix_that_is_not_there(tmp_path: Path) -> None:
@@ -213,7 +219,7 @@ def test_matrix_market_that_lies(tmp_path: Path) -> None:
     banner = "%%MatrixMarket matrix coordinate real symmetric\n"
     assert "[matrices.truncated]" in of_text(tmp_path, "k.mtx", f"{banner}2 2 3\n1 1 2.0\n2 1 1.0\n")
     text = of_text(tmp_path, "k.mtx", f"{banner}2 2 1\n5 1 2.0\n")
-    assert "[matrices.index] an entry lies outside the matrix of 2 rows\n  at k.mtx:3" in text
+    assert "[matrices.index] an entry is outside the matrix, which has 2 rows\n  at k.mtx:3" in text
     text = of_text(tmp_path, "k.mtx", "%%MatrixMarket matrix coordinate complex hermitian\n1 1 1\n1 1 2.0 0.0\n")
     assert "the matrix is declared hermitian\n  at k.mtx:1" in text
     rectangular = "%%MatrixMarket matrix coordinate real general\n2 3 1\n1 1 2.0\n"
@@ -225,23 +231,23 @@ def test_matrix_market_header_does_not_fill_the_memory(tmp_path: Path, header: s
     form, *size = header.split()
     banner = f"%%MatrixMarket matrix {form} real general\n{' '.join(size[1:])}\n"
     text = of_text(tmp_path, "k.mtx", banner + "1 1 2.0\n")
-    assert "[matrices.truncated] the file has fewer entries than its size line says\n  at k.mtx:2" in text
+    assert "[matrices.truncated] the file has fewer entries than its size line states\n  at k.mtx:2" in text
     assert "entries = 1000000000000\n  bytes after the size line = 8" in text
 
 
 def test_matrix_market_number_with_garbage(tmp_path: Path) -> None:
     banner = "%%MatrixMarket matrix array real symmetric\n%\n2 2\n"
     text = of_text(tmp_path, "k.mtx", f"{banner}1.\n02794668948390&-1\n1.\n")
-    assert "[matrices.text] a line should hold 1 numbers: value\n  at k.mtx:5\n  line = '02794668948390&-1'" in text
+    assert "[matrices.text] a line must have 1 numbers: value\n  at k.mtx:5\n  line = '02794668948390&-1'" in text
     for last in ("1.", "0.2.3", "", "1.\n1."):
         text = of_text(tmp_path, "k.mtx", f"{banner}1.\n0.\n{last}")
         assert text.startswith(("[matrices.truncated]", "[matrices.text]"))
     text = of_text(tmp_path, "k.mtx", f"{banner}1.\n0.\n1.\n1.\n")
-    assert "[matrices.text] the file has more entries than its size line says\n  at k.mtx:3" in text
+    assert "[matrices.text] the file has more entries than its size line states\n  at k.mtx:3" in text
     text = of_text(tmp_path, "k.mtx", "%%MatrixMarket matrix array real\n1 1\n1.\n")
-    assert "[matrices.text] the banner is not supported\n  at k.mtx:1" in text
+    assert "[matrices.text] the banner line of this Matrix Market file is not supported\n  at k.mtx:1" in text
     text = of_text(tmp_path, "k.mtx", "%%MatrixMarket matrix array real general\n-1 1\n1.\n")
-    assert "[matrices.text] the size line should hold rows, columns\n  at k.mtx:2" in text
+    assert "[matrices.text] the size line must have the numbers of rows and columns\n  at k.mtx:2" in text
 
 
 def test_matrix_market_damaged_anywhere_does_not_kill_the_reader(tmp_path: Path) -> None:
@@ -267,18 +273,18 @@ def test_dmig_that_lies(tmp_path: Path) -> None:
 
     assert "[matrices.not-symmetric]" in dmig(1, (1, 1, "2."), (1, 2, "1."), (2, 1, "3."), (2, 2, "2."))
     text = dmig(6, (1, 1, "2."), (1, 2, "1."), (2, 1, "1."), (2, 2, "2."))
-    assert "[matrices.duplicate] the symmetric matrix K gives a pair of degrees of freedom twice" in text
+    assert "[matrices.duplicate] the symmetric matrix K has an entry for a pair of degrees of freedom twice" in text
     assert "[matrices.not-square] DMIG K is declared rectangular (form 2)" in dmig(2, (1, 1, "2."))
-    assert "[matrices.dmig] a header with form 7 and type 2" in dmig(7, (1, 1, "2."))
-    assert "[matrices.dmig] K has a header and no columns" in dmig(6)
+    assert "[matrices.dmig] this header has form 7 and type 2" in dmig(7, (1, 1, "2."))
+    assert "[matrices.dmig] K has a header but no columns" in dmig(6)
     text = of_text(tmp_path, "k.pch", HEAD.format(form=6) * 2 + COLUMN.format(1, 1, "1."))
-    assert "a second header of K; the first is at k.pch:1" in text
+    assert "K has a second header; the first is at k.pch:1" in text
 
 
 def test_files_that_are_not_there_or_unknown(tmp_path: Path) -> None:
     assert "[matrices.unreadable]" in message(lambda: read_matrix(tmp_path / "no.op4"), tmp_path)
     text = of_text(tmp_path, "k.mtxx", GOOD)
-    assert "[matrices.unknown-format] the extension '.mtxx' tells no format of matrices" in text
+    assert "[matrices.unknown-format] the extension '.mtxx' does not belong to a known format of matrices" in text
     assert "did you mean '.mtx'?" in text
 
 
@@ -297,7 +303,9 @@ def test_directories_and_devices(tmp_path: Path) -> None:
 def test_binary_where_text_should_be(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(struct.pack("<i2d", 26, 1.0, 2.0))
     text = message(lambda: read_matrix(tmp_path / name), tmp_path)
-    assert text.startswith(f"[matrices.binary] the file is binary, and this format is text\n  at {name} (byte 1)")
+    assert text.startswith(
+        f"[matrices.binary] the file is binary, but its format is a text format\n  at {name} (byte 1)"
+    )
     assert "first bytes = 1a 00 00 00" in text
 
 
@@ -310,7 +318,7 @@ def test_numbers_that_overflow(tmp_path: Path) -> None:
 def test_node_zero_in_a_list_of_dofs(tmp_path: Path) -> None:
     (tmp_path / "a.dof").write_text("1.1\n0.1\n")
     text = message(lambda: read_dof_list(tmp_path / "a.dof"), tmp_path)
-    assert "[matrices.dof-list] node 0 does not exist: numbers begin at 1\n  at a.dof:2\n  line = '0.1'" in text
+    assert "[matrices.dof-list] node numbers must be positive\n  at a.dof:2\n  line = '0.1'" in text
 
 
 def test_points_and_listings(tmp_path: Path) -> None:
@@ -318,7 +326,7 @@ def test_points_and_listings(tmp_path: Path) -> None:
     text = message(lambda: read_points(tmp_path / "a.inp"), tmp_path)
     assert "[matrices.points] this line of a *NODE block is not a node\n  at a.inp:3" in text
     (tmp_path / "a.inp").write_text("*NODE\n1, 0., 0., 0.\n1, 1., 0.\n")
-    assert "node 1 is given twice" in message(lambda: read_points(tmp_path / "a.inp"), tmp_path)
+    assert "node 1 is defined twice" in message(lambda: read_points(tmp_path / "a.inp"), tmp_path)
     (tmp_path / "a.f06").write_text("nothing\n")
     assert "[matrices.no-listing]" in message(lambda: read_listed_modes(tmp_path / "a.f06"), tmp_path)
 

@@ -58,7 +58,7 @@ _ON_PAGES = (
     _Case("study.type", "count = 8", 'count = "8"', 7, "should be a whole number"),
     _Case("study.number", "upper = 2.0", "upper = nan", 18, "is not a finite number"),
     _Case("study.value", "count = 8", "count = 0", 7, "greater than or equal to 1"),
-    _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "8 THRU 1"', 12, "does not ascend"),
+    _Case("study.list", '"frame.uff"', '"frame.uff"\nelements_off = "8 THRU 1"', 12, "is not ascending"),
     _Case("study.support", '"frame.uff"', '"frame.uff"\nsupports_added = ["12-123"]', 12, '"12:123"'),
     _Case("study.field", "PBAR 1 I1", "PBAR-1-I1", 16, "PBAR has A, I1, I2"),
     _Case("study.modes", "count = 8", "count = 8\nmax_hz = 200.0", 8, "both count and max_hz"),
@@ -136,7 +136,7 @@ _OTHERS = (
           'correlations = [{ one = "EI", other = "EI", value = 0.5 }]\n\n[[parameter]]', 16, "with itself is always 1"),
     _Case("study.stage", "[[parameter]]", '[[stage]]\nname = "s"\nparameters = ["EI", "EI"]\n'
           'residuals = ["frequency"]\n\n[[parameter]]', 16, "'EI' twice"),
-    _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three unit vectors"),
+    _Case("test.rotation", '"2b"]', '"2b"]\nrotation = [[2,0,0],[0,1,0],[0,0,1]]', 13, "three orthogonal unit vectors"),
     _Case("test.mirrored", '"2b"]', '"2b"]\nrotation = [[1,0,0],[0,1,0],[0,0,-1]]', 13, "change the sign of one row"),
 )  # fmt: skip
 

@@ -117,7 +117,10 @@ def test_comac_by_hand() -> None:
 
 
 def test_comac_where_one_side_only_moves_is_zero() -> None:
-    assert comac(np.array([[1.0], [1.0]]), np.array([[1.0], [0.0]])) == pytest.approx(np.array([1.0, 0.0]))
+    for rest in (0.0, 1e-13):
+        moving, still = np.array([[1.0], [1.0]]), np.array([[1.0], [rest]])
+        assert comac(moving, still) == pytest.approx(np.array([1.0, 0.0]))
+        assert comac(still, moving) == pytest.approx(np.array([1.0, 0.0]))
 
 
 def test_comac_does_not_depend_on_scaling_or_phase() -> None:

@@ -94,6 +94,17 @@ def test_missing_entries_do_not_spoil_the_rotation() -> None:
     assert np.isfinite(found.aligned).all()
 
 
+def test_the_share_in_a_subspace_depends_on_no_scale_and_on_common_entries_only() -> None:
+    model, test = np.random.default_rng(3).normal(size=(10, 2)), np.random.default_rng(4).normal(size=(10, 1))
+    share = projection(model, test)
+    assert 0.01 < share[0] < 0.99
+    for size in (1e-200, 1e200):
+        assert projection(model, size * test) == pytest.approx(share)
+        assert projection(size * model, test) == pytest.approx(share)
+    more_model, more_test = np.vstack([model, [[np.nan, 3.0], [1.0, 1.0]]]), np.vstack([test, [[2.0], [np.nan]]])
+    assert projection(more_model, more_test) == pytest.approx(share)
+
+
 def test_complex_phases_are_turned_away() -> None:
     model = np.random.default_rng(4).normal(size=(10, 2))
     test = model @ _turn(30) * np.exp(1j * np.array([0.7, -2.0]))

@@ -254,6 +254,40 @@ def plate() -> EigenSolution:
     return solution
 
 
+@pytest.mark.parametrize("sensors", [None, 12])
+def test_a_stream_of_thicknesses_and_moduli_is_the_whole_field(plate: EigenSolution, sensors: int | None) -> None:
+    """Thickness moves stiffness and mass; a double mode is one cluster."""
+    rows, clusters = None if sensors is None else some_rows(plate, sensors), [[0], [1, 2], [3]]
+    exact = [exact_derivative(plate, cluster, rows) for cluster in clusters]
+    for i, found in enumerate(derivatives_by_parameter(plate, clusters, rows)):
+        for one, whole in zip(found, exact, strict=True):
+            size = np.abs(gradient(whole)).max()
+            np.testing.assert_allclose(gradient(one)[:, :, 0], gradient(whole)[:, :, i], atol=1e-8 * size)
+
+
+def test_residuals_may_rise_on_their_way_down() -> None:
+    """A column ends at its aim, or where it is near it and rises for good; single rises are no end."""
+    progress = derivatives._Progress(np.array([1.0]), 1e-13)
+    near = derivatives._ENOUGH**2
+    for energy, done in ((0.3, False), (1.5, False), (0.5 * near, False), (3.0 * near, False), (1e-26, True)):
+        assert progress.is_done(np.array([energy])) == done
+    rising = derivatives._Progress(np.array([1.0]), 1e-13)
+    assert [rising.is_done(np.array([e])) for e in (0.5 * near, 49.0 * near, 51.0 * near)] == [False, False, True]
+
+
+def test_the_error_of_a_small_derivative_is_relative_to_it() -> None:
+    """A soft spring beside stiff ones moves the shapes by a ten-thousandth: the error is a part of that."""
+    n = 300
+    springs = [*((i - 1, i, 1000.0 + 13.0 * (i % 7)) for i in range(n)), (-1, 40, 0.01)]
+    model = factor_model(spring_structure(springs, [1.0 + 0.1 * (i % 3) for i in range(n)]), {"soft": [n + 1]})
+    solution = solve_modes(model.at(np.zeros(1)), 3)
+    rows = sensor_rows(solution.point.configured, [100, 250])
+    found = sensor_derivatives(solution, rows, 1e-2)
+    for j in range(3):
+        true = true_error(found.subspace([j]), exact_derivative(solution, [j], rows))
+        assert true <= found.error[j]
+
+
 def some_rows(solution: EigenSolution, count: int) -> sp.csr_array:
     chosen = np.linspace(3, len(solution.shapes) - 5, count).astype(int)
     return sensor_rows(solution.point.configured, chosen)  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -251,6 +252,20 @@ def test_large_models_keep_one_factor_at_a_time(monkeypatch: pytest.MonkeyPatch)
     x = one.factor.solve(b)
     np.testing.assert_allclose(one.point.stiffness @ x - one.shift * (one.point.mass @ x), b, atol=1e-6)
     np.testing.assert_allclose(one.factor.solve(b), both.factor.solve(b))
+
+
+def test_modes_that_are_nearly_orthonormal_become_so():
+    """Off by 1e-4, one step of Newton leaves the square of it, and unit modal masses leave rounding on the diagonal."""
+    rng = np.random.default_rng(5)
+    mass = np.diag(rng.uniform(0.5, 2.0, 40))
+    shapes = la.qr(rng.standard_normal((40, 3)), mode="economic")[0] / np.sqrt(np.diag(mass))[:, None]
+    vectors = np.asfortranarray(shapes * [1.0001, 0.9999, 1.0] + 1e-4 * shapes[:, [1, 2, 0]])
+    basis = SimpleNamespace(vectors=vectors, B=np.zeros((0, 3)), mass=mass, least=0.0, solves=3)
+    theta = np.array([3.0, 2.0, 1.0])
+    found = iteration._finished(basis, theta, np.eye(3), np.zeros(3), 3).shapes  # type: ignore[arg-type]
+    gram = found.T @ mass @ found
+    np.testing.assert_allclose(np.diag(gram), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(gram, np.eye(3), atol=1e-7)
 
 
 def test_a_count_at_the_limit_spares_a_factorisation(monkeypatch: pytest.MonkeyPatch):

@@ -12,7 +12,10 @@ import scipy.sparse as sp
 
 from femtune.errors import FemtuneError, Where
 from femtune.fem import NodeTable
+from femtune.fem.elimination import eliminate
+from femtune.fem.structure import no_constraints
 from femtune.model import Assignment, Configuration, ParametricModel, configure, parametric_model, solve_modes
+from femtune.model.configured import node_blocks
 from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, imported_structure
 from femtune.model.imported.modes import check_modes, compare_modes
 from femtune.model.imported.polynomial import MatrixSet, Variable, fit_polynomial
@@ -96,6 +99,16 @@ def test_cubic_sets_give_the_matrix_at_any_value() -> None:
     np.testing.assert_allclose(found, exact, rtol=1e-11, atol=1e-11)
 
 
+def test_stiffness_of_single_points_at_another_value_than_one() -> None:
+    """Diagonals of points without coordinates, which say what has no stiffness: t³ and t at t = 0.5."""
+    sets = tuple(MatrixSet(upper(stiffness_at(t)), {"T": t}) for t in (0.3, 0.4, 0.5, 0.6, 0.7))
+    model = model_of([ImportedMatrix("K", "stiffness", sets), constant("M", "mass", M)], [Variable("T", 0.5, 3)])
+    terms = [t for t in model.terms if t.matrix == "stiffness"]
+    everything = eliminate(N, no_constraints(), [], str)
+    blocks = node_blocks(terms, everything, 0, model.table(np.zeros(0)))
+    np.testing.assert_allclose(blocks.toarray(), np.diag(np.diag(stiffness_at(0.5))), rtol=1e-12, atol=1e-12)
+
+
 def test_products_of_crossed_variables() -> None:
     values = [(t, e) for t in (0.6, 0.9, 1.1, 1.4) for e in (0.8, 1.0)] + [(1.25, 1.1)]
     both = [Variable("T", 1.0, 3, crossed=True), Variable("E", 1.0, 1, crossed=True)]
@@ -116,9 +129,9 @@ def test_products_that_are_left_out_are_seen() -> None:
 @pytest.mark.parametrize(
     ("values", "what"),
     [
-        ([(0.6, 1.0), (1.0, 1.0), (1.4, 1.0)], "3 sets are too few for a polynomial of 4 coefficients"),
-        ([(0.6, 1.0), (0.6, 1.0), (1.0, 1.0), (1.2, 1.0), (1.4, 1.0)], "two sets of matrices are at the same point"),
-        ([(1.0, 1.0)] * 5, "two sets of matrices are at the same point"),
+        ([(0.6, 1.0), (1.0, 1.0), (1.4, 1.0)], "are too few for a polynomial with 4 coefficients"),
+        ([(0.6, 1.0), (0.6, 1.0), (1.0, 1.0), (1.2, 1.0), (1.4, 1.0)], "are at the same point"),
+        ([(1.0, 1.0)] * 5, "are at the same point"),
     ],
 )
 def test_sets_that_do_not_suffice(values: list[tuple[float, float]], what: str) -> None:
@@ -130,7 +143,7 @@ def test_sets_that_do_not_suffice(values: list[tuple[float, float]], what: str) 
 
 def test_no_set_that_moves_all_variables() -> None:
     values = [(0.6, 1.0), (0.8, 1.0), (1.0, 1.0), (1.2, 1.0), (1.0, 1.1), (1.0, 1.2)]
-    with pytest.raises(FemtuneError, match="moves all variables at once"):
+    with pytest.raises(FemtuneError, match="changes all variables at once"):
         fit_polynomial("K", sets_of(values), [Variable("T", 1.0, 3), Variable("E", 1.0, 1)], 1e-4, Where())
 
 
@@ -140,7 +153,7 @@ def test_a_degree_too_low_is_refused_with_numbers() -> None:
         fit_polynomial("K", sets, [Variable("T", 1.0, 2)], 1e-4, Where())
     assert error.value.code == "matrices.not-polynomial"
     assert float(error.value.values["error over change"]) > 1e-3
-    assert "raise the degree by one" in error.value.hint
+    assert "increase the degree by one" in error.value.hint
 
 
 def test_what_does_not_change_has_no_higher_terms() -> None:
@@ -201,6 +214,16 @@ def test_missing_supports_are_the_first_cause_of_rigid_modes() -> None:
     assert "1 rigid-body modes more than listed" in str(values["likely cause 1"])
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_list_that_begins_higher_or_lower_tells_of_supports(count: int) -> None:
+    """All modes agree when some of the lowest of one side are left out."""
+    values = refusal(stiffness_at(1.0), M, LISTED[count:])
+    assert f"{count} of the lowest are left out: {count} modes more than listed" in str(values["likely cause 1"])
+    below = [0.2 * LISTED[0], 0.5 * LISTED[0]][:count]
+    values = refusal(stiffness_at(1.0), M, np.array([*below, *LISTED[: N - count]]))
+    assert f"{count} of the lowest are left out: {count} modes fewer than listed" in str(values["likely cause 1"])
+
+
 def test_lumped_mass_drifts_with_the_mode_number() -> None:
     K = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
     consistent = (4.0 * np.eye(N) + np.eye(N, k=1) + np.eye(N, k=-1)) / 6.0
@@ -238,7 +261,7 @@ def of_file(name: str, kind: str, A: sp.csc_matrix) -> ImportedMatrix:
 
 def test_a_factor_that_overflows() -> None:
     matrices = [constant("K", "stiffness", 1e300 * np.eye(2)), constant("M", "mass", np.eye(2))]
-    with pytest.raises(FemtuneError, match="an entry of K times its factor is larger than 1e\\+100") as error:
+    with pytest.raises(FemtuneError, match="an entry of K, multiplied by its factor, is larger than 1e\\+100") as error:
         imported_structure(scalars(2), np.arange(2), matrices)
     assert error.value.code == "matrices.huge"
 
@@ -256,7 +279,9 @@ def refused(code: str, K: np.ndarray, mass: np.ndarray, *variables: Variable) ->
 def test_entries_that_are_all_zero_are_no_stiffness() -> None:
     K = sp.csr_array((np.zeros(2), ([0, 1], [0, 1])), shape=(2, 2))
     matrices = [ImportedMatrix("K", "stiffness", (MatrixSet(K),)), constant("M", "mass", np.eye(2))]
-    with pytest.raises(FemtuneError, match="the model has no stiffness: all entries of its matrices are zero"):
+    with pytest.raises(
+        FemtuneError, match="the model has no stiffness: all entries of its stiffness matrices are zero"
+    ):
         imported_structure(scalars(2), np.arange(2), matrices)
 
 
@@ -267,14 +292,16 @@ def test_stiffness_and_mass_on_other_degrees_of_freedom() -> None:
     matrices = [constant("K", "stiffness", np.diag([1.0, 1.0, 0.0])), constant("M", "mass", np.eye(3))]
     (notice,) = imported_structure(scalars(3), np.arange(3), matrices).notices
     assert (notice.code, notice.level) == ("matrices.mass-without-stiffness", "warning")
-    assert notice.what.startswith("1 degrees of freedom have mass and no stiffness, and move freely: 3S;")
+    assert notice.what.startswith("1 degrees of freedom have mass but no stiffness, and move freely: 3S;")
 
 
 def test_rows_whose_columns_were_cut_off() -> None:
     """A lower triangle by columns without its last column."""
     K = chain(STORIES)
     K[N - 1, N - 1] = 0.0
-    assert "1 rows of the stiffness have entries and no diagonal\n  DOFs = 6S" in refused("matrices.no-diagonal", K, M)
+    assert "1 rows of the stiffness matrix have entries but no diagonal entry\n  DOFs = 6S" in refused(
+        "matrices.no-diagonal", K, M
+    )
     K[N - 2, N - 1] = K[N - 1, N - 2] = 1e-12
     imported_structure(scalars(N), np.arange(N), [constant("K", "stiffness", K), constant("M", "mass", M)])
 
@@ -352,7 +379,7 @@ def test_bending_below_a_membrane_is_checked_by_its_energy() -> None:
         )
         return MatrixSet(upper(A), {"T": t})
 
-    with pytest.raises(FemtuneError, match="seen in their softest motions") as error:
+    with pytest.raises(FemtuneError, match="for their softest motions") as error:
         fit_polynomial("K", [condensed(t) for t in (0.8, 0.9, 1.0, 1.1)], [Variable("T", 1.0, 2)], 1e-4, Where())
     assert error.value.code == "matrices.not-polynomial"
     assert float(error.value.values["error over change, entries"]) < 1e-4

@@ -242,17 +242,18 @@ def test_the_list_tells_of_each_solver() -> None:
         if name != "SLEPc":
             assert facts.at_hand == (name in available_solvers())
     assert found["SuperLU"].at_hand
-    assert not found["CHOLMOD"].inertia
+    for ability, lacking in (("inertia", ["CHOLMOD"]), ("complex_numbers", ["CHOLMOD", "SLEPc"])):
+        assert [name for name, facts in found.items() if not getattr(facts, ability)] == lacking
     assert found["SLEPc"].distributed
 
 
 def test_the_list_tells_why_a_solver_is_not_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pardiso, "library", lambda: None)
-    monkeypatch.setattr(cholmod, "library", lambda: "scikit-sparse is installed but does not load: no libcholmod.so")
+    monkeypatch.setattr(cholmod, "library", lambda: "scikit-sparse is installed but cannot be loaded: no libcholmod.so")
     monkeypatch.setenv("FEMTUNE_SLEPC_PYTHON", "/no/such/python")
     monkeypatch.setattr(solver_list, "available_solvers", lambda: ("SuperLU",))
     text = solver_list.solver_table(solver_list.solver_list())
-    assert "PARDISO: not at hand" in text
-    assert "CHOLMOD: not at hand: scikit-sparse is installed but does not load: no libcholmod.so" in text
-    assert "SLEPc: not at hand: no Python with slepc4py was found" in text
+    assert "PARDISO: not available" in text
+    assert "CHOLMOD: not available: scikit-sparse is installed but cannot be loaded: no libcholmod.so" in text
+    assert "SLEPc: not available: no Python with slepc4py was found" in text
     assert 'pip install "femtune[fast]"' in text

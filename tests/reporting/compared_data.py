@@ -79,7 +79,7 @@ def correlation(configuration: str, stage: str) -> dict[str, Any]:
             "test_labels": ["1", "2"],
             "model_numbers": [1, 2],
             "angle_deg": 6.2,
-            "sentence": "the model's vectors were rotated by 0.3° within theirs",
+            "sentence": "the model modes were rotated by 0.3° within their subspace",
         }
     ]
     return {

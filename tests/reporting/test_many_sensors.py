@@ -98,8 +98,9 @@ def test_a_cluster_says_which_angle_is_which(data: dict[str, Any]) -> None:
     first["clusters"][0] |= {"test_labels": ["10"], "model_numbers": [10, 11]}
     text = cluster_paragraphs(_source(data).results.correlations[0])[0].text  # type: ignore[union-attr]
     assert text == (
-        "Cluster 1: test mode 10 and model modes 10 and 11 are close and were compared as subspaces: largest angle "
-        "between the two subspaces 6.2°; the model's vectors were rotated by 0.3° within theirs."
+        "Cluster 1: test mode 10 and model modes 10 and 11 are closely spaced and were compared as "
+        "subspaces: the largest angle between the two subspaces is 6.2°; the model modes were rotated by 0.3° within "
+        "their subspace."
     )
 
 
@@ -130,7 +131,7 @@ def test_counts_that_differ_or_are_absent_are_named(data: dict[str, Any]) -> Non
     assert "Not tested in NC (after): the factorisation hides the inertia." in table.note
     assert "No mode was missed" not in table.note
     data["modes"] = []
-    assert "not run" in sturm(_source(data))[0].text  # type: ignore[union-attr]
+    assert "not computed" in sturm(_source(data))[0].text  # type: ignore[union-attr]
 
 
 def test_the_axes_stand_in_the_first_picture_only(data: dict[str, Any], arrays: dict[str, Any]) -> None:
@@ -187,4 +188,4 @@ def test_sensors_without_a_part_in_cross_orthogonality_are_named(data: dict[str,
     data["correlations"][0]["cross_orthogonality_dropped"] = ["1022X+"]
     first, second = _source(data).results.correlations[:2]
     assert dropped_sensors(second) == []
-    assert "leaves out 1022X+: it repeats" in dropped_sensors(first)[0].text  # type: ignore[union-attr]
+    assert "without 1022X+: it is linearly dependent" in dropped_sensors(first)[0].text  # type: ignore[union-attr]

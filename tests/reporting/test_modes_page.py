@@ -111,13 +111,13 @@ def test_a_free_structure_has_no_table_of_dashes(plate: Path) -> None:
     table = _table(_page(plate))
     assert [c.title for c in table.columns] == ["Mode", "Hz"]
     assert [cell.text for cell in table.rows[0]] == ["1 to 6", "rigid body"]
-    assert "its rigid-body motions carry all of its mass" in table.note
+    assert "its rigid-body modes have the total effective mass" in table.note
 
 
 def test_units_are_told_by_a_study_and_not_by_a_deck(plate: Path) -> None:
     study = plate.with_name("study.toml")
     study.write_text('[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "mm-t-s"\n[modes]\ncount = 7\n')
-    assert dict(_page(plate).facts)["Units"] == "those of the deck, which names none"
+    assert dict(_page(plate).facts)["Units"] == "those of the deck (none are declared)"
     page = _page(study)
     assert (page.title, dict(page.facts)["Units"]) == ("Plate", "mm-t-s")
     keys = html_text(page).replace("\n", " ")
@@ -167,7 +167,8 @@ def test_absent_data_are_said(data: dict[str, Any], section: str) -> None:
     bare = {key: data[key] for key in ("provenance", "study")}
     document = build_modes_page(Results.model_validate(bare), {})
     assert next(s for s in document.sections if s.id == section).blocks
-    assert "ot run" in _said(document, section) or section == "pictures"
+    text = _said(document, section)
+    assert "not built" in text or "not computed" in text or section == "pictures"
 
 
 def test_too_many_pictures_are_counted(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,7 +187,7 @@ def test_more_modes_than_are_kept_leaves_the_first_ones(plate: Path, monkeypatch
 def test_huge_models_are_drawn_coarser_and_say_so(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_faces=1))
     page = _page(plate)
-    assert "The mesh is drawn coarser than it is: 1 faces in place of 2" in _said(page, "pictures")
+    assert "The mesh is simplified in the drawing: 1 faces in place of 2" in _said(page, "pictures")
     assert len(_figures(page)) == 2
 
 
@@ -230,19 +231,18 @@ def test_a_page_that_cannot_be_written_is_refused_first(
     assert [f.name for f in tmp_path.iterdir()] == ["plate.bdf"]
 
 
-def test_no_input_is_overwritten(plate: Path) -> None:
-    before = plate.read_bytes()
-    with pytest.raises(FemtuneError) as caught:
-        steps.modes(plate, report=plate)
-    assert str(caught.value).replace(str(plate), "PLATE") == (
-        "[write.overwrites-input] the page would overwrite a file that was read\n  at PLATE\n\n"
-        "hint: give the page another name"
-    )
-    assert plate.read_bytes() == before
-
-
 def test_a_failure_leaves_no_empty_page(plate: Path, tmp_path: Path) -> None:
     plate.write_text(plate.read_text().replace("PSHELL  1 ", "PSHELL  7 "))
     with pytest.raises(FemtuneError):
         steps.modes(plate, report=tmp_path / "page.html")
     assert not (tmp_path / "page.html").exists()
+
+
+def test_only_a_page_is_replaced_by_a_page(plate: Path, tmp_path: Path) -> None:
+    deck, page = plate.read_bytes(), tmp_path / "page.html"
+    with pytest.raises(FemtuneError, match="is not an HTML page") as caught:
+        steps.modes(plate, report=plate)
+    assert caught.value.code == "run.unwritable"
+    assert plate.read_bytes() == deck
+    for _ in range(2):
+        assert steps.modes(plate, report=page).report == page

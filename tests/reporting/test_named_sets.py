@@ -20,5 +20,5 @@ def test_names_counts_and_effects(tmp_path: Path) -> None:
     assert {s.name: s.dofs for s in facts.dof_sets} == {"SUPORT": 1, "ASET": 4}
     (table,) = named_sets(facts)
     assert isinstance(table, Table)
-    assert "not held" in str(table)
+    assert "not constrained" in str(table)
     assert named_sets(facts.model_copy(update={"dof_sets": ()})) == []

@@ -113,7 +113,7 @@ def test_tables_of_poles_and_loads() -> None:
     (moved,) = load_blocks([found])
     assert isinstance(moved, Table)
     assert [c.text for c in moved.rows[0]] == ["5Z+", "−0.0012345"]
-    assert "balanced by inertia" in moved.note
+    assert "inertia relief is applied" in moved.note
 
 
 def test_displacements_show_the_length_of_the_study() -> None:

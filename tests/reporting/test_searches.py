@@ -23,7 +23,7 @@ def searched(data: dict[str, Any]) -> Results:
         "weight": 0.1, "path": [_point(w, n) for w in np.geomspace(1e-3, 10.0, 21)],
     }  # fmt: skip
     update["starts"] = {
-        "seed": 5, "unique": False, "sentences": ["2 of 4 starts end at the same optimum.", "It is not unique."],
+        "seed": 5, "unique": False, "sentences": ["2 of 4 starts reached the same optimum.", "It is not unique."],
         "noise": 1.0, "starts": [_start(i, n) for i in range(1, 5)],
         "optima": [
             {"objective": 1.0, "parameters": [1.0] * n, "starts": [1, 2], "as_good": True},
@@ -64,7 +64,7 @@ def test_starts_are_told_drawn_and_listed(searched: Results) -> None:
     assert searched.update is not None
     blocks = starts(searched.update, searched.parameters)
     assert isinstance(blocks[0], Paragraph)
-    assert blocks[0].text.startswith("4 starts, seed 5: 2 of 4 starts end at the same optimum. It is not unique.")
+    assert blocks[0].text.startswith("4 starts, seed 5: 2 of 4 starts reached the same optimum. It is not unique.")
     assert "upper" in _svg(blocks)
     (table,) = [b for b in blocks if isinstance(b, Table)]
     assert len(table.rows) == 3

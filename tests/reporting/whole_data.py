@@ -103,9 +103,9 @@ def _selection() -> dict[str, Any]:
     words = [
         "determined by the data"
         if r < 0.2
-        else "partly determined: the bounds or the prior still matter"
+        else "partly determined: bounds or prior still affect it"
         if r < 0.7
-        else "not determined by these data"
+        else "not determined by the data"
         for r in ratios
     ]
     return {

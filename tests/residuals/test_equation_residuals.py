@@ -9,7 +9,9 @@ import pytest
 import scipy.sparse as sp
 
 from femtune.errors import FemtuneError
-from femtune.model import ConfiguredModel
+from femtune.fem import FieldRef
+from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model
+from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ComparedCase, Residual, UpdateProblem, case_without_modes, state_at
 from femtune.residuals.dynamic import DynamicResidual, equation_error
 from femtune.residuals.mass import CentreResidual, InertiaResidual, MassResidual
@@ -17,6 +19,7 @@ from femtune.residuals.static import DisplacementResidual, ForceResidual, Static
 from femtune.residuals.weights import Weights
 from femtune.testing import check_residual
 from femtune.updating import SensitivityMethod, update
+from structures.frames import make_structure, masses
 from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
@@ -144,20 +147,41 @@ def test_static_example_of_the_handbook_chapter():
 
 MASSES = [
     MassResidual(5.8, Weights(0.1)),
-    CentreResidual(np.array([1.6, np.nan, np.nan]), Weights(0.01)),
+    CentreResidual(np.array([1.6, np.nan, 0.4]), Weights(0.01)),
     InertiaResidual(
-        np.diag([np.nan, 16.0, 16.0]) + np.where(np.eye(3) > 0, 0.0, np.nan), (0.0, 0.0, 0.0), Weights(0.2)
+        np.array([[np.nan, -2.1, np.nan], [-2.1, 16.0, np.nan], [np.nan, np.nan, 16.0]]), (0.0, 0.0, 0.0), Weights(0.2)
     ),
 ]
 
 
+def lumps() -> ConfiguredModel:
+    """Masses 1, 2 and 1 at (0, 0, 0), (1, 1, 0) and (3, 0, 2)."""
+    parts = [masses([0, 1, 2], {"M": [1.0, 2.0, 1.0]})]
+    structure = make_structure(
+        [[0, 0, 0], [1, 1, 0], [3, 0, 2]], parts, element_kinds=dict.fromkeys(range(1, 4), "CONM2")
+    )
+    names = ("a", "b", "c")
+    fields = [Assignment(name, FieldRef("CONM2", 1 + i, "M")) for i, name in enumerate(names)]
+    return configure(parametric_model(structure, ParameterSet(tuple(map(Parameter, names))), fields), Configuration())
+
+
 @pytest.mark.parametrize("residual", MASSES, ids=["mass", "centre", "inertia"])
 def test_jacobian_of_mass_residuals(residual: Residual):
-    heavier = factor_model(
-        spring_structure([(-1, 0, 9.0), (0, 1, 7.0), (1, 2, 8.0)], [1.0, 2.0, 1.5]),
-        {"k": [1], "m": [1002], "n": [1003]},
-    )
-    check_residual(alone(residual, heavier), np.array([0.1, 0.2, -0.1]))
+    problem, x = alone(residual, lumps()), np.array([0.1, 0.2, -0.1])
+    check_residual(problem, x)
+    assert np.linalg.norm(problem.start(x).jacobian, axis=1).min() > 0.1
+
+
+def test_centre_and_inertia_by_hand():
+    """Centre at (2·1 + 3, 2·1, 2)/4; ∂x/∂m₃ = (3 − 5/4)/4. The length of a model is that of its box, √(9 + 1 + 4)."""
+    centre = alone(CentreResidual(np.array([1.0, np.nan, 0.6]), Weights(0.05)), lumps()).start(np.zeros(3))
+    np.testing.assert_allclose(centre.residuals, [0.25 / 0.05, -0.1 / 0.05])
+    np.testing.assert_allclose(centre.jacobian[0], np.array([0.0 - 1.25, 2.0 * (1.0 - 1.25), 3.0 - 1.25]) / 4.0 / 0.05)
+    assert centre.blocks[0].sd == pytest.approx(0.05 / np.sqrt(14.0))
+    measured = np.array([[7.0, np.nan, np.nan], [np.nan, 14.0, np.nan], [np.nan, np.nan, 13.5]])
+    inertia = alone(InertiaResidual(measured, (0.0, 0.0, 0.0), Weights(0.5)), lumps()).start(np.zeros(3))
+    np.testing.assert_allclose(inertia.residuals, [(6.0 - 7.0) / 0.5, (15.0 - 14.0) / 0.5, (13.0 - 13.5) / 0.5])
+    assert inertia.blocks[0].sd == pytest.approx(0.5 / 14.0)
 
 
 def test_mass_by_hand():

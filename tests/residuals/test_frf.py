@@ -30,6 +30,7 @@ from femtune.residuals import (
 from femtune.residuals.frf.residual import FORMS
 from femtune.testing import check_residual
 from femtune.updating import SensitivityMethod, update
+from structures.springs import factor_model, spring_structure
 
 from .damped import LINES, TRUTH, chain, circular, measured, noisy, ports_of, with_gap
 
@@ -179,6 +180,18 @@ def test_motions_that_do_not_couple_are_left_out_with_a_sentence():
         assert notice.code == "residual.silent-frf"
         assert "2 of 4 FRFs are zero in the model except for rounding errors" in notice.what
         assert "2Y+ / 1X+, 2Y+ / 3X+" in notice.what
+
+
+@pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
+def test_motions_that_do_not_couple_are_the_same_in_every_unit_of_force(unit: float):
+    model = factor_model(
+        spring_structure([(-1, 0, 900.0 * unit), (0, 1, 700.0 * unit), (-1, 2, 500.0 * unit)], [unit] * 3), {"a": [1]}
+    )
+    start = solve_modes(model.at(np.zeros(1)), 3)
+    test = frf(start, ports_of(model, ("1X+", "2X+", "3X+")), LINES, "accelerance")
+    some = np.abs(test.values).max() * circular(test.values.shape, 3)
+    residual, _ = frf_residual(start, replace(test, values=test.values + some))
+    assert [b.mode for b in residual.compare(start)] == ["1X+ / 1X+", "2X+ / 1X+", "3X+ / 3X+"]
 
 
 def test_nothing_left_is_an_error_that_says_why():

@@ -13,6 +13,7 @@ from femtune.modal import ModeSet
 from femtune.model import solve_modes
 from femtune.residuals import (
     ComparedCase,
+    Evaluation,
     FrequencyResidual,
     MacResidual,
     PairingRules,
@@ -180,6 +181,13 @@ def test_a_paired_mode_does_not_leave_the_residual():
 def test_tracking_of_nothing():
     solution = solve_modes(chain_case().configured.at(np.zeros(3)), 2)
     assert track((), solution, solution) == ()
+
+
+def test_a_point_without_residuals_has_none_by_any_parameter():
+    at = Evaluation(np.zeros(3), (), ())
+    assert at.residuals.shape == (0,)
+    assert at.jacobian.shape == (0, 3)
+    assert at.objective == 0.0
 
 
 def test_mean_error_of_equal_misfits_is_their_size():

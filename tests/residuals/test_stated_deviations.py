@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
 from femtune.modal import FrfSet
 from femtune.residuals import FrfScatter, PairingRules, UpdateProblem
 from femtune.residuals.frequency import FrequencyCovariance, FrequencyResidual
@@ -44,6 +45,21 @@ def test_variances_of_all_sources_add() -> None:
     epsilon2 = (1.0 - np.array([1.0, 0.9, 0.5, 0.8])) / (2.0 * np.array([1.0, 0.9, 0.5, 0.8]) * 20)
     expected = np.sqrt(size * (0.03**2 + epsilon2) + (0.1 * 4.0) ** 2)
     assert FrfScatter(0.03, 0.1, 20).linear(frfs)[0, 0] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "given", [(-0.1,), (np.inf,), (0.1, -0.1), (0.1, np.nan), (0.0, 0.0), (0.1, 0.0, 0), (0.0, 0.0, 5)]
+)
+def test_what_is_no_deviation_is_refused(given: tuple) -> None:
+    with pytest.raises(FemtuneError) as error:
+        FrfScatter(*given)
+    assert error.value.code == "residual.frf-scatter"
+
+
+def test_one_average_is_a_measurement() -> None:
+    """ε² = (1 − γ²)/(2 γ²) of one average, 1/2 for γ² = 1/2."""
+    frfs = _frfs(np.full(3, 2.0), np.full(3, 0.5))
+    assert FrfScatter(1e-9, averages=1).linear(frfs)[0, 0] == pytest.approx(np.full(3, 2.0 * np.sqrt(0.5)))
 
 
 def _case():

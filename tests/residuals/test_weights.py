@@ -64,6 +64,7 @@ def test_a_block_tells_its_deviation_relative_to_the_size():
         ({"covariance": np.ones((2, 2))}, "residual.covariance", "smallest eigenvalue"),
         ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "residual.covariance", "smallest eigenvalue"),
         ({"covariance": [[1.0, 0.5], [0.1, 1.0]]}, "residual.covariance", "not symmetric"),
+        ({"covariance": [[1.0, 0.5], [0.50001, 1.0]]}, "residual.covariance", "not symmetric"),
         ({"covariance": [[-1.0, 0.0], [0.0, 1.0]]}, "residual.covariance", "negative variance"),
         ({"covariance": [[1.0, np.nan], [np.nan, 1.0]]}, "residual.weights", "finite"),
         ({"covariance": [[1.0, 0.0]]}, "residual.weights", "square"),

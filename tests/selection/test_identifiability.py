@@ -109,9 +109,9 @@ def test_sentences():
     J = np.array([[20.0, 20.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
     text = sentences(identifiability(J, np.full(4, 0.5), ("a", "b", "c", "d")))
     assert text[0] == "The data leave 2 combinations of the 4 free parameters undetermined."
-    assert any(t.startswith("d changes nothing that was measured") for t in text)
-    assert any(t.startswith("Moving a and b together") for t in text)
-    assert "The combination +1.00 c is weakly determined: its spread only falls to 89 % of the prior's." in text
+    assert any(t.startswith("d has no effect on the measured quantities") for t in text)
+    assert any(t.startswith("A joint change of a and b") for t in text)
+    assert "The combination +1.00 c is weakly determined: its standard deviation is still 89 % of the prior's." in text
     good = sentences(identifiability(100.0 * np.eye(2), np.ones(2), ("a", "b")))
     assert good == ["The data determine all 2 free parameters, some better than others."]
     assert sentences(identifiability(np.array([[9.0, 9.0]]), np.ones(2), ("a", "b")))[0].startswith(
@@ -121,7 +121,7 @@ def test_sentences():
 
 def test_verdicts():
     assert [verdict(r).split(":")[0] for r in (0.1, 0.5, 0.9)] == [
-        "determined by the data", "partly determined", "not determined by these data",
+        "determined by the data", "partly determined", "not determined by the data",
     ]  # fmt: skip
 
 

@@ -71,6 +71,14 @@ def test_forward_selection_is_least_squares_at_every_step():
         assert step.left == pytest.approx(np.linalg.norm(left) / np.linalg.norm(r))
 
 
+def test_steps_are_judged_by_the_mean_square_of_all_columns():
+    """Two unit columns leave 3 with 3 degrees of freedom; the table of F has 10.13 for 1 and 3 of them at 95 %."""
+    found = forward_selection(np.eye(5)[:, :2], np.array([3.0, 4.0, 1.0, 1.0, 1.0]), ("a", "b"))
+    assert [s.f_value for s in found.steps] == pytest.approx([16.0, 9.0])
+    assert found.order == ("b", "a")
+    assert found.chosen == ("b",)
+
+
 def test_two_wrong_parameters_are_no_chance_for_each_other():
     """With three residuals the first step alone leaves too much to be significant by itself."""
     S = np.array([[1.0, 0.2], [0.5, 0.9], [0.4, 0.7]])
@@ -168,7 +176,7 @@ def test_scatter_that_no_candidate_explains():
     C = np.cov(np.random.default_rng(2).standard_normal((9, 200)))
     found = cosine_distances(C + 1e-3 * S @ S.T, np.ones(9), S, np.ones(3), ("a", "b", "c"), rank=2)
     assert not found.clear
-    assert "points at no set" in found.sentences[0]
+    assert "does not clearly identify a set" in found.sentences[0]
 
 
 def test_a_covariance_without_scatter_is_refused():

@@ -227,8 +227,8 @@ def test_the_catalogue_holds_the_dampings(run: RunResult, folder: Path):
 def test_the_report_shows_the_stages(run: RunResult):
     page = html_text(build_report(run.results, run.arrays))
     assert "Stages" in page
-    assert "left, damping: from several starts" in page
-    assert "3 of 3 runs end in the same optimum" in page
+    assert "left, damping: several initial points" in page
+    assert "3 of 3 runs reached the same optimum" in page
 
 
 @pytest.mark.slow
@@ -323,4 +323,4 @@ def test_what_the_model_lacks_and_runs_that_differ_are_told(folder: Path):
     # parameters that no stage moved keep their values and have no σ
     values = {p.name: p for p in found.update.parameters}
     assert values["mass"].sd is None
-    assert values["mass"].sd_reason == "no stage has found it, σ not given"
+    assert values["mass"].sd_reason == "not updated in any stage, σ not given"

@@ -175,7 +175,7 @@ def test_matrices_of_other_size_and_unknown_fields(tmp_path: Path) -> None:
     scipy.io.mmwrite(tmp_path / "mass.mtx", sp.eye_array(4).tocoo())
     error = refusal(study)
     assert error.code == "matrices.size"
-    assert "mass has 4 rows, and the list of DOFs has 5" in error.what
+    assert "mass has 4 rows, but the list of DOFs has 5" in error.what
     study = written(tmp_path, "")
     study.write_text(study.read_text().replace("MATRIX UPPER", "MATRIX UPER"))
     error = refusal(study)

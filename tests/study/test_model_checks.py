@@ -18,7 +18,7 @@ def _by_check(checks: Any) -> dict[str, Any]:
 def test_info_knows_the_mass_only(beam: Bench) -> None:
     (check,) = steps.info(beam.study()).record.checks
     assert (check.check, check.verdict) == ("weighed mass", "not tested")
-    assert "was not weighed" in check.sentence
+    assert "no measured mass" in check.sentence
 
 
 def test_select_and_run_look_at_mass_and_mesh(beam: Bench) -> None:

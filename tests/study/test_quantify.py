@@ -120,7 +120,7 @@ def test_a_run_keeps_it_in_results_and_report(repeated):
     assert len(figures) == 2
     assert all("</svg>" in f.draw() for f in figures)
     page = run.report.read_text(encoding="utf-8")
-    assert "Scatter over repeated tests" in page
+    assert "Variability over repeated tests" in page
     assert run.results.quantify.sentences[0] in page
 
 
@@ -148,7 +148,7 @@ def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
     found = steps.quantify(study).record
     assert not found.agrees
     assert found.unexplained_percent > 2.0
-    assert "does not repeat what was measured" in found.sentences[0]
+    assert "does not reproduce the measured means" in found.sentences[0]
 
 
 @pytest.mark.slow
@@ -234,5 +234,5 @@ def test_repeats_that_do_not_do_stop_no_update(beam: Bench):
     assert run.results.update.ok
     assert run.results.quantify is None
     assert [a.sentence for a in run.results.alerts if a.code == "quantify.zero-variance"] == [
-        "scatter of the parameters: mode 1 has the same value in all repeats, so its variance is zero"
+        "variability of the parameters: mode 1 has the same value in all repeats, so its variance is zero"
     ]

@@ -57,7 +57,7 @@ def test_what_is_not_certified_is_a_problem(bench: Bench) -> None:
     assert not run.results.update.reduction.certified
     (alert,) = [a for a in run.results.alerts if a.code == "update.not-certified"]
     assert alert.level == "problem"
-    assert "more than the tolerance" in alert.sentence
+    assert "above the tolerance" in alert.sentence
 
 
 @pytest.mark.slow
@@ -84,7 +84,7 @@ def test_the_report_says_order_price_and_errors(bench: Bench) -> None:
     assert run.results.update.reduction is not None
     text = str(build_report(run.results, run.arrays))
     (model,) = run.results.update.reduction.models
-    assert "The search ran on reduced models" in text
+    assert "The search used reduced models" in text
     assert f"order {model.order}" in text
 
 
@@ -103,14 +103,14 @@ def test_progress_says_cost_order_and_errors(bench: Bench) -> None:
     bench.uff(bench.measure(bench.truth()))
     heard = _Heard()
     run = steps.update(bench.study(EI + "[reduction]\nfull_solutions = 12\n"), progress=heard)
-    first = "reduced model of as the deck: it takes at most 12 full solutions; the first is made now"
+    first = "reduced model of as the deck: at most 12 full solutions; computing the first"
     own = [line for line in heard.lines if line[0].startswith(("reduced model", "search"))]
     assert own[0] == (first, 0, 12)
     solved = [done for text, done, total in own if total == 12]
     assert solved == sorted(solved)
-    assert any("order " in text and "estimate " in text and "of 48 points looked at" in text for text, *_ in own)
+    assert any("order " in text and "estimate " in text and "of 48 points evaluated" in text for text, *_ in own)
     assert any("worst error at the last point" in text for text, *_ in own)
-    assert ("search 1 has ended: solving the full model there", 0, None) in own
+    assert ("search 1 has ended; solving the full model at its final point", 0, None) in own
     assert run.results.update is not None
     assert run.results.update.reduction is not None
     (model,) = run.results.update.reduction.models

@@ -102,7 +102,7 @@ def test_a_study_without_any_mode(bench: Bench):
     assert found.report is not None
     html = found.report.read_text(encoding="utf-8")
     assert "Residuals by kind" in html
-    assert "no modes, but static displacement, mass, centre of gravity and inertia" in html
+    assert "no modes; static displacement, mass, centre of gravity and inertia" in html
     assert "Every comparison" in html
     (pull,) = [c for c in update.comparisons if c.kind == "static displacement"]
     # three displacements beside the largest: the stiffer root is 1.3, the softer tip .85 times the deck's
@@ -187,7 +187,7 @@ BAD = {
         'kind = "flexibility"\nsd = 0.1', "unscaled.uff", "residual.not-mass-scaled", "requires mass-normalised"),
     "an unknown mode": ('kind = "mac"\nsd = 0.1\nmodes = ["9"]', "beam.uff", "study.unknown-mode", "has no mode '9'"),
     "an unknown sensor": (
-        'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no 77Z+"),
+        'kind = "shape"\nsd = 0.1\nsensors = ["77Z+"]', "beam.uff", "dof.missing", "have no DOF 77Z+"),
     "a covariance of another size": (
         'kind = "frequency"\ncovariance = [[1.0]]', "beam.uff", "residual.weights", "for 1 values, but 4"),
     "an indefinite covariance": (

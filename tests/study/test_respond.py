@@ -81,7 +81,7 @@ def test_ratios_in_place_of_what_the_deck_damps(bench: Bench) -> None:
         np.testing.assert_allclose(values[0, 0], 1 / (1000.0 + 2.5 * 0.04 * omega * s + 2.5 * s**2), rtol=1e-10)
         assert not found.alerts
         assert not found.poles
-        assert found.poles_reason == "with modal damping they are the real modes"
+        assert found.poles_reason == "with modal damping, they are identical to the real modes"
     found, lines, values = _respond(deck, **asked)
     np.testing.assert_allclose(values[0, 0], 1 / (1000.0 - 2.5 * (2 * np.pi * lines) ** 2), rtol=1e-9)
     assert [a.code for a in found.alerts] == ["response.undamped"]

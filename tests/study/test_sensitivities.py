@@ -105,7 +105,7 @@ def test_a_spring_to_the_ground_is_named(tmp_path: Path) -> None:
     assert check.verdict == "pass"
     assert (
         check.sentence
-        == "without its supports rigid motion strains nothing but elements that end on the ground: CELAS2 11"
+        == "without supports, rigid-body motion strains only elements that are connected to ground: CELAS2 11"
     )
     assert [(e.card, e.element, e.motion) for e in check.grounding_elements] == [("CELAS2", 11, "X")]
 

@@ -99,4 +99,4 @@ def test_sensors_are_labels_or_ranges_each_once() -> None:
 def test_sensors_without_a_file_are_a_slip(bench: Bench) -> None:
     found = CliRunner().invoke(main, ["modes", str(bench.folder / "beam.bdf"), "--sensor", "2Z+"])
     assert found.exit_code == 2
-    assert "--sensor belongs to --uff" in found.stderr
+    assert "--sensor requires --uff" in found.stderr

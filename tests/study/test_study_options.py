@@ -79,8 +79,8 @@ def test_several_configurations_with_overlays(states: Bench) -> None:
     light = run.results.model.configurations[0]
     assert (light.weighed_mass, light.mass_difference_percent) == (7.5, pytest.approx(100 * 0.35 / 7.5))
     assert [a.sentence for a in run.results.alerts if a.code == "model.mass-differs"] == [
-        "light: the model's mass is +4.7 % off the weighed one, more than 2 %: an update would put that into its "
-        "parameters"
+        "light: the mass of the model differs by +4.7 % from the measured mass, more than 2 %: an update would absorb "
+        "this error into the parameters"
     ]
     written = run.folder / "updated.bdf"
     last = [m for m in run.results.modes if m.stage == "after as written"]
@@ -100,7 +100,7 @@ def test_a_configuration_for_validation_is_predicted_and_not_used(states: Bench)
     assert [(p.configuration, p.test_label) for p in found] == [("propped", str(i)) for i in (1, 2, 3, 4)]
     assert all(abs(p.freq_error_percent) < 0.01 for p in found)
     assert max(abs(p.before_freq_error_percent) for p in found) > 1.0
-    assert not any("keeps no configuration" in text for text in run.results.validation.not_tested)
+    assert not any("no configurations or modes were held out" in text for text in run.results.validation.not_tested)
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def test_a_configuration_without_test_is_solved_only(states: Bench) -> None:
     assert [m.configuration for m in run.results.modes].count("bare") == 3
     assert "bare" not in {c.configuration for c in run.results.correlations}
     assert run.results.validation is not None
-    assert "bare: it has no test with modes" in run.results.validation.not_tested
+    assert "bare: the configuration has no test with modes" in run.results.validation.not_tested
 
 
 @pytest.mark.slow

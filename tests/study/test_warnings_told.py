@@ -19,7 +19,7 @@ def test_a_deck_without_its_end_is_told(beam: Bench, step: str) -> None:
     path = beam.folder / "beam.bdf"
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
     assert [r for r in getattr(steps, step)(beam.study()).remarks if "[deck.no-enddata]" in r] == [
-        f"[deck.no-enddata] the deck has no ENDDATA: is it complete? at {path}:21"
+        f"[deck.no-enddata] the deck has no ENDDATA and may be incomplete at {path}:21"
     ]
 
 
@@ -28,7 +28,7 @@ def test_the_terminal_says_it_and_quiet_does_not(bench: Bench) -> None:
     path.write_text(path.read_text().replace("ENDDATA\n", ""))
     for word in ("modes", "info"):
         found = CliRunner().invoke(main, [word, str(path)])
-        assert "has no ENDDATA: is it complete?" in " ".join(found.output.split())
+        assert "has no ENDDATA and may be incomplete" in " ".join(found.output.split())
     assert "ENDDATA" not in CliRunner().invoke(main, ["modes", str(path), "--quiet"]).output
 
 
@@ -37,8 +37,8 @@ def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:
     path = bench.write("light.bdf", text)
     notices = [n for n in steps.info(path).record.notices if n.code == "deck.negative-density"]
     assert [n.sentence for n in notices] == [
-        "the density of MAT1 1 is negative (-7850): it takes mass away",
-        "the density of MAT1 2 is negative (-5): it takes mass away",
+        "the density of MAT1 1 is negative (-7850), so its elements reduce the mass",
+        "the density of MAT1 2 is negative (-5), so its elements reduce the mass",
     ]
     assert notices[0].where == f"{path}:13 (MAT1 1)"
     assert "the density of MAT1 1 is negative" in " ".join(CliRunner().invoke(main, ["info", str(path)]).output.split())

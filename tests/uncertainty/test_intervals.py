@@ -60,6 +60,26 @@ def test_an_extremum_inside_the_box_is_found():
     assert not found.proven
 
 
+def test_a_well_in_the_middle_is_found_beside_one_near_a_corner():
+    """A bowl with its bottom, 0, near the corner (12, 10), and a deep narrow well in the middle of the box."""
+    bottom, middle = np.array([11.9, 10.2]), np.array([11.0, 11.0])
+
+    def well(t):
+        return 3.0 * np.exp(-20.0 * np.sum((t - middle) ** 2, axis=-1))
+
+    def z(t):
+        return np.sum((t - bottom) ** 2, axis=-1) - well(t)
+
+    model = FunctionOutputs(
+        lambda t: np.array([z(t)]), lambda t: (2.0 * (t - bottom) + 40.0 * (t - middle) * well(t))[None]
+    )
+    found = interval_bounds(model, np.full(2, 10.0), np.full(2, 12.0))
+    grid = np.stack(np.meshgrid(*2 * [np.linspace(10.0, 12.0, 401)]), axis=-1)
+    assert found.lower[0] == pytest.approx(z(grid).min(), abs=1e-3)
+    assert np.linalg.norm(found.at_lower[0] - middle) < 0.05
+    assert found.inside[0, 0]
+
+
 def test_many_parameters_are_led_to_their_corners():
     c = np.array([(-1.0) ** i * (1.0 + i) for i in range(12)])
     model = FunctionOutputs(lambda t: np.array([np.exp(c @ t / 50.0)]), lambda t: np.exp(c @ t / 50.0) * c[None] / 50.0)
@@ -79,6 +99,14 @@ def test_modes_that_cross_are_followed():
 def test_signs_of_masses_and_of_what_is_neither():
     structure = spring_structure([(0, -1, 1.0), (0, 1, 1.0)], [1.0, 1.0])
     assert definite_signs(factor_model(structure, {"k": [1], "m": [1002], "both": [2, 1001]})).tolist() == [1, -1, 0]
+
+
+def test_signs_of_springs_of_negative_stiffness():
+    """−¼ between a mass and the ground, alone and with a spring of 1 beside it, whose matrix is indefinite then."""
+    structure = spring_structure([(0, -1, 3.0), (0, 1, 1.0), (1, -1, -0.25)], [1.0, 1.0])
+    model = factor_model(structure, {"k": [1], "negative": [3]})
+    assert definite_signs(model).tolist() == [1, -1]
+    assert definite_signs(factor_model(structure, {"k": [1], "both": [2, 3]})).tolist() == [1, 0]
 
 
 def test_intervals_of_parameters_from_those_of_outputs():

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
-from scipy.stats import multivariate_normal, norm, spearmanr
+from scipy.optimize import brentq, minimize
+from scipy.stats import f, multivariate_normal, norm, spearmanr
 
 from femtune.uncertainty import ellipse, latin_hypercube, statistics_of_repeats
 from femtune.uncertainty.repeats import outlying
@@ -77,6 +77,35 @@ def test_a_repeat_that_lies_apart_is_named_and_chance_is_not():
     assert [n.what for n in found.notices] == [
         "these repeats are outliers: 8; they increase all variances, and none was left out"
     ]
+
+
+def _chance(table, at):
+    """Probability that one row of normal data lies as far off as this one: Wilks' lambda of one row and the others."""
+    (n, m), rest = table.shape, np.delete(table, at, axis=0)
+    within, whole = (np.linalg.det((t - t.mean(axis=0)).T @ (t - t.mean(axis=0))) for t in (rest, table))
+    return f.sf((whole / within - 1.0) * (n - 1 - m) / m, m, n - 1 - m)
+
+
+@pytest.mark.parametrize(("n", "m"), [(6, 1), (9, 2), (9, 3)])
+def test_a_repeat_is_apart_where_chance_has_it_in_one_test_of_a_thousand(n, m):
+    table = _table(n, 0.0)[:, :m]
+    mean = np.delete(table, 2, axis=0).mean(axis=0)
+
+    def moved(distance):
+        out = table.copy()
+        out[2] = mean + distance
+        return out
+
+    limit = brentq(lambda d: _chance(moved(d), 2) - 1e-3 / n, 0.1, 1e3)
+    assert outlying(moved(0.995 * limit)) == []
+    assert outlying(moved(1.005 * limit)) == [2]
+
+
+def test_too_few_repeats_have_no_outlier():
+    table = _table(7, 0.0)
+    table[0, 0] += 1e6
+    assert outlying(table) == [0]
+    assert outlying(table[:6]) == []
 
 
 @pytest.mark.parametrize("imposed", ["moments", "ranks"])

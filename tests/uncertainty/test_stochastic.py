@@ -14,6 +14,7 @@ from femtune.uncertainty import (
     given_statistics,
     statistics_of_repeats,
     stochastic_update,
+    unexplained,
 )
 
 from . import three_masses as three
@@ -126,7 +127,18 @@ def test_a_set_that_lacks_what_scatters_meets_the_means_and_is_told_by_its_covar
     assert not check.agrees
     assert check.covariance_error > 0.2
     assert found.unexplained > 0.02
-    assert "not those that scatter" in check.sentences[0]
+    assert "Other parameters may vary" in check.sentences[0]
+
+
+@pytest.mark.parametrize(
+    ("G", "share"),
+    [(np.zeros((2, 0)), 1.0), (np.zeros((2, 1)), 1.0), ([[3.0], [0.0]], 0.8), ([[2.0], [4.0]], 0.5), (np.eye(2), 0.0)],
+    ids=["none", "without effect", "first output", "both alike", "square"],
+)
+def test_share_of_the_variance_that_parameters_cannot_explain(G, share):
+    """Two independent outputs with coefficients of variation of 10 and 20 %: relative variances of 1 to 4."""
+    measured = given_statistics(np.array([2.0, 4.0]), np.diag([0.2**2, 0.8**2]))
+    assert unexplained(np.asarray(G, float), measured) == pytest.approx(share)
 
 
 def test_gaps_are_used_for_what_was_measured_beside_them():

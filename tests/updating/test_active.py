@@ -42,7 +42,7 @@ def test_only_the_named_parameters_move(problem: UpdateProblem):
     assert all(i.x[0] == 0.25 for i in result.history)
     np.testing.assert_allclose(result.x, TRUTH, atol=1e-7)
     assert result.status is Status.EXACT
-    assert result.covariance.reasons == {0: "not moved by this update, σ not given"}
+    assert result.covariance.reasons == {0: "fixed in this update, σ not given"}
     # fewer unknowns are known better
     everything = update(problem)
     assert result.sd["b"] < everything.sd["b"]

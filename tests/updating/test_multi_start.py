@@ -61,7 +61,7 @@ def test_every_start_is_kept_and_the_best_is_the_truth(found: MultiStart):
     assert [s.number for s in found.starts] == list(range(1, 9))
     np.testing.assert_allclose(found.best.x, TRUTH, atol=1e-6)
     assert found.best.status is Status.EXACT
-    assert found.sentences[0].endswith("of 8 starts end at the same optimum.")
+    assert found.sentences[0].endswith("of 8 starts reached the same optimum.")
     for s in found.starts:
         missed = not np.allclose(s.end, TRUTH, atol=1e-4)
         assert missed == (found.outcomes[s.number] is not StartOutcome.BEST)
@@ -73,7 +73,7 @@ def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
     ends = {tuple(np.round(o.x, 5)) for o in found.optima if o.as_good}
     assert ends == {(0.5, -0.4), (-0.4, 0.5)}
     assert not found.unique
-    assert any("the answer is not unique" in s for s in found.sentences)
+    assert any("the result is not unique" in s for s in found.sentences)
 
 
 @pytest.mark.slow
@@ -111,7 +111,7 @@ def test_a_start_that_cannot_be_solved_is_kept_with_its_reason(problem: UpdatePr
     lost = [s for s in found.starts if s.status is None]
     assert lost
     assert {s.problem for s in lost} == {"no stiffness there"}
-    assert f"{len(lost)} could not be solved." in found.sentences
+    assert f"{len(lost)} starts could not be solved." in found.sentences
 
 
 def end(number: int, x: float, objective: float, status: Status | None = Status.CONVERGED) -> StartResult:
@@ -128,11 +128,11 @@ def test_ends_by_hand():
     found = outcomes(starts, optima)
     assert [found[i].name for i in range(1, 7)] == ["BEST", "AS_GOOD", "BEST", "WORSE", "UNFINISHED", "FAILED"]
     assert start_sentences(starts, optima) == (
-        "2 of 6 starts end at the same optimum.",
-        "1 other ends elsewhere and is as good within the noise, at 1 other point: the answer is not unique.",
-        "1 ends at 1 worse optimum, which is not the answer.",
-        "1 did not converge.",
-        "1 could not be solved.",
+        "2 of 6 starts reached the same optimum.",
+        "1 start reached 1 other optimum that is equally good within the noise; the result is not unique.",
+        "1 start reached an optimum with a higher objective.",
+        "1 start did not converge.",
+        "1 start could not be solved.",
     )
     assert "None of 1 starts converged" in start_sentences(starts[4:5], ())[0]
 

@@ -109,7 +109,7 @@ def test_nothing_to_balance():
 def test_exact_data_want_no_weight():
     choice = choose_weight(side(ill_posed(0.0)), "gcv", ill_posed(0.0))
     assert choice.status is WeightStatus.AT_END
-    assert "give weight a number" in choice.status.value
+    assert "Set weight to a number" in choice.status.value
 
 
 def test_a_curve_that_only_bends_at_its_end():

@@ -56,7 +56,7 @@ def test_a_mode_without_partner_fails_and_one_left_out_does_not() -> None:
     lonely = ModeSet(np.append(test.freq_hz[:3], 1e4), test.shapes, test.dofs)
     frequency = assess(correlate(lonely, model))[0]
     assert frequency.outcome is Outcome.FAIL
-    assert frequency.remark.endswith("test modes without partner: 4")
+    assert frequency.remark.endswith("test modes without a partner: 4")
     assert assess(correlate(lonely, model, left_out={3: "local"}))[0].outcome is Outcome.PASS
 
 
@@ -109,8 +109,8 @@ def test_a_miss_is_told_with_what_noise_explains() -> None:
     misses = [(i, FrequencyMiss(float(e), 0.02, 0.03)) for i, e in enumerate(found.frequency_errors)]
     worst = assess(found, PROFILES["NASA"].criteria, misses=misses)[0]
     assert worst.outcome is Outcome.FAIL
-    assert "could explain the miss of 6.1 % (1.7 σ)" in worst.sentence
-    assert worst.sentence.startswith("fail: frequency error 6.08 %, at most 5 % asked by NASA-STD-5002; test mode")
+    assert "could explain the error of 6.1 % (1.7 σ)" in worst.sentence
+    assert worst.sentence.startswith("fail: frequency error 6.08 %, at most 5 % required by NASA-STD-5002; test mode")
     good = assess(found, [replace(c, limit=0.1) for c in PROFILES["NASA"].criteria[:1]], misses=misses)[0]
     assert (good.outcome, good.noise) == (Outcome.PASS, "")
 
@@ -121,6 +121,6 @@ def test_a_verdict_that_was_not_reached_says_why() -> None:
     assert verdict.measured is None
     assert verdict.required == 0.9
     assert verdict.sentence == (
-        "not tested: cross-orthogonality, diagonal, at least 0.9 asked by NASA-STD-5002: "
+        "not tested: cross-orthogonality, diagonal, at least 0.9 required by NASA-STD-5002: "
         "no mass matrix reduced to the sensors was given"
     )

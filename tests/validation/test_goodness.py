@@ -54,7 +54,7 @@ def test_an_unmodelled_part_is_found_and_named() -> None:
     assert found.p_value is not None
     assert found.p_value < 1e-4
     assert found.largest_label == "free mode 7 frequency"
-    assert found.sentence.startswith("the residuals are not noise: chi-square ")
+    assert found.sentence.startswith("the residuals are not noise of the stated size: chi-square ")
 
 
 def test_signs_that_come_in_runs_are_no_noise() -> None:
@@ -64,7 +64,7 @@ def test_signs_that_come_in_runs_are_no_noise() -> None:
     assert found.p_value is not None
     assert found.p_value > 0.9
     assert (found.runs, found.outcome) == (2, Outcome.FAIL)
-    assert "their signs come in 2 runs only" in found.sentence
+    assert "their signs form only 2 runs" in found.sentence
 
 
 def test_scatter_that_is_stated_too_large_is_told() -> None:
@@ -77,7 +77,7 @@ def test_scatter_that_is_stated_too_large_is_told() -> None:
 def test_as_many_parameters_as_data_leave_nothing_to_test() -> None:
     found = goodness_of_fit(_blocks(np.zeros(3), np.eye(3)))
     assert found.outcome is Outcome.NOT_TESTED
-    assert found.sentence == "not tested: there are as many parameters as data, so that nothing is left over"
+    assert found.sentence.startswith("not tested: there are no more residuals than parameters")
     assert goodness_of_fit([]).outcome is Outcome.NOT_TESTED
 
 

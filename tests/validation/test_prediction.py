@@ -34,7 +34,9 @@ def test_the_standard_deviation_is_that_of_the_parameters() -> None:
 def test_a_miss_beyond_scatter_says_so() -> None:
     found = frequency_miss(0.05, np.array([0.5]), np.array([[0.0001]]), 0.005)
     assert not found.explained
-    assert str(found) == ("scatter (σ 0.71 %: test 0.5 %, parameters 0.5 %) does not explain the miss of 5 % (7.1 σ)")
+    assert str(found) == (
+        "uncertainty (σ 0.71 %: test 0.5 %, parameters 0.5 %) does not explain the error of 5 % (7.1 σ)"
+    )
 
 
 def test_a_parameter_without_covariance_counts_only_where_it_matters() -> None:
@@ -42,7 +44,7 @@ def test_a_parameter_without_covariance_counts_only_where_it_matters() -> None:
     assert frequency_miss(0.1, np.array([1.0, 0.0]), unknown, 0.0).parameter_sd == pytest.approx(0.1)
     open_ = frequency_miss(0.1, np.array([1.0, 1.0]), unknown, 0.02)
     assert open_.parameter_sd is None
-    assert "that of the parameters unknown" in str(open_)
+    assert "that of the parameters is not known" in str(open_)
     assert frequency_miss(0.1, np.zeros(2), unknown, 0.0).p_value == 0.0
 
 

@@ -66,7 +66,7 @@ def _terms(nodes: NodeTable, terms: Sequence[tuple[int, int, float]]) -> list[tu
 
 def _check_free(configured: ConfiguredModel, dof: Dof, row: sp.csr_array) -> None:
     if not _moves(configured, row)[0]:
-        raise FemtuneError("response.held-port/check-free", configuration_name=configured.configuration.name, dof=dof)
+        raise FemtuneError("response.held-port/one-dof", configuration=configured.configuration.name, dof=dof)
 
 
 def _moves(configured: ConfiguredModel, rows: sp.csr_array) -> NDArray[np.bool_]:
@@ -85,7 +85,9 @@ def sensor_axis(case: StudyCase, wanted: DofSet) -> tuple[Axis, tuple[Notice, ..
     free = _moves(case.configured, rows)
     lost = [d for d in wanted if d not in placed]
     held = [d for d, moves in zip(placed, free) if not moves]
-    notices = _left_out(case, lost, "have no place in the model") + _left_out(case, held, "are held in the model")
+    notices = _left_out(case, lost, "are not assigned to the model") + _left_out(
+        case, held, "are constrained in the model"
+    )
     return Axis(placed.select(np.flatnonzero(free)), sp.csr_array(rows[np.flatnonzero(free)]), True), notices
 
 
@@ -93,7 +95,7 @@ def _left_out(case: StudyCase, dofs: Sequence[Dof], why: str) -> tuple[Notice, .
     if not dofs:
         return ()
     names = ", ".join(map(str, dofs[:_SHOWN])) + (f" and {len(dofs) - _SHOWN} more" if len(dofs) > _SHOWN else "")
-    return (Notice("response.left-out", case_name=case.name, n_dofs=len(dofs), why=why, names=names),)
+    return (Notice("response.left-out", configuration=case.name, n_dofs=len(dofs), reason=why, names=names),)
 
 
 def same_motion(a: sp.csr_array, b: sp.csr_array) -> NDArray[np.float64]:

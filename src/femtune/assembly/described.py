@@ -1,4 +1,4 @@
-"""Model and Study as objects of Python: a study that was put together in memory, read and checked as a file is."""
+"""Model and Study as Python objects: a study that is assembled in memory is checked like a study file."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ _PLURALS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
-    """A finite element model that was read: of a deck, or of the matrices of another solver.
+    """A finite element model, read from a deck or from matrices of another solver.
 
     It is made by `femtune.read_deck` and `femtune.read_matrices`, and read once, whatever is done with it.
 
     Parameters
     ----------
     path : the deck, or the file of the first matrix
-    units : length-mass-s, "" where nobody said
-    built : the model as it was built
-    tables : what a study of it says in its file
+    units : length-mass-s, "" if not given
+    built : the assembled model
+    tables : the keys of a study file for this model
 
     Examples
     --------
@@ -76,7 +76,7 @@ class Model:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What was found while reading."""
+        """Notices of the reader."""
         return self.built.notices
 
     def __repr__(self) -> str:
@@ -123,18 +123,18 @@ def model_of_matrices(matrices: Sequence[Mapping[str, Any]], units: str | UnitSy
 
 
 class Study:
-    """A study: a TOML file, or the same put together of objects; every step takes it.
+    """A study, from a TOML file or from objects; the input of all steps.
 
     Parameters
     ----------
-    source : the TOML file, or another study; the other words take the place of its tables
+    source : the TOML file, or another study; the other keywords replace its tables
     model : what `read_deck` or `read_matrices` returned, or the path of a deck
     test : what `read_test` returned or the path of its file; or a mapping with the keys of [test], whose ``file`` may
         be either
     parameters : `Parameter` objects, or mappings with the keys of [[parameter]]
     residuals : residual objects, or mappings with the keys of [[residual]]; a single mapping is the table [residuals]
-    configurations : `Configuration` objects, in place of `test`
-    units : length-mass-s, where the model does not have them
+    configurations : `Configuration` objects, instead of `test`
+    units : length-mass-s, if the model does not have them
     output : run folder; ``run`` in the current folder where nothing is said
     tables : every other table of the file under its name: ``modes={"count": 12}``, ``update={"starts": 5}``,
         ``correlate``, ``reduction``, ``response``, ``hold_out``, ``derived`` …; ``title`` and the other keys of [study]

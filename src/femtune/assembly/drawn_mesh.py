@@ -151,7 +151,7 @@ def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_f
 def _sentence(mesh: DrawnMesh, fewer: DrawnMesh) -> str:
     parts = [(len(mesh.faces), len(fewer.faces), "faces"), (len(mesh.lines), len(fewer.lines), "lines")]
     told = " and ".join(f"{few} {name} in place of {many}" for many, few, name in parts if many)
-    return f"the mesh is drawn coarser than it is: {told}"
+    return f"the mesh is simplified in the drawing: {told}"
 
 
 def _in_cells(points: Reals, mesh: DrawnMesh, size: float) -> DrawnMesh:

@@ -95,10 +95,10 @@ def _facts(file: StudyFile, matrices: Sequence[ReadMatrix]) -> list[Notice]:
             "matrices.read",
             where=m.where,
             level="info",
-            e_name=e.name,
-            e_kind=e.kind,
-            m_size=m.size,
-            facts_text=m.facts,
+            name=e.name,
+            kind=e.kind,
+            rows=m.size,
+            description=m.facts,
         )
         for e, m in zip(file.matrix, matrices)
     ]

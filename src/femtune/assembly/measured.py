@@ -120,7 +120,7 @@ def _check_something_left(file: StudyFile, entry: ConfigurationEntry, case: Comp
 def _check_coordinates(file: StudyFile, structure: Structure) -> None:
     """Sensors cannot be put on points whose place is not known (error ``matrices.no-coordinates``)."""
     if not structure.nodes.has_coordinates and (not file.sensors.by_id or file.rigid_floor):
-        raise FemtuneError("matrices.no-coordinates/check-coordinates", where=file.where("sensors"))
+        raise FemtuneError("matrices.no-coordinates/for-sensors", where=file.where("sensors"))
 
 
 def _of_modes(sensors: SensorMap, modes: ModeSet) -> SensorMap:
@@ -163,7 +163,7 @@ def _content(file: StudyFile, entry: ConfigurationEntry, parsed: UffFile) -> Uff
         if error.code == "uff.no-units":
             key = "test_units" if file.configuration else "units"
             error.hint = (
-                f'say it in the study, where it names this file: {key} = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
+                f'state them in the study, where it names this file: {key} = "m-kg-s" (or "mm-t-s", "in-slinch-s", …)'
             )
         raise
 
@@ -254,7 +254,7 @@ def _compared(
 
 
 def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:
-    """The modes with the scatter of shapes that [validate] states, where the test does not tell its own."""
+    """The modes with the standard deviations of shapes from [validate], if the test does not state them."""
     stated = file.validation.shape_sd
     if stated is None or modes.shapes_sd is not None:
         return modes

@@ -153,10 +153,10 @@ def _lines(
     inside = (frfs.freq_hz >= (low or 0.0)) & (frfs.freq_hz <= (np.inf if high is None else high))
     chosen = frfs.freq_hz[inside & (frfs.freq_hz > 0.0)]
     if not chosen.size:
-        raise _no_lines(file, case, "its test has no lines there")
+        raise _no_lines(file, case, "its test has no lines between from_hz and to_hz")
     # a line at 0 Hz is an artefact of the analyser's transform: a free structure has no response there
     dropped = bool((inside & (frfs.freq_hz == 0.0)).any())
-    return np.asarray(chosen), (Notice("response.zero-line", level="info", case_name=case.name),) if dropped else ()
+    return np.asarray(chosen), (Notice("response.zero-line", level="info", configuration=case.name),) if dropped else ()
 
 
 def _even(low: float, high: float, table: ResponseTable) -> Reals:
@@ -167,7 +167,7 @@ def _even(low: float, high: float, table: ResponseTable) -> Reals:
 
 
 def _no_lines(file: StudyFile, case: StudyCase, why: str) -> FemtuneError:
-    return FemtuneError("response.no-lines", where=file.where("response"), case_name=case.name, why=why)
+    return FemtuneError("response.no-lines", where=file.where("response"), configuration=case.name, reason=why)
 
 
 def _check_size(file: StudyFile, outputs: Axis, inputs: Axis, freq_hz: Reals) -> None:

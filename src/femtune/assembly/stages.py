@@ -128,7 +128,7 @@ def _history(stages: tuple[StageResult, ...]) -> tuple[Iteration, ...]:
 
 def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
     matrix = np.where(np.outer(belief.found, belief.found), belief.covariance, np.nan)
-    reasons = {int(i): "no stage has found it, σ not given" for i in np.flatnonzero(~belief.found)}
+    reasons = {int(i): "not updated in any stage, σ not given" for i in np.flatnonzero(~belief.found)}
     kinds = np.asarray(after.kinds)
     squares: Mapping[str, Reals] = {kind: after.residuals[kinds == kind] ** 2 for kind in dict.fromkeys(after.kinds)}
     misfit = {kind: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}

@@ -136,7 +136,6 @@ def _built(file: StudyFile, progress: Progress) -> BuiltModel:
     progress.step("reading the deck", 0, None)
     built = file.given.model or build_structure(read_deck(file.deck_path), bool(file.study.allow_ignored))
     _check_allowed(file, built)
-    _check_not_empty(built)
     return with_named_fields(file, built)
 
 
@@ -165,15 +164,7 @@ def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
     missing = [c for c in built.cards if c.use == MISSING and c.name not in allowed]
     if missing:
         names = ", ".join(f"{c.name} ({c.count})" for c in missing)
-        raise FemtuneError("deck.unsupported-element/check-allowed", where=missing[0].where, names=names)
-
-
-def _check_not_empty(built: BuiltModel) -> None:
-    """A deck without points would make every parameter and sensor look wrong."""
-    if not built.structure.nodes.n_dofs:
-        raise FemtuneError(
-            "deck.no-points", where=Where(str(built.deck.files[0].file)), values={"cards": len(built.deck.cards)}
-        )
+        raise FemtuneError("deck.unsupported-element/not-allowed", where=missing[0].where, names=names)
 
 
 def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:

@@ -1,4 +1,4 @@
-"""The command line: one command a step, in the order an engineer does them."""
+"""The command line: one command per step, in the order of use."""
 
 import os
 

@@ -51,18 +51,18 @@ _FILE = click.Path(path_type=Path)
 _SCATTER = click.FloatRange(min=0.0, max=1.0)
 
 _study = click.argument("study", type=_FILE)
-_quiet = click.option("--quiet", is_flag=True, help="No progress, and no tables.")
-_json = click.option("--json", "as_json", is_flag=True, help="The result as JSON on standard output.")
-_output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder instead of that of the study.")
-_fresh = click.option("--fresh", is_flag=True, help="Solve again what the journal of an earlier run holds.")
+_quiet = click.option("--quiet", is_flag=True, help="Print neither progress nor tables.")
+_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
+_output = click.option("--output", type=_FILE, metavar="FOLDER", help="Run folder, instead of that of the study.")
+_fresh = click.option("--fresh", is_flag=True, help="Ignore the journal of an earlier run and solve everything again.")
 _eigensolver = click.option(
     "--eigensolver",
     type=click.Choice(["own", "slepc"]),
     expose_value=False,
     callback=choose_eigensolver,
-    help="slepc: over MPI, where one machine is too small.",
+    help="slepc: distributed over MPI, for models too large for one machine.",
 )
-_wide = click.option("--wide", is_flag=True, default=None, help="Write changed cards in large field.")
+_wide = click.option("--wide", is_flag=True, default=None, help="Write changed cards in large-field format.")
 
 
 @click.group(cls=GuardedGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -70,25 +70,25 @@ _wide = click.option("--wide", is_flag=True, default=None, help="Write changed c
 def main() -> None:
     """Finite element model updating: from a vibration test and a deck to an updated deck.
 
-    The exit code is 0 where all went well, 1 where the update did not reach an optimum (its results are written) or a
-    criterion of validate fails, 2 for input that has to be mended, 70 for a fault of femtune itself, 130 after Ctrl-C.
+    Exit codes: 0 if the command succeeded, 1 if the update did not reach an optimum (its results are written) or a
+    criterion of validate fails, 2 if the input has errors, 70 after an internal error of femtune, 130 after Ctrl-C.
     """
 
 
 @main.command()
 @click.argument("path", type=_FILE, required=False)
-@click.option("--solvers", is_flag=True, help="List the sparse solvers: which are at hand, and what they can do.")
+@click.option("--solvers", is_flag=True, help="List the sparse solvers, their availability and capabilities.")
 @_json
 @_quiet
 def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
-    """What is in the deck of a study, or in a deck: cards, mass, rigid-body check, supports.
+    """Summary of the deck: cards, mass, rigid-body check, supports.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
     if solvers:
         _show_solvers(as_json)
     elif path is None:
-        raise click.UsageError("name a study or a deck, or ask for --solvers")
+        raise click.UsageError("give a study or a deck, or use --solvers")
     else:
         result = run_step("of_model:info", path, quiet)
         out.show("model:info_document", path, result.record, as_json=as_json, quiet=quiet)
@@ -103,15 +103,29 @@ def _show_solvers(as_json: bool) -> None:
 
 @main.command()
 @click.argument("path", type=_FILE)
-@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write a page (HTML) with a picture of each mode.")
-@click.option("--count", type=int, help="Number of modes, in place of that of the study or deck.")
-@click.option("--max-hz", type=float, metavar="HZ", help="All modes up to here, in place of --count.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with a picture of each mode.")
+@click.option("--count", type=int, help="Number of modes, instead of that of the study or deck.")
+@click.option("--max-hz", type=float, metavar="HZ", help="All modes up to this frequency, instead of --count.")
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the modes as a simulated test (Universal File, 55).")
 @click.option("--sensor", "sensors", multiple=True, metavar="12Z+", help='For --uff; or "101 THRU 160:123".')
-@click.option("--units", metavar="m-kg-s", help="Units of a deck alone, for --uff.")
-@click.option("--frequency-scatter", type=_SCATTER, default=0.0, metavar="PART", help="For --uff: .002 is 0.2 %.")
-@click.option("--shape-scatter", type=_SCATTER, default=0.0, metavar="PART", help="For --uff: of the largest entry.")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="For --uff: of the scatter.")
+@click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
+@click.option(
+    "--frequency-scatter",
+    type=_SCATTER,
+    default=0.0,
+    metavar="PART",
+    help="For --uff: relative standard deviation of the frequencies, .002 is 0.2 %.",
+)
+@click.option(
+    "--shape-scatter",
+    type=_SCATTER,
+    default=0.0,
+    metavar="PART",
+    help="For --uff: standard deviation relative to the largest entry.",
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="For --uff: seed of the simulated noise."
+)
 @_eigensolver
 @_fresh
 @_json
@@ -128,12 +142,12 @@ def modes(
     sensors: tuple[str, ...],
     **scatter: Any,
 ) -> None:
-    """Natural frequencies and modes of each configuration.
+    """Compute the natural frequencies and modes of each configuration.
 
     PATH is a study file (.toml) or a Nastran deck.
     """
     if sensors and uff is None:
-        raise click.UsageError("--sensor belongs to --uff, which names the file to write")
+        raise click.UsageError("--sensor requires --uff, the file to write")
     simulate = None
     if uff is not None:
         study_of(path)
@@ -152,29 +166,29 @@ def _given(options: dict[str, Any]) -> dict[str, Any]:
 
 @main.command()
 @click.argument("path", type=_FILE)
-@click.option("--input", "inputs", multiple=True, metavar="12Z+", help="Driven DOF of the model; may be repeated.")
-@click.option("--output", "outputs", multiple=True, metavar="13Z+", help="DOF that moves; may be repeated.")
+@click.option("--input", "inputs", multiple=True, metavar="12Z+", help="Excited DOF of the model; repeatable.")
+@click.option("--output", "outputs", multiple=True, metavar="13Z+", help="Response DOF of the model; repeatable.")
 @click.option("--from", "from_hz", type=float, metavar="HZ", help="First frequency line.")
 @click.option("--to", "to_hz", type=float, metavar="HZ", help="Last frequency line.")
-@click.option("--step", "step_hz", type=float, metavar="HZ", help="Distance of the lines.")
-@click.option("--lines", type=int, help="Number of lines, in place of --step.")
+@click.option("--step", "step_hz", type=float, metavar="HZ", help="Spacing of the frequency lines.")
+@click.option("--lines", type=int, help="Number of lines, instead of --step.")
 @click.option("--kind", metavar="KIND", help="receptance, mobility or accelerance.")
 @click.option("--method", metavar="WAY", help='"real modes", "complex modes" or direct.')
-@click.option("--modes", type=int, help="Number of modes that are superposed.")
-@click.option("--max-hz", type=float, metavar="HZ", help="Modes up to here are superposed.")
-@click.option("--ratio", type=float, help="Damping ratio of all modes, in place of SDAMPING.")
-@click.option("--damping", metavar="WORD", help="deck, or modal: no loss factors and dashpots.")
+@click.option("--modes", type=int, help="Number of modes in the superposition.")
+@click.option("--max-hz", type=float, metavar="HZ", help="Superpose the modes up to this frequency.")
+@click.option("--ratio", type=float, help="Damping ratio of all modes, instead of SDAMPING.")
+@click.option("--damping", metavar="WORD", help="deck, or modal (ignores loss factors and dashpots).")
 @click.option("--uff", type=_FILE, metavar="FILE", help="Write the functions to a Universal File (58).")
-@click.option("--units", metavar="m-kg-s", help="Units of a deck alone, for --uff.")
-@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Draw the responses on a page (HTML).")
+@click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with plots of the responses.")
 @_eigensolver
 @_fresh
 @_json
 @_quiet
 def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
-    """Frequency responses, complex modes and static displacements.
+    """Compute frequency responses, complex modes and static displacements.
 
-    PATH is a study file (.toml) or a Nastran deck. Options take the place of keys of [response] in the study.
+    PATH is a study file (.toml) or a Nastran deck. Options replace keys of [response] in the study.
     """
     result = run_step("of_model:respond", path, quiet, fresh=fresh, report=page, **_given(asked))
     out.say(result.remarks, quiet)
@@ -185,22 +199,22 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @main.command()
 @click.argument("path", type=_FILE)
 @_output
-@click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Where modes are looked for, Hz.")
+@click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Frequency range of the modes, Hz.")
 @click.option("--order", "largest_order", type=int, help="Largest model order.")
-@click.option("--rate", "sampling_hz", type=float, metavar="HZ", help="Sampling rate, where the file says none.")
-@click.option("--variable", metavar="NAME", help="The array, in a file that holds several.")
+@click.option("--rate", "sampling_hz", type=float, metavar="HZ", help="Sampling rate, if the file states none.")
+@click.option("--variable", metavar="NAME", help="Name of the array, if the file has several.")
 @click.option("--method", "methods", multiple=True, metavar="NAME", help="N4SID, pLSCF, SSI-cov, ERA …; repeatable.")
-@click.option("--fragments", type=int, help="Cut the record into so many, and average over them.")
-@click.option("--take", "take_hz", type=float, multiple=True, metavar="HZ", help="Take this cluster; repeatable.")
+@click.option("--fragments", type=int, help="Divide the record into this number of parts and average.")
+@click.option("--take", "take_hz", type=float, multiple=True, metavar="HZ", help="Select this cluster; repeatable.")
 @click.option("--drop", "drop_hz", type=float, multiple=True, metavar="HZ", help="Drop this cluster; repeatable.")
-@click.option("--units", metavar="m-kg-s", help="Units, where the file says none.")
+@click.option("--units", metavar="m-kg-s", help="Units, if the file states none.")
 @_json
 @_quiet
 def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **asked: Any) -> None:
-    """Modes with standard deviations from records in time or measured functions.
+    """Identify modes with standard deviations from time records or FRFs.
 
     PATH is an identification file (.toml), a record (CSV, UFF, .npy, .npz, .mat, HDF5, WAV) or functions (UFF). Options
-    take the place of keys of [identify] in the file.
+    replace keys of [identify] in the file.
     """
     result = run_step("of_record:identify", path, quiet, read=identification_of, output=output, **_given(asked))
     if as_json:
@@ -217,7 +231,7 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
 @_json
 @_quiet
 def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
-    """Compare the model with the test: MAC, frequencies, pairs."""
+    """Compare the model with the test: frequencies, MAC, mode pairs."""
     result = run_step("of_study:correlate", study, quiet, fresh=fresh)
     out.say(result.remarks, quiet)
     shown = (result.records, result.arrays)
@@ -231,7 +245,7 @@ def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_json
 @_quiet
 def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
-    """Which parameters, and which combinations of them, the data determine."""
+    """Which parameters and combinations of parameters the data determine."""
     result = run_step("of_study:select", study, quiet, fresh=fresh)
     out.say(result.remarks, quiet)
     out.show("select:selection_document", study, result.record, as_json=as_json, quiet=quiet)
@@ -244,7 +258,7 @@ def select(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_json
 @_quiet
 def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
-    """Mean and covariance of the parameters from repeated tests."""
+    """Estimate mean and covariance of the parameters from repeated tests."""
     result = run_step("of_study:quantify", study, quiet, fresh=fresh)
     out.say(result.remarks, quiet)
     out.show("validate:quantify_document", study, result.record, as_json=as_json, quiet=quiet)
@@ -258,9 +272,9 @@ def quantify(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
 @_fresh
 @_quiet
 def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
-    """Find the parameters and write the updated deck.
+    """Update the parameters and write the updated deck.
 
-    A run that was interrupted goes on from what it had solved.
+    An interrupted run continues from the solutions in its journal.
     """
     result = run_step("of_run:update", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(result, quiet, f"results: {Path(result.folder).resolve()}")
@@ -274,10 +288,10 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @_json
 @_quiet
 def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
-    """Judge the updated model on data that the update did not use.
+    """Compare the updated model with data that the update did not use.
 
-    Updates first, as `update` does; what an earlier run had solved is taken from its journal. The exit code is 1 where
-    a criterion fails, and where the update did not reach an optimum.
+    The model is updated first, as by `update`; solutions of an earlier run are read from its journal. The exit code is
+    1 if a criterion fails or the update did not reach an optimum.
     """
     result = run_step("of_run:validate", study, quiet, output=output, fresh=fresh)
     results = result.results
@@ -296,9 +310,9 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
 @_fresh
 @_quiet
 def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
-    """All steps in their order: a run folder with results, updated deck and report.
+    """Run all steps: the run folder receives results, updated deck and report.
 
-    A run that was interrupted goes on from what it had solved.
+    An interrupted run continues from the solutions in its journal.
     """
     result = run_step("of_run:run", study, quiet, output=output, wide=wide, fresh=fresh)
     _end(result, quiet, f"report: {Path(result.report).resolve()}")
@@ -318,9 +332,9 @@ def _end(result: Any, quiet: bool, last_line: str) -> None:
 @click.argument("path", type=_FILE)
 @_quiet
 def report(path: Path, quiet: bool) -> None:
-    """Write the report of a run again.
+    """Rewrite the report of a run.
 
-    PATH is a run folder, or the study whose run folder is meant.
+    PATH is a run folder, or a study with a run folder.
     """
     page = run_step("pages:report", path, quiet)
     click.echo(f"report: {Path(page).resolve()}")
@@ -329,7 +343,7 @@ def report(path: Path, quiet: bool) -> None:
 @main.command()
 @click.argument("code")
 def explain(code: str) -> None:
-    """What the code of an error or notice means, and how to fix it.
+    """Explain the code of an error or notice, and how to fix it.
 
     CODE is what a message shows in brackets: deck.missing-include.
     """

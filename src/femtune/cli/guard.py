@@ -1,4 +1,4 @@
-"""What the command line does with errors, Ctrl-C and faults of its own: a message and an exit code, no traceback."""
+"""Handling of errors, Ctrl-C and internal errors on the command line: a message and an exit code, no traceback."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
-    """What was asked for where the allocation tells, and what is free where the reader of that was loaded before."""
+    """The requested memory, if the allocation reports it, and the free memory, if its reader was loaded before."""
     memory = sys.modules.get("femtune.model.linear.memory")
     free = memory.free_memory() if memory is not None else None
     values = {} if free is None else {"free_bytes": free}
@@ -114,7 +114,7 @@ def _interrupted(ctx: click.Context) -> NoReturn:
     count, journal = (running.journaled() if running else None) or (0, None)
     if count:
         solutions = f"{count} solution{'s' if count > 1 else ''} in {journal}"
-        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command goes on from there"
+        kept = f"{f'kept: {files}, and' if files else 'kept:'} {solutions}; the same command continues from there"
     click.echo(printable(f"stopped by Ctrl-C; {kept}"), err=True)
     ctx.exit(INTERRUPTED)
 
@@ -123,7 +123,7 @@ def _crashed(ctx: click.Context, fault: Exception) -> NoReturn:
     """One line for the user, the traceback in a file."""
     name = _write_crash(ctx.find_object(Running), fault)
     kind = f"{type(fault).__name__}: {fault}".splitlines()[0]
-    what = f"this is a fault of femtune, not of your input ({kind}); please report it and send {name}"
+    what = f"internal error of femtune, not caused by your input ({kind}); please report it and send {name}"
     click.echo(printable(what), err=True)
     ctx.exit(FAULT)
 

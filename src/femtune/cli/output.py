@@ -70,7 +70,7 @@ def show_document(document: Document) -> None:
 
 
 def _console() -> Console:
-    """Standard output; a file or pipe is wider than the terminal of old that rich takes it for."""
+    """Standard output; a file or pipe is not limited to the 80 columns that rich assumes."""
     from rich.console import Console  # noqa: PLC0415
 
     console = Console(highlight=False)

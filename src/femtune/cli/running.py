@@ -51,7 +51,7 @@ def run_step(
     ----------
     step : ``module:function`` below `femtune.steps`
     path : the file that the user named
-    read : checks it; what is wrong with it is told before the step, and with it numpy, is imported
+    read : checks it; its errors are reported before the step and numpy are imported
     options : those of the function
     """
     context, output = click.get_current_context().find_root(), options.get("output")

@@ -39,9 +39,9 @@ class Correlation:
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
-    noise : for each pair what the scatter of the test shape explains, or why that is not known
+    noise : for each pair the effect of noise of the test shape, or the reason why it is not known
     notices : findings such as sensors that move against the model
-    orthogonality_sd, self_sd : (p, p) what the scatter of the test's shapes gives off the diagonal of the two matrices
+    orthogonality_sd, self_sd : (p, p) standard deviations of the off-diagonal terms of the two matrices
         (one standard deviation; on the diagonal of the first the mean loss), or why that is not known
     """
 
@@ -180,7 +180,7 @@ def _orthogonality_sd(
     test: ModeSet, psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pairing: Pairing
 ) -> tuple[Reals | NotTested, Reals | NotTested]:
     if not isinstance(mass, ReducedMass) or test.shapes_sd is None:
-        return (NotTested("the scatter of the test's shapes, or its orthogonality, is not known"),) * 2
+        return (NotTested("the standard deviations of the test shapes, or their orthogonality, are not known"),) * 2
     kept = list(mass.kept)
     sd = test.shapes_sd[:, list(pairing.test_indices)][kept]
     return orthogonality_noise(psi[kept], phi[kept], sd, mass.mass)
@@ -196,26 +196,26 @@ def _refusal(psi: NDArray, phi: Reals, mass: ReducedMass | NotTested | None, pai
         return NotTested("no modes are paired")
     kept = list(mass.kept)
     if np.isnan(psi[kept]).any() or not _defined(psi[kept], phi[kept]).all():
-        return NotTested("some paired shapes have entries that were not measured, or do not move the sensors")
+        return NotTested("some paired shapes have entries that were not measured, or are zero at the sensors")
     return _inaccurate(mass, pairing.model_indices)
 
 
 def _inaccurate(mass: ReducedMass, modes: Sequence[int]) -> NotTested | None:
-    """Modes that the reduction misses in frequency, or that none of its modes resembles in shape."""
+    """Modes with a large frequency error in the reduced model, or without a similar shape in it."""
     errors = {i: float(mass.frequency_error[i]) for i in modes}
     lost = [mass.labels[i] for i, error in errors.items() if np.isnan(error)]
     off = [f"{mass.labels[i]} ({100 * e:+.1f} %)" for i, e in errors.items() if abs(e) > REDUCTION_TOLERANCE]
-    misses = f"the model misses its own frequencies by more than {100 * REDUCTION_TOLERANCE:.0f} %: mode "
-    shapes = f"the model has no mode with the shape of its mode {', '.join(lost)} any more"
+    misses = f"the frequency error of the reduced model exceeds {100 * REDUCTION_TOLERANCE:.0f} % for mode "
+    shapes = f"the reduced model has no mode with the shape of mode {', '.join(lost)}"
     found = ([misses + ", ".join(off)] if off else []) + ([shapes] if lost else [])
     if not found:
         return None
-    needed = "sensors at more places where these modes move are needed"
-    return NotTested(f"reduced to the sensors, {', and '.join(found)}; {needed}")
+    needed = "more sensors are needed at points where these modes have large displacements"
+    return NotTested(f"{', and '.join(found)}; {needed}")
 
 
 def _noise(test: ModeSet, pairing: Pairing) -> tuple[NoiseShare, ...] | NotTested:
     if test.shapes_sd is None:
-        return NotTested("the scatter of the test's shapes is not known")
+        return NotTested("the standard deviations of the test shapes are not known")
     sd = test.shapes_sd
     return tuple(noise_share(pair.mac, test.shapes[:, pair.test], sd[:, pair.test]) for pair in pairing.pairs)

@@ -61,8 +61,8 @@ def rigid_motion_sensor(
         raise FemtuneError(
             "sensor.rigid-motion",
             values={"nodes": ", ".join(map(str, nodes)), "origin": ", ".join(f"{x:.6g}" for x in origin)},
-            lost=", ".join(lost),
-            label_node=label_node,
+            components=", ".join(lost),
+            test_node=label_node,
         )
     return tuple(GeneralisedSensor(Dof(label_node, DIRECTIONS[c]), _terms(nodes, rows[c - 1])) for c in wanted)
 
@@ -77,7 +77,7 @@ def _fit(table: NodeTable, nodes: Sequence[int], origin: Reals) -> tuple[Reals, 
     """(6, 3n) rows from translations in displacement frames to the motion, and (6,) True where not determined."""
     at = [table.position(node) for node in nodes]
     if len(set(at)) != len(at):
-        raise FemtuneError("sensor.rigid-motion/fit", values={"nodes": ", ".join(map(str, nodes))})
+        raise FemtuneError("sensor.rigid-motion/repeated-node", values={"nodes": ", ".join(map(str, nodes))})
     arms = table.xyz[at] - origin
     length = float(np.max(np.linalg.norm(arms - arms.mean(axis=0), axis=1), initial=0.0)) or 1.0 if at else 1.0
     A = np.vstack([np.zeros((0, 6)), *(rigid_translation(arm / length) for arm in arms)])

@@ -1,4 +1,4 @@
-"""How much of a MAC's distance from one, and of what orthogonality leaves, the scatter of measured shapes explains."""
+"""Effect of the noise of measured shapes on MAC and orthogonality."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class NoiseShare:
 
     @property
     def explains(self) -> bool:
-        """True where noise alone could be the whole loss."""
+        """True if noise alone could explain the loss."""
         return self.loss <= self.limit
 
     def __str__(self) -> str:
         if self.explains:
-            return f"noise alone could explain the whole MAC loss of {self.loss:.2g} (it gives {self.expected:.2g})"
+            return f"noise alone could explain the MAC loss of {self.loss:.2g} (expected {self.expected:.2g})"
         return f"noise explains {self.expected:.2g} of the MAC loss of {self.loss:.2g}"
 
 
@@ -57,10 +57,10 @@ def noise_share(mac_value: float, shape: NDArray, shape_sd: Reals) -> NoiseShare
 
 
 def orthogonality_noise(psi: NDArray, phi: Reals, sd: Reals, mass: Reals) -> tuple[Reals, Reals]:
-    """What scatter of the test's shapes gives in cross- and self-orthogonality, to first order off the diagonals.
+    """Standard deviations of cross- and self-orthogonality due to noise of the test shapes, to first order.
 
-    With c = (ψᵀMψ)^-½ and φ of unit modal mass, an entry cψ_iᵀMφ_j scatters by c_i √((Mφ_j)ᵀΣ_i(Mφ_j)) with
-    Σ_i = diag(σ_i²); an entry of the self-orthogonality by both of its shapes. On the diagonal noise takes
+    With c = (ψᵀMψ)^-½ and φ of unit modal mass, an entry cψ_iᵀMφ_j has the standard deviation c_i √((Mφ_j)ᵀΣ_i(Mφ_j))
+    with Σ_i = diag(σ_i²); an entry of the self-orthogonality by both of its shapes. On the diagonal noise takes
     ½ c_i² Σ_k σ_ik² (M_kk − (Mφ_i)_k²) from the one of the cross-orthogonality, on average and to second order.
 
     Parameters

@@ -109,15 +109,15 @@ def reason_unpaired(
     refused: Mapping[int, float],
     gates: tuple[float, float],
 ) -> str:
-    """Best candidate of a test mode, its MAC and frequency error, and what spoke against it.
+    """Best candidate of a test mode, its MAC and frequency error, and the reason why it was not paired.
 
     `refused` holds MACs after rotation of test modes that a cluster gave back; `gates` are (frequency, MAC).
     """
     if not np.isfinite(found.score[i]).any():
-        return "no model mode moves where this mode was measured"
+        return "all model modes are zero at the measured DOFs of this mode"
     j = _best(i, found, gates)
     head = (
-        f"best candidate is {_named(j, model, found)} ({model.freq_hz[j]:.4g} Hz): "
+        f"the best candidate is {_named(j, model, found)} ({model.freq_hz[j]:.4g} Hz): "
         f"MAC {found.score[i, j]:.2f}, frequency error {100 * found.frequency_error[i, j]:+.1f} %"
     )
     return f"{head}; {_obstacle(i, j, test, model, found, chosen, refused, gates)}"
@@ -148,20 +148,22 @@ def _obstacle(
 ) -> str:
     failed = []
     if abs(found.frequency_error[i, j]) > gates[0]:
-        failed.append(f"the frequency gate of {100 * gates[0]:.3g} % fails")
+        failed.append(f"the frequency difference exceeds the frequency gate of {100 * gates[0]:.3g} %")
     if not found.score[i, j] >= gates[1]:
-        failed.append(f"the MAC gate of {gates[1]:.2f} fails")
+        failed.append(f"the MAC is below the MAC gate of {gates[1]:.2f}")
     if failed:
         return " and ".join(failed)
     if i in refused:
-        return f"within its cluster of close modes the MAC after rotation is {refused[i]:.2f}, the gate {gates[1]:.2f}"
+        return f"the MAC after rotation within its cluster is {refused[i]:.2f}, below the gate of {gates[1]:.2f}"
     return _taken(j, test, found, chosen)
 
 
 def _taken(j: int, test: ModeSet, found: CandidatePairs, chosen: Mapping[int, int]) -> str:
     holders = [test.labels[i] for i, k in chosen.items() if k in _companions(j, found)]
     return (
-        f"it is taken by test mode {', '.join(holders)}" if holders else "the assignment as a whole is better without"
+        f"it is paired with test mode {', '.join(holders)}"
+        if holders
+        else "the assignment as a whole is better without it"
     )
 
 

@@ -90,7 +90,7 @@ def reduce_mass(
     if static is None:
         return NotTested("the stiffness matrix is singular: a part of the model is a mechanism")
     flexibility = rows @ static
-    kept = _independent(0.5 * (flexibility + flexibility.T))
+    kept = _independent(flexibility)
     if isinstance(kept, NotTested):
         return kept
     T = np.linalg.solve(flexibility[np.ix_(kept, kept)].T, static[:, kept].T).T

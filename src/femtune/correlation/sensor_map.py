@@ -278,8 +278,8 @@ def _nearest(sensor: Sensor, request: _Request) -> tuple[Match, Row] | Unmatched
 
 
 def _no_position(sensor: Sensor, by_id: bool) -> FemtuneError:
-    tail = " and the model has no grid point of that number" if by_id else ""
-    return FemtuneError("sensor.no-position", sensor_label=sensor.label, tail=tail)
+    tail = ", and the model has no grid point with this number" if by_id else ""
+    return FemtuneError("sensor.no-position", sensor_label=sensor.label, also=tail)
 
 
 def _at_node(sensor: Sensor, node: int, how: str, nodes: NodeTable) -> tuple[Match, Row]:
@@ -331,8 +331,7 @@ def _ties(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request
 
 def _tie(test_node: int, near: Near) -> Notice:
     others = ", ".join(map(str, near.others))
-    text = f"grid points {near.node} and {others} are equally near to test node {test_node}; {near.node} is taken"
-    return Notice("sensor.tie", text=text)
+    return Notice("sensor.tie", node=near.node, others=others, test_node=test_node)
 
 
 def _far(matches: Sequence[Match], tolerance: float) -> tuple[Notice, ...]:
@@ -341,8 +340,14 @@ def _far(matches: Sequence[Match], tolerance: float) -> tuple[Notice, ...]:
 
 
 def _far_notice(match: Match, tolerance: float) -> Notice:
-    place = f"test node {match.label.node} is put on grid point {match.node} ({match.how})"
-    return Notice("sensor.far-from-node", place=place, distance=match.distance, tolerance=tolerance)
+    return Notice(
+        "sensor.far-from-node",
+        test_node=match.label.node,
+        node=match.node,
+        method=match.how,
+        distance=match.distance,
+        tolerance=tolerance,
+    )
 
 
 def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
@@ -352,7 +357,7 @@ def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
         if match.node is not None:
             users.setdefault(match.node, set()).add(match.label.node)
     return tuple(
-        Notice("sensor.shared-node", str=", ".join(map(str, sorted(who))), node=node)
+        Notice("sensor.shared-node", test_nodes=", ".join(map(str, sorted(who))), node=node)
         for node, who in users.items()
         if len(who) > 1
     )
@@ -362,15 +367,19 @@ def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Reque
     values = {str(u.label): _distance_in_words(u) for u in unmatched[:20]}
     if len(unmatched) > 20:
         values["…"] = f"and {len(unmatched) - 20} more"
-    why = "number in the model" if request.by_id else f"node within the tolerance of {request.tolerance:.4g}"
+    why = (
+        "grid point with their number"
+        if request.by_id
+        else f"grid point within the tolerance of {request.tolerance:.4g}"
+    )
     guess = request.search.looks_like(np.array([u.position for u in unmatched])) if len(unmatched) == total else ""
     return FemtuneError(
         "sensor.unmatched",
         values=values,
-        hint=guess or "check the test's units and axes, widen the tolerance, or give the nodes by hand",
+        hint=guess or "check the units and axes of the test, increase the tolerance, or assign grid points manually",
         n_unmatched=len(unmatched),
         total=total,
-        why=why,
+        missing=why,
     )
 
 

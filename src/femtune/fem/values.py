@@ -101,7 +101,7 @@ class ValueTable:
         depth: dict[int, int] = {}
         groups: dict[tuple[int, int, Callable[..., Jet]], list[Derived]] = {}
         for d in self.derived:
-            depth[d.target] = 1 + max((depth.get(s, 0) for s in d.sources), default=0)
+            depth[d.target] = 1 + max(depth.get(s, 0) for s in d.sources)
             groups.setdefault((depth[d.target], len(d.sources), d.function), []).append(d)
         ordered = sorted(groups.items(), key=lambda item: item[0][0])
         return [

@@ -84,7 +84,7 @@ def read_catalogue(path: Path) -> Mapping[str, DampingEntry]:
         with errors.catch():
             entry = _entry(table, i, path)
             if entry.name in found:
-                raise _bad(path, i, "catalogue.entry/read-catalogue", entry_name=entry.name)
+                raise _bad(path, i, "catalogue.entry/repeated-name", entry_name=entry.name)
             found[entry.name] = entry
     errors.raise_if_any()
     return found
@@ -98,7 +98,7 @@ def look_up(path: Path, name: str) -> DampingEntry:
             "catalogue.unknown",
             where=Where(str(path)),
             values={"it has": ", ".join(known) or "nothing"},
-            hint=did_you_mean(name, known) or 'prior_name = "…" names the entry',
+            hint=did_you_mean(name, known) or 'name the entry with prior_name = "…"',
             name=name,
         )
     return known[name]
@@ -110,7 +110,7 @@ def _parsed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise _no_catalogue(path, f"it cannot be read: {error.strerror}") from error
     if len(content) > _LARGEST:
-        raise _no_catalogue(path, f"{len(content) / 1e6:.3g} MB are no catalogue")
+        raise _no_catalogue(path, f"{len(content) / 1e6:.3g} MB are too large for a catalogue")
     try:
         return tomllib.loads(content.decode("utf-8").removeprefix("\ufeff"))
     except UnicodeDecodeError as error:
@@ -122,7 +122,7 @@ def _parsed(path: Path) -> dict[str, Any]:
 
 
 def _no_catalogue(path: Path, why: str) -> FemtuneError:
-    return FemtuneError("catalogue.file", where=Where(str(path)), why=why)
+    return FemtuneError("catalogue.file", where=Where(str(path)), reason=why)
 
 
 def _tables(data: dict[str, Any], path: Path) -> list[Any]:
@@ -135,18 +135,18 @@ def _tables(data: dict[str, Any], path: Path) -> list[Any]:
 def _entry(table: Any, i: int, path: Path) -> DampingEntry:
     known = [f.name for f in fields(DampingEntry)]
     if not isinstance(table, dict):
-        raise _bad(path, i, "catalogue.entry/entry")
+        raise _bad(path, i, "catalogue.entry/not-a-table")
     for key in table:
         if key not in known:
-            raise _bad(path, i, "catalogue.entry/entry-3", hint=did_you_mean(key, known), key=key)
+            raise _bad(path, i, "catalogue.entry/unknown-key", hint=did_you_mean(key, known), key=key)
     for key in known:
         if key not in table:
-            raise _bad(path, i, "catalogue.entry/entry-4", key=key)
+            raise _bad(path, i, "catalogue.entry/missing-key", key=key)
     for key in ("name", "of", "unit", "source", "date", "study"):
         _check_text(table[key], key, i, path)
     names = table["fields"]
     if not isinstance(names, list) or not names or not all(isinstance(t, str) and len(t) <= _LONGEST for t in names):
-        raise _bad(path, i, "catalogue.entry/entry-2")
+        raise _bad(path, i, "catalogue.entry/fields")
     value, sd = (_number(table[key], key, i, path) for key in ("value", "sd"))
     _check_meaning(table, sd, i, path)
     texts = {key: table[key] for key in ("name", "of", "unit", "source", "date", "study")}
@@ -155,7 +155,7 @@ def _entry(table: Any, i: int, path: Path) -> DampingEntry:
 
 def _check_text(value: object, key: str, i: int, path: Path) -> None:
     if not isinstance(value, str) or len(value) > _LONGEST:
-        raise _bad(path, i, "catalogue.entry/check-text", key=key, longest=_LONGEST)
+        raise _bad(path, i, "catalogue.entry/text", key=key, longest=_LONGEST)
 
 
 def _number(value: object, key: str, i: int, path: Path) -> float:
@@ -167,15 +167,15 @@ def _number(value: object, key: str, i: int, path: Path) -> float:
 
 def _check_meaning(table: dict[str, Any], sd: float, i: int, path: Path) -> None:
     if not sd > 0.0:
-        raise _bad(path, i, "catalogue.entry/check-meaning")
+        raise _bad(path, i, "catalogue.entry/standard-deviation")
     if table["of"] not in KINDS:
-        raise _bad(path, i, "catalogue.entry/check-meaning-2", table=table["of"], kinds=", ".join(KINDS))
+        raise _bad(path, i, "catalogue.entry/kind", kind=table["of"], kinds=", ".join(KINDS))
     if not table["name"].isidentifier():
-        raise _bad(path, i, "catalogue.entry/check-meaning-3", table=table["name"][:40])
+        raise _bad(path, i, "catalogue.entry/name", name=table["name"][:40])
     try:
         datetime.date.fromisoformat(table["date"])
     except ValueError as error:
-        raise _bad(path, i, "catalogue.entry/check-meaning-4", table=table["date"][:40]) from error
+        raise _bad(path, i, "catalogue.entry/date", date=table["date"][:40]) from error
 
 
 def _bad(path: Path, i: int, code: str, hint: str | None = None, **facts: Any) -> FemtuneError:

@@ -26,7 +26,7 @@ Hertz = Annotated[float, Field(ge=0, le=1e12)]
 
 
 class IdentifyTable(TomlTable):
-    """[identify]: what was measured, and how modes are looked for."""
+    """[identify]: measurement and options of the identification."""
 
     title: Text | None = None
     record: Text | None = None
@@ -48,7 +48,7 @@ class IdentifyTable(TomlTable):
 
 
 class ChannelEntry(TomlTable):
-    """[[channel]]: what one column of the record measures."""
+    """[[channel]]: DOF, quantity and role of one column of the record."""
 
     column: Annotated[int, Field(ge=1)] | Text
     dof: DofLabel
@@ -145,8 +145,8 @@ def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError
         if word not in known and word in OUTPUT_ONLY:
             yield source.error(
                 ("identify", "methods"),
-                "identify.output-only/methods",
+                "identify.output-only/functions",
                 {"methods": word},
-                word=word,
+                method=word,
                 known=", ".join(known),
             )

@@ -43,8 +43,23 @@ def write_whole_by(path: Path, write: Callable[[IO[bytes]], object], flush: bool
         raise
 
 
+def check_writable(path: Path) -> None:
+    """Prove that a file could be written at `path`, before the work begins; nothing is changed.
+
+    Raises
+    ------
+    OSError, ValueError : as `write_whole_by`; a name that no file can have
+    """
+    _check_replaceable(path)
+    with tempfile.TemporaryFile(dir=path.parent):
+        pass
+
+
 def _check_replaceable(path: Path) -> None:
-    mode = os.lstat(path).st_mode if os.path.lexists(path) else stat.S_IFREG
+    try:
+        mode = os.lstat(path).st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
     if stat.S_ISDIR(mode) or not path.name:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):

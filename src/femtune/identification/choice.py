@@ -126,7 +126,7 @@ class Candidate:
     Parameters
     ----------
     freq_hz, damping_ratio : medians of the cluster
-    freq_scatter_hz, damping_scatter : standard deviations over orders and methods, which tell how firm the cluster
+    freq_scatter_hz, damping_scatter : standard deviations over orders and methods, a measure of how stable the cluster
         is and are no error bars
     share : of each method, the part of its orders that has the pole
     collinearity, phase_deviation_deg : of the shape; 1 and 0 for a real mode
@@ -195,7 +195,8 @@ def change_choice(
     changed = list(candidates)
     for freq, chosen in (*((f, True) for f in take), *((f, False) for f in drop)):
         i = _nearest(changed, freq, within)
-        changed[i] = replace(changed[i], chosen=chosen, reason="by hand")
+        reason = "chosen by the user" if chosen else "dropped by the user"
+        changed[i] = replace(changed[i], chosen=chosen, reason=reason)
     return tuple(changed)
 
 
@@ -210,13 +211,13 @@ def chosen_poles(candidates: Sequence[Candidate], table: PoleTable) -> PoleTable
 
 
 def _without_duplicates(found: Sequence[Candidate], table: PoleTable, rule: Rule) -> list[Candidate]:
-    """Clusters that a method's bias or scatter split are one mode."""
+    """Clusters that were split by bias or variance of a method are joined to one mode."""
     kept: list[Candidate] = []
     result = list(found)
     for i in sorted(range(len(found)), key=lambda i: -len(found[i].members)):
         twin = next((c for c in kept if _same(c, found[i], table, rule)), None)
         if found[i].chosen and twin is not None:
-            result[i] = replace(found[i], chosen=False, reason=f"the same mode as the one at {twin.freq_hz:.4g} Hz")
+            result[i] = replace(found[i], chosen=False, reason=f"same mode as at {twin.freq_hz:.4g} Hz")
         elif found[i].chosen:
             kept.append(found[i])
     return result
@@ -262,9 +263,9 @@ def _verdict(share: dict[str, float], collinearity: float, rule: Rule) -> tuple[
     best = max(share.values())
     several = sum(value >= 0.5 * rule.share for value in share.values())
     if best < rule.share:
-        return False, f"in {best:.0%} of the orders only"
+        return False, f"stable in only {best:.0%} of the orders"
     if several < 2 and best < rule.alone:
-        return False, f"in {best:.0%} of the orders of one method only"
+        return False, f"stable in {best:.0%} of the orders of one method only"
     if collinearity < rule.collinearity:
         return False, f"its shape is complex (phase collinearity {collinearity:.2f})"
-    return True, f"in {best:.0%} of the orders"
+    return True, f"stable in {best:.0%} of the orders"

@@ -1,8 +1,8 @@
 """Several estimates of the same modes, by several methods from several fragments of a record, made into one.
 
 As the benchmark building was identified: every method on every fragment, then means and standard deviations (its
-Table 3). Fragments scatter independently, methods on one fragment do not; so the deviation of the mean comes from the
-fragments, and what methods differ by beyond that shows their bias.
+Table 3). The errors of fragments are independent, those of methods on one fragment are not; so the deviation of the
+mean comes from the fragments, and what methods differ by beyond that shows their bias.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class _ModePool:
         return {m: np.array([_mean(self.freq_hz[g[of[g] == m]]) for g in groups]) for m in dict.fromkeys(methods)}
 
     def _sd_of_mean(self, values: Reals, group: NDArray[np.int64]) -> Reals:
-        """Of values (…, members): scatter of the means of fragments over the root of their number."""
+        """Of values (…, members): standard deviation of the means of fragments over the root of their number."""
         fragment = np.array([self.estimates[i].fragment for i in self.source[group]])
         known = ~np.isnan(values).any(axis=tuple(range(values.ndim - 1)))
         numbers = np.unique(fragment[known])

@@ -73,7 +73,7 @@ def _check_estimator(estimator: str, references: int) -> None:
     if estimator not in ESTIMATORS:
         raise FemtuneError("identify.estimator", estimator=estimator)
     if estimator == "H2" and references > 1:
-        raise FemtuneError("identify.estimator/check-estimator", references=references)
+        raise FemtuneError("identify.estimator/several-inputs", n_inputs=references)
 
 
 def _inverse(spectra: InputOutputSpectra) -> Complexes:

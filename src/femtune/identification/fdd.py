@@ -16,7 +16,7 @@ from femtune.arrays import Complexes, Reals
 from femtune.identification.averaging import CrossSpectra
 
 _CLIMB = 4.0
-"""Six decibels above the lowest line so far is the flank of another peak, and no scatter of the spectrum."""
+"""Six decibels above the lowest line so far is the flank of another peak, and no random error of the spectrum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def _decay(auto: Reals, offset_hz: Reals, step_hz: float, window: Reals) -> tupl
     """Decay rate ζω in 1/s and frequency above the reference in Hz of the correlation of a bell.
 
     Welch's estimate is the true correlation times that of the window, which is taken out again. Only the part between
-    90 and 30 % of the first value is used: the beginning holds noise, the end little but scatter.
+    90 and 30 % of the first value is used: the beginning contains noise, the end mostly random errors.
     """
     if len(auto) < 5:
         return float("nan"), float(np.average(offset_hz, weights=auto))

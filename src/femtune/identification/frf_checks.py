@@ -19,11 +19,11 @@ POWER_IN = 0.95
 RECIPROCAL = 0.25
 """Relative difference of H_ij and H_ji that is told."""
 KNOWN_FACTORS = {
-    "g in place of m/s²": 9.80665,
-    "mm in place of m": 1000.0,
-    "lbf in place of N": 4.4482216,
-    "in in place of m": 39.3700787,
-    "kN in place of N": 1000.0,
+    "g instead of m/s²": 9.80665,
+    "mm instead of m": 1000.0,
+    "lbf instead of N": 4.4482216,
+    "in instead of m": 39.3700787,
+    "kN instead of N": 1000.0,
 }
 
 
@@ -70,7 +70,7 @@ def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> floa
 
     Parameters
     ----------
-    kind : read the values as this kind in place of the stated one
+    kind : read the values as this kind instead of the stated one
     """
     i_omega = 2j * np.pi * frfs.freq_hz
     used = frfs.freq_hz > 0.0
@@ -124,8 +124,8 @@ def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
         ratio = mass / seen if seen else np.inf
         if np.isfinite(seen) and not 0.5 < ratio < 5.0 / 3.0:
             near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1 / f) if abs(np.log(abs(ratio) * r)) < 0.2]
-            guess = f"; is it {' or '.join(near)}?" if near else ""
-            found.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, seen=seen, mass=mass, guess=guess))
+            guess = f"; the cause may be {' or '.join(near)}" if near else ""
+            found.append(Notice("frf.mass-line", to_hz=to_hz, dof=dof, apparent_mass=seen, mass=mass, guess=guess))
     return tuple(found)
 
 
@@ -148,9 +148,9 @@ def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice,
     found = []
     for i, j in zip(rows, columns):
         if i != j and abs(inner[i, j]) > abs(inner[i, i]) + margin:
-            found.append(Notice("frf.exchanged", labels=labels[i], labels_2=labels[j]))
+            found.append(Notice("frf.exchanged", label=labels[i], measured_at=labels[j]))
         if abs(inner[i, j]) > 0.5 and inner[i, j].real < -0.5 * abs(inner[i, j]):
-            found.append(Notice("frf.inverted", labels=labels[i]))
+            found.append(Notice("frf.inverted", label=labels[i]))
     return tuple(found)
 
 
@@ -169,7 +169,7 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
     first = levels[0]
     if any(f.values.shape != first.values.shape or not np.array_equal(f.freq_hz, first.freq_hz) for f in levels):
         sizes = {"levels": ", ".join(str(f.values.shape) for f in levels)}
-        raise FemtuneError("identify.lines-differ/compare-levels", values=sizes)
+        raise FemtuneError("identify.lines-differ/levels", values=sizes)
     size = np.linalg.norm(np.nan_to_num(first.values), axis=2)
     size = np.where(size > 0.0, size, np.nan)
     gaps = np.array([f.values - first.values for f in levels])
@@ -212,9 +212,9 @@ def _driving(frfs: FrfSet) -> Iterator[Notice]:
             continue
         better = [kind for kind, share in shares.items() if share >= POWER_IN]
         if better:
-            yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), frfs_kind=frfs.kind)
+            yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), kind=frfs.kind)
         else:
-            yield Notice("frf.driving-point", label=label, own=own)
+            yield Notice("frf.driving-point", label=label, share=own)
 
 
 def _not_reciprocal(frfs: FrfSet) -> Iterator[Notice]:

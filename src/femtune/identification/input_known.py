@@ -58,7 +58,7 @@ class InputKnown:
         unknown = set(self.methods) - set(FRF_METHODS)
         if unknown or not self.methods:
             method = ", ".join(sorted(unknown))
-            raise FemtuneError("identify.method/functions", method=method, methods=", ".join(FRF_METHODS))
+            raise FemtuneError("identify.method/for-functions", method=method, methods=", ".join(FRF_METHODS))
         if self.largest_order < 4:
             raise FemtuneError("identify.method/order", order=self.largest_order)
 

@@ -50,10 +50,10 @@ def _verdict(freq: float, spectra: CrossSpectra, ground: Sequence[int]) -> Input
     out = max(stands_out_db(spectra.freq_hz, spectra.values[:, i, i].real, freq) for i in ground)
     if out >= STANDS_OUT_DB:
         text = (
-            f"the ground has a line at {freq:.4g} Hz too, {out:.0f} dB above the level around it: taken as excitation"
+            f"the ground motion has a peak at {freq:.4g} Hz, {out:.0f} dB above its level there: treated as excitation"
         )
         return InputVerdict(freq, out, True, text)
-    return InputVerdict(freq, out, False, f"the ground has no line at {freq:.4g} Hz ({out:.0f} dB)")
+    return InputVerdict(freq, out, False, f"the ground motion has no peak at {freq:.4g} Hz ({out:.0f} dB)")
 
 
 def stands_out_db(lines_hz: Reals, power: Reals, freq_hz: float) -> float:

@@ -71,7 +71,7 @@ def fit_quality(model: FrfSet, measured: FrfSet) -> FitQuality:
     """Compare functions at the same lines, responses and references (error ``identify.lines-differ``)."""
     if model.values.shape != measured.values.shape or not np.allclose(model.freq_hz, measured.freq_hz):
         sizes = {"model": model.values.shape, "measured": measured.values.shape}
-        raise FemtuneError("identify.lines-differ/fit-quality", values=sizes)
+        raise FemtuneError("identify.lines-differ/fit", values=sizes)
     known = np.isfinite(measured.values)
     miss = np.sum(np.where(known, np.abs(model.values - measured.values) ** 2, 0.0), axis=2)
     size = np.sum(np.where(known, np.abs(measured.values) ** 2, 0.0), axis=2)

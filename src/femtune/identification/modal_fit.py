@@ -108,7 +108,7 @@ def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None
     if 2 * len(frfs.freq_hz) <= unknowns:
         values = {"equations a function": 2 * len(frfs.freq_hz), "unknowns": unknowns}
         raise FemtuneError(
-            "identify.few-lines/check-start", values=values, n_freq_hz=len(frfs.freq_hz), n_poles=len(poles)
+            "identify.few-lines/of-modal-fit", values=values, n_lines=len(frfs.freq_hz), n_poles=len(poles)
         )
 
 

@@ -134,7 +134,6 @@ def _part(values: Complexes, basis: PartialFractions, line: Reals) -> _WeightGro
     errors = data - Q @ coordinates
     half = solve_triangular(R, np.eye(q)) / scale[:, None]
     squares, inner = np.sum(errors**2, axis=0), across.T @ across
-    squares, inner = np.sum(errors**2, axis=0), across.T @ across
     return _WeightGroup((half @ coordinates).T, squares, half @ half.T, -half @ shadow, inner, across.T @ errors)
 
 

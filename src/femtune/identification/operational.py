@@ -35,7 +35,7 @@ class Operational:
     ----------
     band_hz : where modes are looked for; records are resampled to a little above its end
     largest_order : of state-space models; orders go up to it in steps of two
-    pieces : that the scatter of correlations is taken from
+    pieces : number of segments for the variance of the correlations
     resolution_hz : of spectra; None: a four-hundredth of the lower end of the band, or what the record allows
     references : DOFs whose past is used; None: all responses
     block_rows : of Hankel matrices; None: one and a half periods of the lowest frequency, 40 at most

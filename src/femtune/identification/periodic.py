@@ -17,7 +17,7 @@ from femtune.modal import FrfSet, TimeSeries
 
 @dataclass(frozen=True, eq=False)
 class PeriodicFrfs:
-    """Functions at the driven lines, with √E|error|² of each, (n, u, k), from the scatter of the repeats."""
+    """Functions at the driven lines, with √E|error|² of each, (n, u, k), from the variance of the repeats."""
 
     frfs: FrfSet
     sd: Reals
@@ -56,7 +56,7 @@ def stepped_frfs(steps: Sequence[tuple[TimeSeries, Sequence[float]]], blocks: in
     Parameters
     ----------
     steps : steady parts of the record, each with the frequencies in Hz that drove it
-    blocks : parts that a step is cut into, whose scatter tells the noise
+    blocks : parts that a step is cut into, whose variance gives the noise
 
     Raises
     ------
@@ -124,7 +124,7 @@ def _sines(record: TimeSeries, piece: NDArray, freq: Reals) -> Complexes:
 
 
 def _frfs(record: TimeSeries, repeats: Sequence[Complexes], lines: Reals) -> PeriodicFrfs:
-    """H = Ȳ X̄⁻¹ over experiments; the noise is what Y − HX scatters by from repeat to repeat."""
+    """H = Ȳ X̄⁻¹ over experiments; the noise is the variance of Y − HX over the repeats."""
     rows, columns = record.positions("response") + record.positions("reference"), record.positions("input")
     kinds = {KIND_OF.get(record.channels[i].quantity) for i in rows}
     if len(repeats) != len(columns) or len(kinds) != 1 or None in kinds:

@@ -46,7 +46,7 @@ class PoleTable:
         p = len(self.poles)
         sizes = {"shapes": self.shapes.shape, "order": self.order.shape, "method": (len(self.method),)}
         if sizes != {"shapes": (len(self.dofs), p), "order": (p,), "method": (p,)}:
-            raise FemtuneError("poles.shape/post-init", values=sizes, p=p)
+            raise FemtuneError("poles.shape/sizes", values=sizes, n_poles=p)
 
     def __len__(self) -> int:
         return len(self.poles)

@@ -79,7 +79,7 @@ def modes_of(order: int, a: Reals, c: Reals, step_s: float) -> Poles:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Block Hankel matrices of correlation functions, their scatter, and the sizes that fit a record.
+# Block Hankel matrices of correlation functions, their covariance, and suitable sizes for a record.
 
 
 def block_hankel(functions: Reals, rows: int, columns: int, first: int = 1) -> Reals:
@@ -135,7 +135,7 @@ def correlations(values: Reals, references: Sequence[int], lags: int) -> Reals:
 
 
 def correlations_by_block(values: Reals, references: Sequence[int], lags: int, blocks: int) -> Reals:
-    """(blocks, s, r, lags + 1) correlations of consecutive pieces of a record, whose scatter is that of their mean.
+    """(blocks, s, r, lags + 1) correlations of consecutive pieces of a record, whose covariance is that of their mean.
 
     Each piece reaches `lags` samples into the next one, so that no product of samples is lost between them.
     """

@@ -49,8 +49,8 @@ def _checks(record: TimeSeries) -> Iterator[Notice]:
     yield from _same(record, filled, dead)
     still = _still_at_end(values)
     if still > CUT * record.samples and not dead.all():
-        first = record.time_s[max(record.samples - still - 1, 0)]
-        yield Notice("record.cut-short", first=first, still=still, samples=record.samples)
+        first = record.time_s[record.samples - still - 1]
+        yield Notice("record.cut-short", last_change_s=first, n_constant=still, samples=record.samples)
 
 
 def _told(record: TimeSeries, code: str, bad: NDArray[np.bool_]) -> Iterator[Notice]:
@@ -100,7 +100,7 @@ def _same(record: TimeSeries, values: Reals, dead: NDArray[np.bool_]) -> Iterato
     alike = np.triu(np.abs(unit @ unit.T) > 1.0 - 1e-9, 1)
     for i, j in np.argwhere(alike)[:5]:
         names = f"{record.channels[live[i]]} and {record.channels[live[j]]}"
-        yield Notice("record.same-signal", names=names)
+        yield Notice("record.same-signal", channels=names)
 
 
 def _still_at_end(values: Reals) -> int:

@@ -62,7 +62,7 @@ def _check(setups: Sequence[ModeSet], references: DofSet) -> None:
     twice = sorted({d for d in roving if roving.count(d) > 1})
     if twice:
         named = ", ".join(f"{node}{direction}" for node, direction in twice[:5])
-        raise FemtuneError("identify.setups/check", named=named)
+        raise FemtuneError("identify.setups/shared-dof", dofs=named)
 
 
 def _is_in(dof: Dof, references: DofSet) -> bool:
@@ -75,7 +75,7 @@ def _scaled(setup: ModeSet, first: NDArray, references: DofSet, number: int) -> 
     still = size <= 1e-12 * (np.abs(setup.shapes) ** 2).sum(axis=0)
     if still.any():
         mode = setup.labels[int(np.argmax(still))]
-        raise FemtuneError("identify.setups/scaled", mode=mode, number=number + 1)
+        raise FemtuneError("identify.setups/no-motion-at-references", mode=mode, number=number + 1)
     factor = (own.conj() * first).sum(axis=0) / size
     return ModeSet(setup.freq_hz, setup.shapes * factor, setup.dofs, setup.labels, setup.damping_ratio)
 
@@ -117,9 +117,9 @@ def to_rigid_motion(record: TimeSeries, rows: Reals, motions: DofSet) -> tuple[T
         raise FemtuneError("identify.rigid-motion", values=sizes)
     if np.linalg.matrix_rank(rows) < len(motions):
         raise FemtuneError(
-            "identify.rigid-motion/to-rigid-motion",
+            "identify.rigid-motion/not-determined",
             values={"rank": int(np.linalg.matrix_rank(rows))},
-            n_at=len(at),
+            n_responses=len(at),
             n_motions=len(motions),
         )
     values = record.values[at]

@@ -1,7 +1,7 @@
 """Stochastic subspace identification, driven by covariances or by data (Van Overschee and De Moor 1996).
 
 Responses to noise that nobody measured: x(t+1) = A x + w, y = C x + v. Frequencies, damping and shapes come with their
-standard deviations (covariance-driven form) from the scatter of the correlations over pieces of the record.
+standard deviations (covariance-driven form) from the variance of the correlations over segments of the record.
 """
 
 from __future__ import annotations
@@ -102,9 +102,9 @@ def _data_rows(values: Reals, references: Sequence[int], rows: int, begin: int, 
 # ----------------------------------------------------------------------------------------------------
 # Standard deviations of modes from covariance-driven subspace identification, by first-order perturbation.
 #
-# The scatter of the correlations over pieces of the record moves the Hankel matrix, that its singular vectors, these
-# the state matrix, and this the poles and shapes. Sources: E. Reynders, R. Pintelon, G. De Roeck (2008), Mechanical
-# Systems and Signal Processing 22; M. Döhler, L. Mevel (2013), Mechanical Systems and Signal Processing 38.
+# The variance of the correlations over segments of the record changes the Hankel matrix, which changes its singular
+# vectors, these the state matrix, and this the poles and shapes. Sources: E. Reynders, R. Pintelon, G. De Roeck (2008),
+# Mechanical Systems and Signal Processing 22; M. Döhler, L. Mevel (2013), Mechanical Systems and Signal Processing 38.
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ def _real_parts(shapes: Complexes, moves: Complexes) -> tuple[Reals, Reals]:
 
 
 def scatter_of_order(model: CovarianceModel, order: int) -> PoleScatter:
-    """Poles of one order with their movements under the scatter of the record's pieces."""
+    """Poles of one order with their perturbations from the segments of the record."""
     seen = model.observability
     basis = model.left[:, :order]
     moved = _moved_basis(model, order)
@@ -188,8 +188,7 @@ def _of_state_matrix(order: int, a: Reals, moved_a: Reals, c: Reals, moved_c: Re
     left = np.linalg.inv(right)
     coupled = left @ moved_a @ right
     keep = np.flatnonzero(discrete.imag > 1e-12 * np.abs(discrete))
-    continuous = np.log(discrete[keep]) / step_s
-    keep = keep[np.argsort(np.abs(continuous))]
+    keep = keep[np.argsort(np.abs(np.log(discrete[keep])))]
     gaps = discrete[None, :] - discrete[:, None]
     np.fill_diagonal(gaps, np.inf)
     turned = right @ (coupled / gaps)[:, :, keep]

@@ -83,13 +83,13 @@ def residual_poles(band_hz: tuple[float, float], low: int = 1, high: int = 2, da
 
 def _check_poles(poles: Complexes) -> None:
     if not len(poles):
-        raise FemtuneError("identify.no-poles/check-poles")
+        raise FemtuneError("identify.no-poles/of-state-space")
     growing = poles[(poles.real >= 0.0) | (poles.imag <= 0.0)]
     if len(growing):
         raise FemtuneError(
             "identify.unstable-poles",
             values={"first": f"{growing[0]:.6g} rad/s"},
-            n_growing=len(growing),
+            n_unstable=len(growing),
             n_poles=len(poles),
         )
 
@@ -138,7 +138,9 @@ def _least_squares(basis: Complexes, values: Complexes) -> Reals:
     found = np.empty((len(values), basis.shape[1]))
     for known, rows in _patterns(values):
         if 2 * known.sum() < basis.shape[1]:
-            raise FemtuneError("identify.few-lines/least-squares", known=int(known.sum()), basis_shape=basis.shape[1])
+            raise FemtuneError(
+                "identify.few-lines/of-one-function", n_lines=int(known.sum()), n_unknowns=basis.shape[1]
+            )
         left = real_rows(basis[known])
         size = np.linalg.norm(left, axis=0)
         right = real_rows(values[rows][:, known].T)

@@ -1,8 +1,8 @@
 """Time-frequency instantaneous estimators (Bonato, Ceravolo, De Stefano and Molinari 2000).
 
 Two channels of a structure that vibrates in one mode keep their phase difference whatever the excitation does. So in
-the cross distribution D_ij(t, f) of the channels the scatter of arg D_ij over time falls to nearly nothing where a mode
-is, and there the mean of D_ij/D_jj is the ratio of the shape.
+the cross distribution D_ij(t, f) of the channels the standard deviation of arg D_ij over time is nearly zero where a
+mode is, and there the mean of D_ij/D_jj is the ratio of the shape.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class PhaseScatter:
     Parameters
     ----------
     freq_hz : (k,) lines
-    sd_rad : (k,) scatter over time of the phase differences of all channels to the strongest one at each line,
-        weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
+    sd_rad : (k,) standard deviation over time of the phase differences of all channels to the strongest one at each
+        line, weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
     strength : (k,) mean square amplitude of all channels in units of their medians
     ratios : (k, s) mean of D_ij/D_jj with j the strongest channel: real parts are shapes
     """
@@ -37,7 +37,7 @@ class PhaseScatter:
 def phase_scatter(
     values: Reals, rate_hz: float, segment: int, overlap: float = 0.75, window: str = "hann"
 ) -> PhaseScatter:
-    """Scatter of the phase differences over all instants of the short-time transforms of channels (s, n)."""
+    """Standard deviation of the phase differences over all instants of the short-time transforms of channels (s, n)."""
     freq, _, z = signal.stft(
         values, rate_hz, window, segment, int(segment * overlap), boundary=None, padded=False, detrend="constant"
     )
@@ -64,7 +64,7 @@ def _mean_direction(cross: Complexes) -> Complexes:
 
 
 def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: float = 0.7) -> list[int]:
-    """Lines of the band where the scatter has a minimum below `most_rad`."""
+    """Lines of the band where the standard deviation has a minimum below `most_rad`."""
     inside = (found.freq_hz >= band_hz[0]) & (found.freq_hz <= band_hz[1])
     depth = np.where(inside, -found.sd_rad, -2.0)
     at, _ = signal.find_peaks(depth, height=-most_rad, prominence=0.15)

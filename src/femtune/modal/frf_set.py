@@ -25,7 +25,7 @@ class FrfSet:
     responses, references : the DOFs of the first two axes
     kind : one of KINDS
     coherence : (responses, references, k) or None
-    source : where they come from, in words
+    source : origin of the functions, a text
     response_names, reference_names : names of the axes where some of them are combinations of DOFs, which bear the
         label of the one DOF that they stand for; empty where the labels say all
 
@@ -73,17 +73,17 @@ class FrfSet:
         wanted = (len(self.responses), len(self.references), np.size(self.freq_hz))
         for name, array in (("values", self.values), ("coherence", self.coherence)):
             if array is not None and array.shape != wanted:
-                raise FemtuneError("frf.shape", name=name, array_shape=array.shape, wanted=wanted)
+                raise FemtuneError("frf.shape", name=name, array_shape=array.shape, required_shape=wanted)
         for names, wanted_names in ((self.response_names, wanted[0]), (self.reference_names, wanted[1])):
             if names and len(names) != wanted_names:
-                raise FemtuneError("frf.shape/check-sizes", n_names=len(names), wanted_names=wanted_names)
+                raise FemtuneError("frf.shape/names", n_names=len(names), n_rows_or_columns=wanted_names)
 
     def _check_values(self) -> None:
         lines = self.freq_hz
         if not np.isfinite(lines).all() or (lines < 0).any() or (np.diff(lines) <= 0).any():
             raise FemtuneError("frf.values")
         if np.isinf(self.values).any():
-            raise FemtuneError("frf.values/check-values")
+            raise FemtuneError("frf.values/infinite")
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -93,7 +93,7 @@ class FrfSet:
 def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
     """The same functions as receptance, mobility or accelerance: each is iω times the one before.
 
-    At 0 Hz mobility and accelerance do not tell the receptance, which becomes NaN there; the other way they are 0.
+    At 0 Hz the receptance cannot be computed from mobility or accelerance and becomes NaN; conversely, these are 0.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def as_kind(frfs: FrfSet, kind: str) -> FrfSet:
 def frac(a: NDArray, b: NDArray) -> float | None:
     """Frequency response assurance criterion |aᴴb|²/(aᴴa · bᴴb) of two functions (k,) at the same lines.
 
-    Lines where one of them is not known (NaN) do not count; None where nothing is left, or one is zero.
+    Lines where one of them is not known (NaN) are ignored; None if no lines remain, or one function is zero.
 
     Source: W. Heylen, S. Lammens, FRAC: a consistent way of comparing frequency response functions, 1996.
     """

@@ -1,4 +1,4 @@
-"""ModeSet: the modes of a test or of a model, in one language."""
+"""ModeSet: the modes of a test or of a model."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class ModeSet:
     freq_hz : (m,) natural frequencies
     shapes : (n, m) real or complex; NaN marks an entry that was not measured
     dofs : the n DOFs of the rows
-    labels : m names; "1", "2", … unless the source has its own
-    damping_ratio : (m,) fractions of critical, or None where unknown
+    labels : m names; "1", "2", … unless the source has labels
+    damping_ratio : (m,) fractions of critical, or None if unknown
     normalisation : one of NORMALISATIONS
     freq_sd_hz : (m,) standard deviations of the frequencies, or None
     shapes_sd : (n, m) standard deviations of the entries, or None; of a complex entry √E|error|²
-    source : where the modes come from, in words
+    source : origin of the modes, a text
     damping_sd : (m,) standard deviations of the damping ratios, or None
     covariance : (2m, 2m) of the m frequencies in Hz and, after them, the m damping ratios, or None; its diagonal is the
         squares of the standard deviations where these are given too

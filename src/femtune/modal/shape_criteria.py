@@ -55,7 +55,7 @@ def mac(a: NDArray | ModeSet, b: NDArray | ModeSet, weight: NDArray | None = Non
 def mac_where_defined(a: NDArray, b: NDArray, weight: NDArray | None = None) -> Reals:
     """Like `mac`, but a column without motion gives NaN instead of an error."""
     check_rows(a, b)
-    a, b = _unit_largest(a), _unit_largest(b)
+    a, b = unit_largest(a), unit_largest(b)
     inner, norm_a, norm_b = _products(a, b) if weight is None else _weighted_products(a, b, weight)
     still = (norm_a <= STILL**2) | (norm_b <= STILL**2)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -166,7 +166,7 @@ def check_rows(a: NDArray, b: NDArray) -> None:
         raise FemtuneError("modal.rows-differ", values={"shape of the first": a.shape, "shape of the second": b.shape})
 
 
-def _unit_largest(shapes: NDArray) -> NDArray:
+def unit_largest(shapes: NDArray) -> NDArray:
     """Columns with largest entry 1, so that squares neither overflow nor vanish."""
     size = np.max(np.where(np.isnan(shapes), 0.0, np.abs(shapes)), axis=0, initial=0.0)
     return shapes / np.where(size > 0.0, size, 1.0)

@@ -55,7 +55,7 @@ class StateSpace:
         for name, wanted in (("A", (n, n)), ("B", (n, u)), ("C", (y, n)), ("D", (y, u))):
             matrix = getattr(self, name)
             if matrix.shape != wanted:
-                raise FemtuneError("system.shape", name=name, matrix_shape=matrix.shape, wanted=wanted)
+                raise FemtuneError("system.shape", name=name, matrix_shape=matrix.shape, required_shape=wanted)
             if not np.isfinite(matrix).all():
                 raise FemtuneError("system.values", name=name)
 
@@ -88,7 +88,7 @@ class StateSpace:
         values = self._transfer(lines)
         if not np.isfinite(values).all():
             bad = lines[~np.isfinite(values).all(axis=(0, 1))]
-            raise FemtuneError("system.at-pole", bad=bad[0])
+            raise FemtuneError("system.at-pole", freq_hz=bad[0])
         return FrfSet(lines, values, self.responses, self.references, self.kind, source=self.source)
 
     def _transfer(self, lines: Reals) -> Complexes:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.shape_criteria import check_rows, check_shapes
+from femtune.modal.shape_criteria import check_rows, check_shapes, unit_largest
 
 RANK_TOLERANCE = 1e-3
 """Directions of a subspace that the DOFs show with less than this fraction of the strongest are not used."""
@@ -157,6 +157,7 @@ def _angle_deg(cosine: float) -> float:
 
 def _basis(vectors: NDArray) -> NDArray:
     """Orthonormal basis of the span of unit columns; directions hardly seen are dropped."""
+    vectors = unit_largest(vectors)
     length = np.linalg.norm(vectors, axis=0)
     u, s, _ = np.linalg.svd(vectors[:, length > 0.0] / length[length > 0.0], full_matrices=False)
     return u[:, s > RANK_TOLERANCE * max(s.max(initial=0.0), 1e-300)]
@@ -172,7 +173,7 @@ def _cosines(a: NDArray, b: NDArray) -> Reals:
 
 def _share(model: NDArray, shape: NDArray) -> float:
     known = ~np.isnan(shape) & ~np.isnan(model).any(axis=1)
-    psi = shape[known] / max(np.max(np.abs(shape[known]), initial=0.0), 1e-300)
+    psi = unit_largest(shape[known])
     whole = float(np.sum(np.abs(psi) ** 2))
     if whole == 0.0:
         return float("nan")

@@ -1,4 +1,4 @@
-"""TimeSeries: records of several channels on one clock."""
+"""TimeSeries: time records of several channels with a common time base."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ EVEN = 1e-3
 
 @dataclass(frozen=True)
 class Channel:
-    """What one row of a record is.
+    """Description of one channel of a record.
 
     Parameters
     ----------
-    dof : where it was measured, and in which direction
+    dof : measured DOF
     quantity : one of QUANTITIES
-    unit : its unit as the source writes it, "" where that says none
+    unit : its unit as in the source, "" if none is given
     role : "response", "reference" (a response that all set-ups of an ambient test share), or "input" (a measured force
         or motion that drives the structure)
-    name : the source's name of it, or ""
+    name : its name in the source, or ""
 
     Raises
     ------
-    FemtuneError : ``record.channel`` for a word that is not one of QUANTITIES or ROLES
+    FemtuneError : ``record.channel`` for values that are not in QUANTITIES or ROLES
     """
 
     dof: Dof
@@ -58,16 +58,16 @@ class TimeSeries:
 
     Parameters
     ----------
-    values : (channels, samples) real; NaN marks a sample that was lost
-    channels : what each row is; a DOF may stand once in each role
+    values : (channels, samples) real; NaN marks a missing sample
+    channels : description of each row; a DOF may occur once in each role
     sampling_hz : samples a second; None where the samples are uneven (then `times_s` says when they are)
     t0_s : time of the first sample
     times_s : (samples,) times, or None where `sampling_hz` and `t0_s` say them; evenly spaced times become a rate
-    source : where it comes from, in words
+    source : origin of the data, a text
 
     Raises
     ------
-    FemtuneError : ``record.shape`` where the sizes disagree, ``record.values`` for infinite values or complex ones,
+    FemtuneError : ``record.shape`` for inconsistent sizes, ``record.values`` for infinite values or complex ones,
         ``record.times`` for times that are not finite or do not increase, or where neither a rate nor times are given,
         ``record.rate`` for a rate that is not positive or that the times contradict, ``dof.duplicate``
 
@@ -110,16 +110,16 @@ class TimeSeries:
             raise FemtuneError("record.shape", values=sizes)
         if np.isinf(self.values).any():
             bad = [str(self.channels[i]) for i in np.flatnonzero(np.isinf(self.values).any(axis=1))[:5]]
-            raise FemtuneError("record.values/check-sizes", values={"channels": " ".join(bad)})
+            raise FemtuneError("record.values/infinite", values={"channels": " ".join(bad)})
 
     def _check_clock(self) -> None:
         rate = self.sampling_hz
         if rate is not None and not (np.isfinite(rate) and rate > 0.0):
-            raise FemtuneError("record.rate/check-clock", rate=rate)
+            raise FemtuneError("record.rate/not-positive", rate=rate)
         if self.times_s is not None:
             self._check_times(self.times_s)
         elif rate is None:
-            raise FemtuneError("record.times/check-clock")
+            raise FemtuneError("record.times/none")
 
     def _check_times(self, times: NDArray[np.float64]) -> None:
         if times.shape != (self.values.shape[1],) or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
@@ -196,6 +196,6 @@ def _check_rate(said: float, found: float | None, times: NDArray[np.float64]) ->
         return
     mean = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else float("nan")
     raise FemtuneError(
-        "record.rate/check-rate",
+        "record.rate/of-times",
         values={"rate said": f"{said:g} Hz", "rate of the times": f"{mean:g} Hz" + ("" if found else ", uneven")},
     )

@@ -90,7 +90,7 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     configured = solution.point.configured
     structure, configuration = configured.model.structure, configured.configuration
     if not structure.batches:
-        return "the model is made of matrices"
+        return "the model consists of imported matrices"
     if structure.nodes.n_dofs > MOST_DOFS:
         return f"the model has {structure.nodes.n_dofs} DOFs, more than {MOST_DOFS}"
     other = replace(structure, consistent_mass=not structure.consistent_mass)

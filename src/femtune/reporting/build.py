@@ -66,6 +66,6 @@ def _facts(results: Results) -> tuple[tuple[str, str], ...]:
     return (
         ("Matrices of" if study.imported else "Deck", study.deck_file),
         ("Configurations", ", ".join(study.configurations)),
-        ("Units", study.units or "those of the deck, which names none"),
+        ("Units", study.units or "those of the deck (none are declared)"),
         ("Run", f"{origin.started_at}, femtune {origin.femtune_version}"),
     )

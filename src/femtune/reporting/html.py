@@ -14,6 +14,7 @@ import jinja2
 
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError, Where, printable
+from femtune.files.whole_file import check_writable, write_whole
 from femtune.reporting.document import Figure, FigureRow
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def write_html(document: Document, path: Path | str, progress: Progress = silent
     _draw(document, progress)
     content = html_text(document).encode()
     try:
-        path.write_bytes(content)
+        write_whole(path, content)
     except (OSError, ValueError) as error:
         raise _unwritable(path, error) from error
     return path
@@ -53,18 +54,23 @@ def check_page(path: Path | str) -> None:
 
     Raises
     ------
-    FemtuneError : ``run.unwritable``
+    FemtuneError : ``run.unwritable``, also where another file than a page would be lost
     """
     path = Path(path)
     try:
-        # a page that is there stays as it is; an empty file that only the proof made is taken away again
-        there = path.exists()
-        with path.open("ab"):
-            pass
-        if not there:
-            path.unlink()
+        check_writable(path)
+        other = path.is_file() and not _is_page(path)
     except (OSError, ValueError) as error:
         raise _unwritable(path, error) from error
+    if other:
+        raise FemtuneError("run.unwritable/other-file", where=Where(str(path)))
+
+
+def _is_page(path: Path) -> bool:
+    """Whether a file may be replaced by a page: it is one, or empty."""
+    with path.open("rb") as file:
+        start = file.read(200).lstrip().lower()
+    return not start or start.startswith((b"<!doctype html", b"<html"))
 
 
 def _unwritable(path: Path, error: OSError | ValueError) -> FemtuneError:

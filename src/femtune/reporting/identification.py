@@ -40,7 +40,7 @@ def build_identification_page(made: IdentifyResult) -> Document:
     sentence, level = _verdict(made)
     sections = (
         Section("modes", "Modes", tuple(_modes(made))),
-        Section("poles", "How they were chosen", tuple(_poles(made))),
+        Section("poles", "Choice of the modes", tuple(_poles(made))),
         Section("fit", "Measured and synthesised functions", tuple(_fit(made))),
         Section("checks", "Remarks", tuple(_remarks(made))),
         Section("files", "Files", (Paragraph(f"{made.folder}: {', '.join(made.files)}"),)),
@@ -58,10 +58,10 @@ def _verdict(made: IdentifyResult) -> tuple[str, Level]:
     )
     apart = _apart(own)
     if apart is not None:
-        text += f"; the methods lie within {percent(100.0 * apart)} % of each other in frequency"
+        text += f"; the frequencies of the methods differ by at most {percent(100.0 * apart)} %"
     others = len(modes) - len(own)
     if others:
-        text += f"; {counted(others, 'peak')} of the excitation left aside"
+        text += f"; {counted(others, 'peak')} of the excitation excluded"
     warned = any(a.level != "info" for a in made.record.alerts) or not own
     return text + ".", "warning" if warned else "info"
 
@@ -95,7 +95,7 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
         *((">Found in",) if counted_in else ()),
     )  # fmt: skip
     rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
-    note = "σ: standard deviation, – where the method gives none. Collinearity: 1 where the shape is real."
+    note = "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1."
     yield Table("Modes", heads, tuple(rows), note)
 
 
@@ -115,21 +115,21 @@ def _spread(number: float | None) -> str:
 
 def _poles(made: IdentifyResult) -> Iterator[Block]:
     picture = _picture(made)
-    shown = "no pole has an order" if made.found.table is None else counted(len(made.found.table), "pole")
+    shown = "no pole has a model order" if made.found.table is None else counted(len(made.found.table), "pole")
     yield Figure(
         partial(stabilisation_svg, picture),
-        "Poles of every order; those that come back from order to order are large. Behind them: "
-        f"{made.found.curve.words}. Lines: chosen modes; dashed: peaks of the excitation.",
+        "Poles of all model orders; poles that are stable from order to order are drawn large. Curve in the "
+        f"background: {made.found.curve.words}. Solid lines: chosen modes. Dashed lines: peaks of the excitation.",
         f"Stabilisation diagram, {shown}, {counted(len(made.record.modes), 'mode')} chosen",
         wide=True,
     )
     if made.record.clusters:
-        heads = columns(">Hz", ">Damping %", "Taken", "Why")
+        heads = columns(">Hz", ">Damping %", "Chosen", "Reason")
         rows = [
             row(freq(c.freq_hz), short(100.0 * c.damping_ratio), "yes" if c.chosen else "no", c.reason)
             for c in made.record.clusters
         ]
-        note = "Another choice: take_hz and drop_hz in the file, or --take and --drop."
+        note = "To change the choice, use take_hz and drop_hz in the file, or --take and --drop."
         yield Table("Clusters of stable poles", heads, tuple(rows), note, folded=True)
 
 
@@ -158,12 +158,13 @@ def _fit(made: IdentifyResult) -> Iterator[Block]:
         return
     worst, middle = float(found.misfit_percent.max()), float(np.median(found.misfit_percent))
     yield Paragraph(
-        f"The modes and terms for what lies outside the band miss {percent(worst)} % of the worst function's root mean "
-        f"square, {percent(middle)} % of a middling one's. Functions that fit badly may serve as validation data, and "
-        "their sensors deserve a look."
+        "The error is the root mean square of measured − synthesised relative to that of the measured function. It is "
+        f"{percent(worst)} % for the function with the poorest fit and {percent(middle)} % in the median. The "
+        "synthesis contains the modes and residual terms for the modes outside the band. Check the sensors of "
+        "functions with a poor fit."
     )
     panels = tuple(_panel(made, i, j) for i, j in _functions_to_show(found.misfit_percent))
-    caption = "Wide: measured. Narrow: synthesised from the identified modes. The worst-fitting functions come last."
+    caption = "Wide line: measured. Narrow line: synthesised from the identified modes. The poorest fits come last."
     yield Figure(partial(frfs_svg, panels), caption, "Measured and synthesised functions", wide=True)
 
 
@@ -182,7 +183,7 @@ def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
     assert found.synthesised is not None
     assert found.misfit_percent is not None
     missed = percent(float(found.misfit_percent[i, j]))
-    title = f"{found.measured.responses[i]} / {found.measured.references[j]}, misses {missed} %"
+    title = f"{found.measured.responses[i]} / {found.measured.references[j]}, error {missed} %"
     curves = (
         FrfCurve("test", found.measured.freq_hz, found.measured.values[i, j]),
         FrfCurve("model", found.synthesised.freq_hz, found.synthesised.values[i, j]),
@@ -196,6 +197,7 @@ def _remarks(made: IdentifyResult) -> Iterator[Block]:
         yield Listing(flagged)
     if made.found.dropped:
         few = ", ".join(f"{freq(f)} Hz ({n})" for f, n in made.found.dropped)
-        yield Paragraph(f"Found in too few of {made.found.estimates} estimates, and left out: {few}.", tone="muted")
+        words = f"Left out because they occur in too few of {made.found.estimates} estimates: {few}."
+        yield Paragraph(words, tone="muted")
     for alert in made.record.alerts:
         yield AlertBox(alert.level, alert.code, alert.sentence, alert.where)

@@ -41,7 +41,7 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
         ("validation", "Validation", _validation(source)),
-        ("open", "What stays open", [*_undetermined(source), *_not_tested(source)]),
+        ("open", "What was not determined or tested", [*_undetermined(source), *_not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
 
@@ -65,7 +65,7 @@ def _table(comparisons: list[CorrelationResults]) -> Block:
         row(label, freq(hz), *(cell for s in comparisons for cell in _cells(s, label))) for label, hz in modes[:_MODES]
     ]
     more = len(modes) - _MODES
-    note = f"and {counted(more, 'more test mode')} on the page" if more > 0 else ""
+    note = f"and {counted(more, 'more test mode')} in the HTML report" if more > 0 else ""
     return Table(comparisons[0].configuration, heads, tuple(rows), note)
 
 
@@ -125,7 +125,7 @@ def _parameters(source: ReportSource) -> list[Block]:
                 )
             )
     more = len(facts) - _PARAMETERS
-    note = f"and {counted(more, 'more parameter')} on the page" if more > 0 else ""
+    note = f"and {counted(more, 'more parameter')} in the HTML report" if more > 0 else ""
     return [Table("", heads, tuple(rows), note), *derived_quantities(update.derived)]
 
 
@@ -136,7 +136,7 @@ def _remark(fact: ParameterFacts, reason: str) -> Cell:
 def _undetermined(source: ReportSource) -> list[Block]:
     selection = source.results.selection
     if selection is None:
-        return [Paragraph("Which parameters the data determine was not tested.")]
+        return [Paragraph("The identifiability of the parameters was not tested.")]
     weak, found = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
     if not found:
@@ -148,7 +148,7 @@ def _undetermined(source: ReportSource) -> list[Block]:
 def _not_tested(source: ReportSource) -> list[Block]:
     found = source.results.validation
     if found is None:
-        return [Paragraph("Not tested: the model on data that were not used; no validation was run.")]
+        return [Paragraph("Not tested: prediction of data that the update did not use. No validation was run.")]
     lines = [*_untested_criteria(source), *untested_reasons(found), *found.not_tested]
     return [Heading("Not tested"), Listing(tuple(_some(lines, "line")))] if lines else []
 
@@ -161,7 +161,7 @@ def _untested_criteria(source: ReportSource) -> list[str]:
     for c in (c for s in last for c in s.criteria if c.verdict == NOT_TESTED):
         quantity, _, standard = c.name.rpartition(", ")
         reasons.setdefault(c.remark, {}).setdefault(quantity or c.name, set()).add(standard if quantity else "")
-    return [f"criteria{reason and f', since {reason}'}: {_with_standards(names)}" for reason, names in reasons.items()]
+    return [f"criteria{reason and f' ({reason})'}: {_with_standards(names)}" for reason, names in reasons.items()]
 
 
 def _with_standards(names: dict[str, set[str]]) -> str:
@@ -171,7 +171,7 @@ def _with_standards(names: dict[str, set[str]]) -> str:
 
 def _some(lines: list[str], noun: str) -> list[str]:
     more = len(lines) - _LINES
-    return [*lines[:_LINES], *([f"and {counted(more, f'more {noun}')} on the page"] if more > 0 else [])]
+    return [*lines[:_LINES], *([f"and {counted(more, f'more {noun}')} in the HTML report"] if more > 0 else [])]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -184,14 +184,14 @@ def verdict(source: ReportSource) -> tuple[str, Level]:
     if before is None:
         return _without_modes(source, update)
     if update is None or after is None:
-        return f"Test and model were compared, no update was run: {agreement(before)}.", "info"
+        return f"Test and model were compared without an update: {agreement(before)}.", "info"
     if not update.ok:
         return (
-            f"The update did not reach an optimum ({update.message}); its best point: {agreement(after)}.",
+            f"The update did not reach an optimum ({update.message}); at the best point {agreement(after)}.",
             "problem",
         )
     caveats = _caveats(source, update)
-    sentence = f"After the update {agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
+    sentence = f"After the update, {agreement(after)} (before: {_numbers(before)}){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
 
 
@@ -203,7 +203,7 @@ def _without_modes(source: ReportSource, update: UpdateResults | None) -> tuple[
     if not update.ok:
         return f"The update did not reach an optimum ({update.message}); weighted mean error {last} %.", "problem"
     caveats = _caveats(source, update)
-    sentence = f"After the update the weighted mean error is {last} % (before: {first} %){_tail(caveats)}."
+    sentence = f"After the update, the weighted mean error is {last} % (before: {first} %){_tail(caveats)}."
     return sentence, "warning" if caveats else "info"
 
 
@@ -212,9 +212,9 @@ def sturm_verdict(modes: Sequence[ModelModes]) -> tuple[str, Level]:
     untested = [m.configuration for m in modes if m.sturm_count is None]
     missed = [m.configuration for m in modes if m.sturm_count is not None and m.sturm_count != m.modes_below_shift]
     if missed:
-        return f"Counts of modes differ in {listed(missed)}: a mode may have been missed.", "problem"
+        return f"The Sturm counts differ in {listed(missed)}: a mode may have been missed.", "problem"
     if untested:
-        return f"Whether a mode was missed was not tested in {listed(untested)}.", "warning"
+        return f"The completeness of the modes was not tested in {listed(untested)}.", "warning"
     return "No mode was missed: the Sturm counts agree.", "info"
 
 
@@ -226,7 +226,7 @@ def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
     parts += [counted(loads, "load case")] if loads else []
     what = " and ".join(parts)
     if any(a.code == "response.undamped" for r in found for a in r.alerts):
-        return f"{what}; nothing damps the model.", "warning"
+        return f"{what}; the model has no damping.", "warning"
     return f"{what}.", "info"
 
 
@@ -234,7 +234,13 @@ def agreement(scores: Scores) -> str:
     """How well paired modes agree, without a full stop."""
     if not scores.pairs:
         return "no test mode could be paired with a model mode"
-    return f"{counted(scores.pairs, 'test mode')} and model agree within {_numbers(scores)}"
+    if scores.mean_error_percent is None:
+        return f"{counted(scores.pairs, 'test mode')} could be paired"
+    mac = f" and the lowest MAC is {unit_fraction(scores.lowest_mac)}" if scores.lowest_mac is not None else ""
+    return (
+        f"the mean frequency error of {counted(scores.pairs, 'paired mode')} is "
+        f"{percent(scores.mean_error_percent)} %{mac}"
+    )
 
 
 def _numbers(scores: Scores) -> str:
@@ -253,7 +259,7 @@ def _caveats(source: ReportSource, update: UpdateResults) -> list[str]:
     at_bound = sum(bool(p.at_bound) for p in update.parameters)
     open_ = len(source.results.selection.undetermined) if source.results.selection else 0
     return [
-        *([f"{counted(at_bound, 'parameter')} ended at a bound"] if at_bound else []),
+        *([f"{counted(at_bound, 'parameter')} {'is' if at_bound == 1 else 'are'} at a bound"] if at_bound else []),
         *([f"the data leave {counted(open_, 'combination')} of parameters undetermined"] if open_ else []),
         *(["the residuals are not noise"] if update.goodness and update.goodness.verdict == "fail" else []),
         *_failed(source),

@@ -71,7 +71,7 @@ class ReportSource:
     def after_notes(self) -> list[Paragraph]:
         """What "after" means; [] where there is nothing to explain."""
         written = self.final_version == "after as written"
-        return [Paragraph("“After” is the model with the values that the updated deck holds.", "muted")] * written
+        return [Paragraph("“After” refers to the model with the values of the updated deck.", "muted")] * written
 
     def shown(self, configuration: str) -> list[CorrelationResults]:
         """What the report shows of a configuration: before, and the last version where there is one."""

@@ -44,7 +44,7 @@ class FrequencyResidual(PairResidual):
 
     Parameters
     ----------
-    sd : relative standard deviation of what is compared; "test" takes the test's own (error ``residual.no-scatter``
+    sd : relative standard deviation; "test": that of the test (error ``residual.no-scatter``
         where it gives none)
     """
 
@@ -76,7 +76,7 @@ class FrequencyResidual(PairResidual):
         known = pair.case.test.freq_sd_hz
         if known is None or not known[pair.position] > 0.0:
             raise _no_scatter(pair)
-        # λ = ω² scatters twice as much as ω, relatively
+        # the relative standard deviation of λ = ω² is twice that of ω
         times = 2.0 if self.form == "eigenvalue" else 1.0
         return times * float(known[pair.position] / pair.test_hz)
 

@@ -192,10 +192,10 @@ def _asked_sensors(asked: Asked, labels: Iterable[str]) -> Iterator[Dof]:
         dof = parse_dof(label)
         if (dof.node, dof.direction) not in known:
             raise FemtuneError(
-                "dof.missing/asked-sensors",
+                "dof.missing/in-modes",
                 where=asked.where("sensors", i),
                 hint=did_you_mean(label, map(str, asked.modes.dofs)),
-                asked_name=asked.name,
+                configuration=asked.name,
                 label=label,
             )
         yield known[dof.node, dof.direction]

@@ -66,7 +66,7 @@ def _asked_test(asked: Asked) -> StaticTest:
     rows, seen = asked.rows("forces"), asked.rows("displacements")
     load = sp.csr_array(sp.csr_array(np.array([list(entry.forces.values())])) @ rows)
     if not np.any(load.data):
-        raise FemtuneError("response.zero-load/asked-test", where=asked.where("forces"), entry_name=entry.name)
+        raise FemtuneError("response.zero-load/of-residual", where=asked.where("forces"), residual=entry.name)
     with asked.errors_at("displacements"):
         return StaticTest(entry.name, load, seen, np.array(list(entry.displacements.values())))
 

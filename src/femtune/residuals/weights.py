@@ -75,7 +75,7 @@ DEFINITE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Scatter of n values, in their unit: `sd` (one for all, or (n,)) or `covariance` (n, n), one of the two.
+    """Uncertainty of n values, in their unit: `sd` (one for all, or (n,)) or `covariance` (n, n), one of the two.
 
     Residuals are r = L⁻¹e with LLᵀ the covariance (Cholesky), so that their own covariance is the identity.
 

@@ -1,1 +1,1 @@
-"""What a step found, as data with a schema: the record and its making together, one file a step."""
+"""Results of the steps as data with a schema; one file per step, with the functions that make its records."""

@@ -1,4 +1,4 @@
-"""Alerts: what the reader of the results should know first."""
+"""Alerts: remarks that the reader of the results should see first."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_UNPAIRED = 8
 
 
 def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
-    """Alerts of a finished run with `others` among them, the gravest first."""
+    """Alerts of a finished run with `others` among them, the most serious first."""
     found = [
         *_of_update(results),
         *_of_quantify(results),
@@ -47,7 +47,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
 
 
 def _of_residuals(study: Study) -> Iterable[Alert]:
-    """What comparisons left out when they were settled."""
+    """Notices on residuals that were left out when the comparisons were set up."""
     for case in study.cases:
         for residual in () if case.compared is None else case.compared.residuals:
             if isinstance(residual, AtFirstState):
@@ -107,12 +107,11 @@ def _of_writing(results: Results) -> Iterable[Alert]:
     written, update = results.write_back, results.update
     if written is None or update is None:
         return
-    lost = [s for s in written.without_field if "split = true" in s or "no card holds" in s]
     for sentence in written.without_field:
-        yield alert("warning" if sentence in lost else "info", "write.without-field", reason=sentence)
+        yield alert("warning" if sentence in written.lost else "info", "write.without-field", reason=sentence)
     as_written = update.objective_as_written_percent
     if as_written is not None and abs(as_written - update.objective_after_percent) > _WRITTEN_PERCENT:
-        code = "write.incomplete" if lost else "write.rounding"
+        code = "write.incomplete" if written.lost else "write.rounding"
         errors = {"error_percent": as_written, "updated_percent": update.objective_after_percent}
         yield alert("warning", code, **errors)
 
@@ -130,7 +129,7 @@ def _of_model(results: Results) -> Iterable[Alert]:
 
 
 def _of_held_masses(study: Study) -> Iterable[Alert]:
-    """Masses on points that nothing stiffens: AUTOSPC holds them, so that they take part in no mode."""
+    """Masses at grid points without stiffness: AUTOSPC constrains them, so that they do not contribute to any mode."""
     for case in study.cases:
         held = [d for d in case.configured.held_singular if 1 <= d.component <= 3]
         mass = grid_matrix(study.model, case.configured.configuration, "mass").diagonal() if held else np.zeros(0)

@@ -1,4 +1,4 @@
-"""What every record of the results shares: frozen, no unknown keys, no NaN, documented fields."""
+"""Common base of all records of the results: frozen, no unknown keys, no NaN, documented fields."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _short(value: object) -> object:
 
 
 def descriptions(record: type[Record]) -> dict[str, str]:
-    """The text under each field in the source, by name of the field; it is read for the schema only."""
+    """Description of each field from the source, by name of the field; only read for the schema."""
     owners = reversed([c for c in record.__mro__ if issubclass(c, Record)])
     return {name: text for owner in owners for name, text in _own_descriptions(owner)}
 
@@ -79,16 +79,16 @@ def _own_descriptions(owner: type[Record]) -> tuple[tuple[str, str], ...]:
 
 
 class Alert(Record):
-    """Something that the reader should know."""
+    """A remark for the reader of the results."""
 
     level: Level
     """"info", "warning" or "problem"."""
     code: str
     """Stable code ``area.problem``; docs/errors has a page for each."""
     sentence: str
-    """What was found, in words."""
+    """The sentence."""
     where: str = ""
-    """File, line and record, "" where there is none."""
+    """File, line and record, "" if there is none."""
 
 
 def alert(level: Level, code: str, **facts: Any) -> Alert:
@@ -98,7 +98,7 @@ def alert(level: Level, code: str, **facts: Any) -> Alert:
 
 
 class CitationRecord(Record):
-    """A publication behind a method that ran."""
+    """A publication on a method that was used."""
 
     key: str
     """Key of the BibTeX entry."""
@@ -109,7 +109,7 @@ class CitationRecord(Record):
 
 
 class InputFile(Record):
-    """A file that was read, and what it was at that time."""
+    """A file that was read, with its checksum at that time."""
 
     path: str
     """Path as the study names it, relative to the study file."""
@@ -127,7 +127,7 @@ class StepDuration(Record):
 
 
 class Provenance(Record):
-    """Where these results come from."""
+    """Origin of these results: versions, files, command and times."""
 
     femtune_version: str
     """Version of femtune that wrote the results."""
@@ -146,7 +146,7 @@ class Provenance(Record):
     scipy_version: str
     """Version of scipy."""
     eigen_solver: str
-    """Eigen-solver and sparse solver that solved the modes; several where models of different size are in the run."""
+    """Eigen-solver and sparse solver that solved the modes; several for models of different size."""
     durations: tuple[StepDuration, ...] = ()
     """Time of each step."""
 
@@ -157,12 +157,12 @@ class StudyFacts(Record):
     title: str
     """Title of the study."""
     units: str
-    """Coherent system of units, length-mass-time: "m-kg-s"; all values without a unit are in it."""
+    """Coherent system of units, length-mass-time: "m-kg-s"; all values without a stated unit are in it."""
     deck_file: str
-    """The deck as the study names it; the first file of matrices where the model is made of them."""
+    """The deck as the study names it; for a model of matrices the first file."""
     configurations: tuple[str, ...]
     """Names of the configurations, in the order of the study."""
     imported: bool = False
-    """True where the model is made of matrices of another solver, so that there is no deck."""
+    """True for a model from matrices of another solver, without a deck."""
     description: str = ""
     """Free text of the study."""

@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 
 class ModelCheck(Record):
-    """An error that no parameter mends, beside what is allowed."""
+    """A modelling error that updating cannot correct, with its limit."""
 
     configuration: str
     """Name of the configuration."""
     check: str
     """"weighed mass", "lumped or consistent mass" or "mesh"."""
     measured: float | None
-    """The error in %, with its sign; of frequencies that of the worst mode. None where not tested."""
+    """The error in %, with its sign; for frequencies that of the worst mode. None if not tested."""
     limit: float
     """Largest magnitude that passes, in %."""
     verdict: VerdictWord
     """Outcome."""
     sentence: str
-    """What was found, or why it was not tested."""
+    """Result of the check, or the reason why it was not tested."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -44,21 +44,23 @@ Solutions = Mapping[str, EigenSolution]
 
 MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
 _SAME = 1e-6
-_IN_PARAMETERS = "an update would put that into its parameters"
+_IN_PARAMETERS = "an update would absorb this error into the parameters"
 
 
 def mass_checks(study: Study) -> tuple[ModelCheck, ...]:
-    """Weighed mass beside the model's, each configuration."""
+    """Measured mass and mass of the model, for each configuration."""
     return tuple(_mass(study, case) for case in study.cases)
 
 
 def _mass(study: Study, case: StudyCase) -> ModelCheck:
     weighed, limit = case.configured.configuration.weighed_mass, 100.0 * study.file.checks.mass_error
     if weighed is None:
-        return _untested(case, MASS, limit, "the structure was not weighed: weighed_mass in the configuration")
+        return _untested(case, MASS, limit, "no measured mass is given (weighed_mass in the configuration)")
     matrix = grid_matrix(study.model, case.configured.configuration, "mass")
     difference = 100.0 * (mass_properties(study.model.structure.nodes, matrix).mass / weighed - 1.0)
-    return _tested(case, MASS, limit, difference, f"the model's mass is {difference:+.2g} % off the weighed one")
+    return _tested(
+        case, MASS, limit, difference, f"the mass of the model differs by {difference:+.2g} % from the measured mass"
+    )
 
 
 def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tuple[ModelCheck, ...]:
@@ -77,7 +79,7 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
         return _untested(case, LUMPING, limit, change)
     worst = _worst(case, solution, change)
     if worst is None:
-        return _untested(case, LUMPING, limit, "no elastic mode was solved")
+        return _untested(case, LUMPING, limit, "no elastic mode was computed")
     mode, value = worst
     kind = "consistent" if case.configured.model.structure.consistent_mass else "lumped"
     other = "lumped" if kind == "consistent" else "consistent"
@@ -88,18 +90,20 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
 def _mesh(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
     limit = 100.0 * study.file.checks.mesh_error
     if not study.file.checks.refinement:
-        return _untested(case, MESH, limit, "taken as it is: refinement = true in [checks] refines it once")
+        return _untested(
+            case, MESH, limit, "not checked; set refinement = true in [checks] to compare with a refined mesh"
+        )
     found = mesh_change(solution)
     if isinstance(found, str):
         return _untested(case, MESH, limit, found)
     worst = _worst(case, solution, found.error)
     if worst is None:
-        return _untested(case, MESH, limit, "no mode of the refined mesh resembles one of the deck's")
+        return _untested(case, MESH, limit, "no mode of the refined mesh resembles a mode of the original mesh")
     mode, value = worst
     k = mode - 1
     sentence = (
-        f"a mesh of half the size ({found.free_dofs} free DOFs) brings mode {mode} from {found.freq_hz[k]:.5g} to "
-        f"{found.refined_hz[k]:.5g} Hz, so that its error is about {value:+.2g} %"
+        f"with elements of half the size ({found.free_dofs} free DOFs), mode {mode} changes from "
+        f"{found.freq_hz[k]:.5g} to {found.refined_hz[k]:.5g} Hz; its discretisation error is about {value:+.2g} %"
     )
     return _tested(case, MESH, limit, value, sentence)
 

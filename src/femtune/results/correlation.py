@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class ModePairRecord(Record):
-    """A test mode and the model mode that answers for it."""
+    """A test mode and the model mode paired with it."""
 
     test_label: str
     """Label of the test mode."""
@@ -35,7 +35,7 @@ class ModePairRecord(Record):
     freq_error_percent: float
     """(model − test)/test in %."""
     mac: float | None
-    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None where no shape was measured."""
+    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None if no shape was measured."""
     fixed_by_hand: bool = False
     """True where the study prescribes the pair."""
     cluster: int | None = None
@@ -50,7 +50,7 @@ class LeftOutMode(Record):
     test_freq_hz: float
     """Frequency in Hz."""
     reason: str
-    """The study's reason."""
+    """The reason stated in the study."""
 
 
 class UnpairedTestMode(Record):
@@ -61,7 +61,7 @@ class UnpairedTestMode(Record):
     test_freq_hz: float
     """Frequency in Hz."""
     reason: str
-    """Why it has no partner, in words."""
+    """The reason why it has no partner."""
 
 
 class UnpairedModelMode(Record):
@@ -72,7 +72,7 @@ class UnpairedModelMode(Record):
     model_freq_hz: float
     """Frequency in Hz."""
     reason: str = ""
-    """Why, in words."""
+    """The reason."""
 
 
 class ClusterRecord(Record):
@@ -87,7 +87,7 @@ class ClusterRecord(Record):
     angle_deg: float
     """Largest principal angle between the two subspaces, in degrees."""
     sentence: str = ""
-    """Remark in words: how the model's vectors were rotated."""
+    """Remark on the rotation of the model modes."""
 
 
 class ComacEntry(Record):
@@ -100,22 +100,22 @@ class ComacEntry(Record):
 
 
 class CriterionRecord(Record):
-    """An acceptance criterion with the measured number beside its own."""
+    """An acceptance criterion with its limit and the measured value."""
 
     name: str
-    """What is asked: "frequency error, NASA-STD-5002"."""
+    """Quantity and standard: "frequency error, NASA-STD-5002"."""
     limit: float
-    """The criterion's number, in `unit`."""
+    """The limit, in `unit`."""
     sense: Literal["at most", "at least"]
     """Which side of the limit passes."""
     measured: float | None
-    """The worst measured number, in `unit`; None where not tested."""
+    """The worst measured value, in `unit`; None where not tested."""
     unit: str
     """"%", "°" or "" (none)."""
     verdict: VerdictWord
     """Outcome."""
     remark: str = ""
-    """The mode that decided, or why it was not tested."""
+    """The decisive mode, or the reason why it was not tested."""
 
 
 class CorrelationResults(Record):
@@ -124,7 +124,7 @@ class CorrelationResults(Record):
     configuration: str
     """Name of the configuration."""
     stage: ModelVersion
-    """"before" the update, "after" it, or "after as written": with the values that the deck's fields hold."""
+    """"before" the update, "after" it, or "after as written": with the values in the fields of the written deck."""
     pairs: tuple[ModePairRecord, ...]
     """Paired modes in the order of the test."""
     left_out: tuple[LeftOutMode, ...]
@@ -132,7 +132,7 @@ class CorrelationResults(Record):
     unpaired_test: tuple[UnpairedTestMode, ...]
     """Test modes without a partner."""
     unpaired_model: tuple[UnpairedModelMode, ...]
-    """Model modes without a partner, all that were solved, rigid-body modes too."""
+    """Model modes without a partner, including rigid-body modes."""
     clusters: tuple[ClusterRecord, ...]
     """Close modes that were compared as subspaces."""
     mac_key: str | None
@@ -150,19 +150,19 @@ class CorrelationResults(Record):
     auto_mac_model_key: str | None
     """Key of the AutoMAC of the model modes (rows and columns as the columns of the MAC matrix)."""
     comac: tuple[ComacEntry, ...]
-    """COMAC by measured DOF; empty where not tested."""
+    """COMAC by measured DOF; empty if not tested."""
     cross_orthogonality_key: str | None
     """Key of the mass-weighted cross-orthogonality, shape of the MAC matrix; None where not tested."""
     cross_orthogonality_reason: str
-    """Why it was not tested; "" where it was."""
+    """The reason why it was not tested; "" if it was."""
     cross_orthogonality_dropped: tuple[str, ...] = ()
-    """Sensors that it leaves out, since in the model they only repeat others (as on a rigid body)."""
+    """Sensors without contribution because they are linearly dependent on others in the model (as on a rigid body)."""
     criteria: tuple[CriterionRecord, ...]
     """Acceptance criteria."""
     rigid_body_modes: int = 0
-    """How many of the model modes, from the lowest, are rigid-body motions; 0 in results of before it was kept."""
+    """Number of rigid-body modes of the model; 0 in older results without this field."""
     mac_gate: float | None = None
-    """Least MAC of a pair, 0 to 1, as the study asks; None where not recorded."""
+    """Smallest MAC of a pair required by the study, 0 to 1; None if not recorded."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ def correlation_results(
 ) -> CorrelationResults:
     """The record; its matrices are put into `arrays` under keys that begin with `prefix`.
 
-    `criteria` are those that the study asks for, `rigid` is the number of rigid-body modes of the model.
+    `criteria` are those requested in the study, `rigid` is the number of rigid-body modes of the model.
     """
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
@@ -270,7 +270,7 @@ def _unpaired(c: Correlation, i: int, reason: str) -> dict:
 
 def _unpaired_model(c: Correlation, rigid: int) -> Iterable[UnpairedModelMode]:
     for j in c.pairing.unpaired_model:
-        reason = "no test mode was paired with it" if j >= rigid else "rigid-body motion"
+        reason = "no test mode was paired with it" if j >= rigid else "rigid-body mode"
         yield UnpairedModelMode(model_number=j + 1, model_freq_hz=float(c.model.freq_hz[j]), reason=reason)
 
 
@@ -283,7 +283,7 @@ def _clusters(c: Correlation) -> Iterable[ClusterRecord]:
                 test_labels=tuple(c.test.labels[k] for k in match.test),
                 model_numbers=tuple(j + 1 for j in match.model),
                 angle_deg=float(np.nanmax(angles)) if np.isfinite(angles).any() else 0.0,
-                sentence=f"the model's vectors were rotated by {match.rotation.angle_deg:.1f}° within theirs",
+                sentence=f"the model modes were rotated by {match.rotation.angle_deg:.1f}° within their subspace",
             )
 
 

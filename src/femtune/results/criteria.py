@@ -1,4 +1,4 @@
-"""The criteria that a study asks for, by `[validate]`."""
+"""The criteria requested in `[validate]` of a study."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _QUANTITIES = {
 
 
 def criteria_profile(study: Study) -> CriteriaProfile:
-    """The profile that the study names, with its own numbers."""
+    """The profile that the study names, with the limits of the study."""
     table = study.file.validation
     return profile(table.profile, {_QUANTITIES[key]: value for key, value in table.own_limits.items()})
 
 
 def of_whole_tests(study: Study) -> tuple[Criterion, ...]:
-    """Those that a whole test can be judged by: held-out sensors are judged by themselves."""
+    """Criteria for a complete test; those for held-out sensors are separate."""
     return tuple(c for c in criteria_profile(study).criteria if c.quantity != SHAPE)

@@ -1,4 +1,4 @@
-"""The run folder: ``results.json`` and ``arrays.npz``, written whole or not at all, read without trust."""
+"""The run folder: ``results.json`` and ``arrays.npz``, written completely or not at all, and checked when read."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _MOST_BYTES = 4 << 30
 def write_results(folder: Path | str, results: Results, arrays: Mapping[str, NDArray[Any]]) -> Path:
     """Write `results` and `arrays` into `folder` (made if absent); returns the path of ``results.json``.
 
-    Each file appears whole: it is written beside its place and renamed. The arrays come first, so that
-    ``results.json`` never refers to what is not there.
+    Each file is written under a temporary name and then renamed. The arrays come first, so that
+    ``results.json`` never refers to missing arrays.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_results(folder: Path | str) -> tuple[Results, dict[str, NDArray[Any]]]:
 
 
 def check_writable(folder: Path | str) -> None:
-    """Make `folder` and prove that a file can be written there, before hours of work.
+    """Create `folder` and check that files can be written, before the analysis starts.
 
     Raises
     ------

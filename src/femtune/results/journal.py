@@ -1,4 +1,4 @@
-"""What a run solved, and what it took from the journal of an earlier run."""
+"""Number of solutions in a run, and of those taken from the journal of an earlier run."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ class SolutionCount(Record):
     """Solutions of one kind."""
 
     kind: str
-    """"modes" or "derivative": what was solved on the full model."""
+    """"modes" or "derivative"."""
     solved: int
-    """How many this run solved."""
+    """Number of solutions in this run."""
     recalled: int
-    """How many it took from the journal of an earlier run."""
+    """Number of solutions from the journal of an earlier run."""
 
 
 class JournalResults(Record):
-    """Solutions of the full model, and where they came from."""
+    """Solutions of the full model, by origin."""
 
     solved: int
-    """How many this run solved."""
+    """Number of solutions in this run."""
     recalled: int
-    """How many it took from the journal of an earlier run."""
+    """Number of solutions from the journal of an earlier run."""
     kinds: tuple[SolutionCount, ...]
     """The same by kind."""

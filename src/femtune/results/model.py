@@ -45,7 +45,7 @@ class UsedCard(Record):
     name: str
     """Name of the card: "CBAR"."""
     count: int
-    """How many there are."""
+    """Their number."""
 
 
 class IgnoredCard(Record):
@@ -54,7 +54,7 @@ class IgnoredCard(Record):
     name: str
     """Name of the card."""
     count: int
-    """How many there are."""
+    """Their number."""
     first_file: str
     """File of the first one."""
     first_line: int
@@ -71,59 +71,59 @@ class DeckParameterRecord(Record):
     value: str
     """Value as the deck writes it."""
     understood: bool
-    """True where it acts as in Nastran; false where it was ignored."""
+    """True if it acts as in Nastran, false if it was ignored."""
     remark: str = ""
-    """What it did, or why it was ignored."""
+    """Its effect, or the reason why it was ignored."""
 
 
 class HeldDof(Record):
-    """A DOF that AUTOSPC held because nothing stiffens it."""
+    """A DOF that AUTOSPC constrained because no element gives it stiffness."""
 
     dof: str
     """Node and direction: "101RZ+"."""
     reason: str
-    """Why it was held."""
+    """The reason."""
 
 
 class GroundedDof(Record):
-    """A DOF where a rigid motion meets a force: a hidden connection to ground."""
+    """A DOF with a residual force in a rigid-body motion: an unintended connection to ground."""
 
     dof: str
     """Node and direction."""
     force: float
-    """Force left at it in the worst of the six rigid motions, over the sum of what cancels there (no unit)."""
+    """Residual force in the worst of the six rigid-body motions, relative to the sum of magnitudes (no unit)."""
 
 
 class GroundingElementRecord(Record):
-    """An element that strains when the free model moves as a rigid body."""
+    """An element that is strained by a rigid-body motion of the model without supports."""
 
     card: str
     """Name of its card: "CELAS2"."""
     element: int
     """Its number."""
     motion: str
-    """The rigid motion that strains it: "X" to "RZ"."""
+    """The rigid-body motion that strains it: "X" to "RZ"."""
     relative_energy: float
-    """Its strain energy over the sum of the absolute values of its parts (no unit)."""
+    """Its strain energy relative to the sum of the absolute values of its terms (no unit)."""
 
 
 class RigidBodyCheck(Record):
-    """Strain energy of six rigid motions of the model without its supports."""
+    """Strain energy of the six rigid-body motions of the model without supports."""
 
     strain_energies: tuple[float, ...]
     """Of unit translations X, Y, Z and rotations RX, RY, RZ (1 rad), in units of the study."""
     relative_energies: tuple[float, ...]
-    """The same, each over the sum of the absolute values of its parts (no unit); zero is perfect."""
+    """The same, relative to the sum of the absolute values of the terms (no unit); ideally zero."""
     grounded: bool | None
-    """True where at least one motion strains the model; None where not tested."""
+    """True if at least one motion strains the model; None if not tested."""
     verdict: VerdictWord
-    """Outcome; a model that only elements with an end on the ground tie to it passes."""
+    """Outcome; connections to ground by elements with a grounded end are accepted."""
     sentence: str
-    """Outcome in words, or why it was not tested."""
+    """Outcome in words, or the reason why it was not tested."""
     worst_dofs: tuple[GroundedDof, ...] = ()
-    """Where the largest forces are, largest first."""
+    """DOFs with the largest forces, in descending order."""
     grounding_elements: tuple[GroundingElementRecord, ...] = ()
-    """Elements that tie the model to the ground, largest energy first, ten at the most."""
+    """Elements that constrain the model to ground: the ten with the largest energy."""
 
 
 class ModelConfiguration(Record):
@@ -134,11 +134,11 @@ class ModelConfiguration(Record):
     grids: int
     """Number of grid and scalar points."""
     free_dofs: int
-    """Number of DOFs that are solved for."""
+    """Number of free DOFs."""
     supports: tuple[str, ...]
-    """What holds DOFs, in words: grid points themselves, SPC set, configuration; each DOF is counted once."""
+    """Constraints by origin: grid points (PS), SPC set, configuration; each DOF is counted once."""
     held_dofs: tuple[HeldDof, ...]
-    """Every DOF held by AUTOSPC."""
+    """DOFs constrained by AUTOSPC."""
     mass: float
     """Mass of the model, in the study's unit of mass."""
     centre_of_gravity: Vector3 | None
@@ -146,52 +146,52 @@ class ModelConfiguration(Record):
     inertia: tuple[Vector3, Vector3, Vector3] | None
     """Inertia tensor about the centre of gravity, basic axes, in the study's mass·length²; None likewise."""
     weighed_mass: float | None
-    """Mass that was weighed, in the study's unit of mass; None where the study gives none."""
+    """Measured mass, in the study's unit of mass; None if the study states none."""
     mass_difference_percent: float | None
-    """(model − weighed)/weighed in %; None where nothing was weighed."""
+    """(model − measured)/measured in %; None without a measured mass."""
     rigid_body_check: RigidBodyCheck
     """Strain energy of rigid motions."""
     constraints: tuple[str, ...] = ()
-    """Multipoint constraints and rigid elements that act, in words; results of before have them among the supports."""
+    """Active multipoint constraints and rigid elements; older results list them with the supports."""
     overlay: tuple[str, ...] = ()
-    """What this configuration changes in the deck, in words: elements off, masses added, supports."""
+    """Changes of the deck in this configuration: absent elements, added masses, supports."""
 
 
 class NamedSet(Record):
-    """A set of degrees of freedom that the deck names; it holds none of them."""
+    """A named set of degrees of freedom of the deck; it does not constrain them."""
 
     name: str
     """ASET, OMIT, BSET, CSET, QSET, SUPORT, "SUPORT1 3" or "USET U1"."""
     dofs: int
     """Number of its DOFs."""
     effect: str
-    """What it means here, in words."""
+    """Its effect."""
 
 
 class DampingField(Record):
-    """A field of a kind of card that damps; values of zero do not count."""
+    """A damping field of a kind of card; zero values are not counted."""
 
     kind: str
     """"loss factor" (hysteretic) or "viscous"."""
     field: str
-    """Card and field: "MAT1 GE"; those of the six directions of a bush stand together."""
+    """Card and field: "MAT1 GE"; the six directions of a bush are listed together."""
     cards: int
-    """Cards that have a value there."""
+    """Number of cards with a value."""
     lowest: float
     """Smallest value, in units of the deck (loss factors have none)."""
     highest: float
     """Largest value."""
     elements: int
-    """Elements that these values act in."""
+    """Number of elements with these values."""
 
 
 class DampingFacts(Record):
-    """Damping that the deck describes."""
+    """Damping in the deck."""
 
     overall_loss_factor: float | None
     """Loss factor of all stiffness (PARAM G); None without one."""
     overall_omega_rad_s: float | None
-    """Frequency at which viscous damping stands in for it (PARAM W3); None without one."""
+    """Frequency for its conversion to viscous damping (PARAM W3); None without one."""
     element_omega_rad_s: float | None
     """The same for loss factors of materials and elements (PARAM W4); None without one."""
     modal_damping: str
@@ -201,7 +201,7 @@ class DampingFacts(Record):
 
 
 class ModelFacts(Record):
-    """What was read from the deck, and the model that came of it."""
+    """Content of the deck, and the model built from it."""
 
     cards_read: tuple[UsedCard, ...]
     """Cards that were used."""
@@ -212,37 +212,37 @@ class ModelFacts(Record):
     dof_sets: tuple[NamedSet, ...] = ()
     """Sets of degrees of freedom that the deck names."""
     checks: tuple[ModelCheck, ...] = ()
-    """Weighed mass beside the model's; what needs modes stands in SelectionResults."""
+    """Check of the mass; checks that require modes are in SelectionResults."""
     notices: tuple[Alert, ...]
-    """Findings while reading."""
+    """Notices of the deck reader."""
     configurations: tuple[ModelConfiguration, ...]
     """One record a configuration."""
     damping: DampingFacts | None = None
-    """Damping; None in results of before it was read."""
+    """Damping; None in older results without this field."""
 
 
 class MatchedSensor(Record):
-    """A measured DOF and the model's DOF that answers for it."""
+    """A measured DOF and the model DOF matched with it."""
 
     test_dof: str
     """Label in the test: "12X+"."""
     test_node: int
     """Node of the test."""
     model_node: int | None
-    """Grid of the model; None where the sensor is a combination of several."""
+    """Grid of the model; None for a combination of several."""
     distance: float | None
-    """Between the two, in the study's unit of length; None where matched without coordinates."""
+    """Between the two, in the study's unit of length; None if matched without coordinates."""
     how: str
-    """How it was matched, in words: "nearest grid", "same number", "by hand", "combination of 2 DOFs"."""
+    """How it was matched: "nearest", "by id", "given" or "combination"."""
 
 
 class UnmatchedSensor(Record):
-    """A measured DOF that takes no part in the comparison."""
+    """A measured DOF that is not compared."""
 
     test_dof: str
     """Label in the test."""
     reason: str
-    """Why, in words."""
+    """The reason."""
 
 
 class SensorResults(Record):
@@ -253,21 +253,21 @@ class SensorResults(Record):
     test_file: str
     """File of the test."""
     tolerance: float | None
-    """Largest distance allowed, in the study's unit of length; None where matched otherwise."""
+    """Largest distance allowed, in the study's unit of length; None if matched otherwise."""
     matched: tuple[MatchedSensor, ...]
     """Sensors that are compared, generalised ones among them."""
     unmatched: tuple[UnmatchedSensor, ...]
-    """Sensors left aside."""
+    """Sensors that were not matched."""
 
 
 class EffectiveMasses(Record):
-    """How much of the structure's mass each mode moves when its supports move as a rigid body.
+    """Modal effective masses for rigid-body motion of the supports.
 
     Six directions: translations X, Y, Z and rotations RX, RY, RZ about the centre of gravity, basic axes.
     """
 
     total: tuple[float, ...]
-    """Mass felt in X, Y, Z (unit of mass) and inertia RX, RY, RZ (mass·length²); 0 where there is none."""
+    """Effective total mass in X, Y, Z (unit of mass) and inertia RX, RY, RZ (mass·length²); 0 where there is none."""
     fractions: tuple[tuple[float | None, ...], ...]
     """Six numbers for each mode of ModelModes.freq_hz, as parts of the total (no unit); None where the total is 0."""
 
@@ -284,13 +284,13 @@ class ModelModes(Record):
     rigid_body_modes: int
     """How many of them are rigid-body motions."""
     sturm_shift_hz: float | None
-    """Frequency in Hz of the Sturm check; None where not tested."""
+    """Frequency of the Sturm check in Hz; None if not tested."""
     sturm_count: int | None
-    """Number of eigenvalues below that shift by the signs of the factorisation; None where not tested."""
+    """Number of eigenvalues below that shift by the Sturm count; None if not tested."""
     modes_below_shift: int | None
     """Number of solved modes below that shift; equal to sturm_count where no mode was missed."""
     sturm_sentence: str = ""
-    """Outcome in words, or why it was not tested."""
+    """Outcome in words, or the reason why it was not tested."""
     effective_masses: EffectiveMasses | None = None
     """Modal effective masses; None in results of before they were computed."""
     solver: str = ""
@@ -417,7 +417,7 @@ def alert_of(notice: Notice) -> Alert:
 def _deck_parameters(study: Study) -> Iterable[DeckParameterRecord]:
     for name, given in study.built.deck.params.items():
         known = name in UNDERSTOOD_PARAMS
-        remark = "" if known else "not needed for normal modes, or not understood"
+        remark = "" if known else "not needed for normal modes, or not supported"
         yield DeckParameterRecord(name=name, value=given.value, understood=known, remark=remark)
 
 
@@ -432,8 +432,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         supports=tuple(_supports(study, configuration)),
         constraints=tuple(_constraints(study, configuration)),
         held_dofs=tuple(
-            HeldDof(dof=str(d), reason="without stiffness of any element (AUTOSPC)")
-            for d in case.configured.held_singular
+            HeldDof(dof=str(d), reason="no stiffness from any element (AUTOSPC)") for d in case.configured.held_singular
         ),
         mass=mass.mass,
         centre_of_gravity=_vector(mass.centre) if structure.nodes.has_coordinates else None,
@@ -522,9 +521,9 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
 
 
 def _without_coordinates() -> RigidBodyCheck:
-    """Without coordinates nothing is known of rigid motions."""
+    """Rigid-body motions are not known without coordinates."""
     none = (0.0,) * 6
-    sentence = "the points of the model have no coordinates"
+    sentence = "the grid points of the model have no coordinates"
     return RigidBodyCheck(
         strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
         worst_dofs=(), grounding_elements=(),
@@ -532,13 +531,13 @@ def _without_coordinates() -> RigidBodyCheck:
 
 
 def _supports_inside(checks: tuple[RigidMotionCheck, ...]) -> RigidBodyCheck:
-    """Matrices whose held degrees of freedom were left out are tied to the ground, and nothing tells by what."""
+    """Matrices from which constrained degrees of freedom were removed are constrained to ground in an unknown way."""
     return RigidBodyCheck(
         strain_energies=tuple(c.energy for c in checks),
         relative_energies=tuple(c.relative_energy for c in checks),
         grounded=True,
         verdict="not tested",
-        sentence="the matrices resist rigid motion, as they do where held degrees of freedom were left out of them",
+        sentence="the matrices constrain rigid-body motion; this is so if constrained degrees of freedom were removed",
         worst_dofs=_worst(checks),
     )
 
@@ -551,7 +550,7 @@ def _ending_on_ground(structure: Structure) -> set[int]:
 def _meant_sentence(elements: tuple[GroundingElementRecord, ...]) -> str:
     names = list(dict.fromkeys(f"{e.card} {e.element}" for e in elements))
     shown = ", ".join(names[:6]) + (f" … ({len(names)} in all)" if len(names) > 6 else "")
-    return f"without its supports rigid motion strains nothing but elements that end on the ground: {shown}"
+    return f"without supports, rigid-body motion strains only elements that are connected to ground: {shown}"
 
 
 def _grounding(
@@ -569,11 +568,11 @@ def _rigid_sentence(checks: tuple[RigidMotionCheck, ...], tied: int) -> str:
     parts = []
     if bad:
         parts.append(
-            f"rigid motion {', '.join(bad)} strains the model without its supports: something ties it to the ground"
+            f"without supports, rigid-body motion {', '.join(bad)} strains the model; it is constrained to ground"
         )
     if tied:
-        parts.append(f"{_equations(tied)} do not let the model move as a rigid body")
-    return "; ".join(parts) or "without its supports the model moves in all six rigid motions without strain"
+        parts.append(f"{_equations(tied)} prevent rigid-body motion")
+    return "; ".join(parts) or "without supports, all six rigid-body motions are free of strain"
 
 
 def _worst(checks: tuple[RigidMotionCheck, ...]) -> tuple[GroundedDof, ...]:
@@ -629,9 +628,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
     counted = solution.sturm_count >= 0
     below = int((solution.eigenvalues < solution.sturm_shift).sum())
     shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
-    sentence = (
-        f"{solution.sturm_count} eigenvalues lie below {shift_hz:.6g} Hz by the signs of the pivots, {below} were found"
-    )
+    sentence = f"the Sturm count is {solution.sturm_count} eigenvalues below {shift_hz:.6g} Hz; {below} were found"
     return ModelModes(
         configuration=name,
         stage=version,

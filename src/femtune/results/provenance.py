@@ -1,4 +1,4 @@
-"""Where results come from: files with their check sums, versions, times."""
+"""Origin of results: files with their checksums, versions, times."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Stopwatch:
 
 
 def provenance(inputs: Inputs, watch: Stopwatch, modes: Iterable[ModelModes] = ()) -> Provenance:
-    """Files, versions and times of a run, and what solved its modes."""
+    """Files, versions and times of a run, and the eigen-solver."""
     return Provenance(
         femtune_version=__version__,
         started_at=watch.started.isoformat(timespec="seconds"),
@@ -70,7 +70,7 @@ def provenance(inputs: Inputs, watch: Stopwatch, modes: Iterable[ModelModes] = (
 
 
 def _eigen_solver(modes: Iterable[ModelModes]) -> str:
-    """Who solved; before anything is solved who will."""
+    """The eigen-solver that was used, or will be used."""
     ran = list(dict.fromkeys(m.solver for m in modes if m.solver))
     if ran:
         return "; ".join(ran)
@@ -80,7 +80,7 @@ def _eigen_solver(modes: Iterable[ModelModes]) -> str:
 
 
 def inputs_of(study: Study) -> Inputs:
-    """The files of a study with their check sums, as they are now: call it before a long run, not after."""
+    """The files of a study with their current checksums: call it before a long run, not after."""
     base = study.file.path.parent
     text = study.file.given.text
     if text is None:
@@ -125,7 +125,7 @@ def relative(path: Path, base: Path) -> str:
 
 
 def study_facts(study: Study) -> StudyFacts:
-    """What the study says about itself."""
+    """Title, units and files of the study."""
     table = study.file.study
     return StudyFacts(
         title=table.title,

@@ -48,24 +48,24 @@ if TYPE_CHECKING:
 
 
 class FrfPair(Record):
-    """One function: what the model and the test have at their highest line, and how they compare."""
+    """One function: largest values of model and test, and their correlation."""
 
     output: str
-    """DOF, or combination of DOFs, whose motion it is."""
+    """Response DOF, or combination of DOFs."""
     input: str
-    """DOF, or combination of DOFs, that is driven."""
+    """Reference DOF, or combination of DOFs."""
     driving_point: bool
-    """True where both are the same motion."""
+    """True if response and reference are identical (driving point)."""
     peak_hz: float
     """Frequency of the model's largest magnitude, Hz."""
     peak: float
     """That magnitude, in units of the study."""
     test_peak_hz: float | None = None
-    """Frequency of the measured function's largest magnitude within the model's lines; None where not measured."""
+    """Frequency of the measured function's largest magnitude within the model's lines; None if not measured."""
     test_peak: float | None = None
     """That magnitude."""
     frac: float | None = None
-    """Frequency response assurance criterion over the lines that both have; None where these are fewer than two."""
+    """Frequency response assurance criterion over the lines that both have; None for fewer than two."""
 
 
 class FrfResults(Record):
@@ -78,11 +78,11 @@ class FrfResults(Record):
     method: Literal["real modes", "complex modes", "direct"]
     """How they were computed."""
     modes: int | None
-    """Number of modes that are superposed or damped; None where the method needs none."""
+    """Number of modes that are superposed or damped; None if the method needs none."""
     residual_vectors: bool
-    """True where the static response to the inputs completes the modes."""
+    """True if residual vectors (static responses to the inputs) are added to the modes."""
     damping: str
-    """What damps, in words."""
+    """The damping, in words."""
     outputs: tuple[str, ...]
     """DOFs of the first axis of the values."""
     inputs: tuple[str, ...]
@@ -100,7 +100,7 @@ class FrfResults(Record):
 
 
 class ComplexPole(Record):
-    """A complex mode beside the real mode that it resembles most."""
+    """A complex mode and the most similar real mode."""
 
     kind: Literal["rigid", "oscillating", "real"]
     """"real" is a motion without oscillation."""
@@ -109,7 +109,7 @@ class ComplexPole(Record):
     damping_ratio: float | None
     """−Re λ/|λ|; None for rigid-body modes."""
     phase_collinearity: float
-    """1 where all points move in phase or opposite phase (modal phase collinearity, weighed by the mass)."""
+    """1 where all points move in phase or opposite phase (modal phase collinearity, weighted by the mass)."""
     real_mode: int
     """Number of the real mode, from 1."""
     real_freq_hz: float
@@ -133,7 +133,7 @@ class StaticResults(Record):
     forces: tuple[str, ...]
     """Forces in words: "12Z+ 100"."""
     inertia_relief: bool
-    """True where the structure is free and the motion is the elastic one, relative to its rigid motion."""
+    """True for an unconstrained structure with inertia relief: the displacements exclude rigid-body motion."""
     displacements: tuple[Displacement, ...]
     """Motion of the outputs."""
 
@@ -146,15 +146,15 @@ class ResponseResults(Record):
     stage: ModelVersion
     """"before" or "after as written"."""
     frfs: FrfResults | None = None
-    """Frequency responses; None where the study asks for none."""
+    """Frequency responses; None if none are requested."""
     poles: tuple[ComplexPole, ...] = ()
     """Complex modes up to the highest line."""
     poles_reason: str = ""
-    """Why there are no complex modes, in words."""
+    """The reason why there are no complex modes."""
     loads: tuple[StaticResults, ...] = ()
     """Static load cases."""
     alerts: tuple[Alert, ...] = ()
-    """What the reader should know."""
+    """Alerts."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ class ResponseResults(Record):
 def listed_poles(
     study: Study, request: ResponseRequest, point: ModelPoint, modes: Solve, *, damped: bool
 ) -> tuple[ComplexModeTable | None, str]:
-    """Complex modes, or why there are none; where FRFs do without them their failure is no reason to stop."""
+    """Complex modes, or the reason why there are none; their failure is no error if the FRFs do not need them."""
     if reason := _not_listed(request, point, modes, damped):
         return None, reason
     try:
@@ -176,34 +176,38 @@ def listed_poles(
 
 
 def _not_listed(request: ResponseRequest, point: ModelPoint, modes: Solve, damped: bool) -> str:
-    """Why complex modes would say nothing that the real ones do not, or are not asked for; "" where they are listed."""
+    """The reason why complex modes are not listed; "" if they are."""
     if not damped:
-        return "nothing damps the model"
+        return "the model has no damping"
     if _may_grow(request, point):
         return ""
     if not np.any(point.viscous.data) and not np.any(point.hysteretic.data):
-        return "with modal damping they are the real modes"
+        return "with modal damping, they are identical to the real modes"
     if request.method == "direct":
-        return 'they are computed by the methods "real modes" and "complex modes"'
+        return 'they are only computed by the methods "real modes" and "complex modes"'
     if request.method == "real-modes" and is_proportional(modes()):
-        return "damping is proportional, so they have the shapes of the real modes"
+        return "damping is proportional, so that their shapes are those of the real modes"
     return ""
 
 
 def _may_grow(request: ResponseRequest, point: ModelPoint) -> bool:
-    """Negative damping has no frequency response, whatever the method: only the poles tell."""
+    """Negative damping has no frequency response by any method; only the poles show it."""
     return may_be_negative(point) or (request.damping is not None and bool((request.damping.values < 0.0).any()))
 
 
 def unstable(request: ResponseRequest, poles: ComplexModeTable | None) -> tuple[Notice, ...]:
-    """The notice that the motion grows by itself."""
+    """The notice on unstable modes."""
     growing = (
         [] if poles is None else [f"{f:.6g}" for f, z in zip(poles.freq_hz, poles.damping_ratio) if z < -_ROUNDING]
     )
     if not growing:
         return ()
     more = f" and {len(growing) - _SHOWN} more" if len(growing) > _SHOWN else ""
-    return (Notice("response.unstable", case_name=request.case.name, growing=", ".join(growing[:_SHOWN]), more=more),)
+    return (
+        Notice(
+            "response.unstable", configuration=request.case.name, frequencies=", ".join(growing[:_SHOWN]), more=more
+        ),
+    )
 
 
 def pole_records(table: ComplexModeTable) -> tuple[ComplexPole, ...]:
@@ -259,7 +263,7 @@ def _outputs(study: Study, case: StudyCase, k: int, default: Axis | None, forces
 def _check_loads(study: Study, forces: Sequence[Axis]) -> None:
     for k, (load, axis) in enumerate(zip(study.file.load, forces)):
         if not np.any(_row(load, axis).data):
-            raise FemtuneError("response.zero-load", where=study.file.where("load", k, "forces"), load_name=load.name)
+            raise FemtuneError("response.zero-load", where=study.file.where("load", k, "forces"), load=load.name)
 
 
 def _row(load: LoadEntry, axis: Axis) -> sp.csr_array:
@@ -311,7 +315,7 @@ def response_results(
     arrays: Arrays,
     progress: Progress = silent,
 ) -> ResponseResults | None:
-    """FRFs, complex modes and static displacements of a configuration; None where the study asks for none.
+    """FRFs, complex modes and static displacements of a configuration; None if none are requested.
 
     Raises
     ------
@@ -375,11 +379,11 @@ def _about_damping(table: ResponseTable) -> tuple[str, ...]:
 
 
 def _undamped(request: ResponseRequest) -> Notice:
-    return Notice("response.undamped", case_name=request.case.name)
+    return Notice("response.undamped", configuration=request.case.name)
 
 
 def damping_words(study: Study, request: ResponseRequest, point: ModelPoint) -> str:
-    """What damps a model point, in words; "" where nothing does."""
+    """The damping at a model point, in words; "" without damping."""
     table, words = request.table, []
     if np.any(point.hysteretic.data):
         words.append("loss factors of the deck")

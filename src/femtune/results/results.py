@@ -1,4 +1,4 @@
-"""The results of a study: a documented, versioned schema that outlives the code.
+"""The results of a study: a documented, versioned schema that is independent of the code.
 
 ``results.json`` holds one `Results`; arrays lie beside it in ``arrays.npz`` and are referred to by key.
 docs/results-schema.md lists every field.
@@ -26,16 +26,16 @@ SCHEMA_VERSION = "1"
 
 
 class Results(Record):
-    """Everything that a run found; a step that did not run is None."""
+    """All results of a run; steps that did not run are None."""
 
     schema_version: Literal["1"] = "1"
     """Version of this schema."""
     provenance: Provenance
-    """Where the results come from."""
+    """Origin of the results."""
     study: StudyFacts
-    """What the study says."""
+    """Title, units and files of the study."""
     model: ModelFacts | None = None
-    """Deck and model; None where the run stopped before it was built."""
+    """Deck and model; None if the run stopped before the model was built."""
     sensors: tuple[SensorResults, ...] = ()
     """One record a configuration."""
     parameters: tuple[ParameterFacts, ...] = ()
@@ -49,25 +49,25 @@ class Results(Record):
     responses: tuple[ResponseResults, ...] = ()
     """Frequency responses, complex modes and static displacements, by configuration and model version."""
     selection: SelectionResults | None = None
-    """Identifiability; None where not run."""
+    """Identifiability; None if not run."""
     update: UpdateResults | None = None
-    """The update; None where not run."""
+    """The update; None if not run."""
     quantify: QuantifyResults | None = None
-    """Scatter of the parameters from repeated tests; None where the study has no [quantify]."""
+    """Variability of the parameters from repeated tests; None if the study has no [quantify]."""
     write_back: WriteBackResults | None = None
-    """The updated deck; None where nothing was written."""
+    """The updated deck; None if none was written."""
     validation: ValidationResults | None = None
-    """Data that were not used; None where not run."""
+    """Validation on data that were not used; None if not run."""
     journal: JournalResults | None = None
-    """Solutions of the full model, solved and recalled; None where the study keeps no journal."""
+    """Solutions of the full model, solved and recalled; None without a journal."""
     citations: tuple[CitationRecord, ...] = ()
-    """Publications behind what ran outside the update."""
+    """Publications on the methods used outside the update."""
     alerts: tuple[Alert, ...] = ()
-    """What the reader should know first, typed."""
+    """Alerts."""
 
     @property
     def model_checks(self) -> tuple[ModelCheck, ...]:
-        """What an update cannot mend: all that was checked with the modes, else what is known without them."""
+        """Checks for errors that updating cannot correct: with modes if available, otherwise the mass only."""
         if self.selection is not None and self.selection.model_checks:
             return self.selection.model_checks
         return self.model.checks if self.model is not None else ()
@@ -92,7 +92,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def record_types() -> tuple[type[Record], ...]:
-    """All record types of the schema, `Results` first, each before those that it is made of."""
+    """All record types of the schema, `Results` first, each before its parts."""
     return tuple(dict.fromkeys(_with_parts(Results)))
 
 

@@ -1,4 +1,4 @@
-"""The search as records: how the weight of the regularisation was found, and the starts."""
+"""The search as records: choice of the regularisation weight, and the starts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class PathPoint(Record):
-    """What the linear model of the first iteration gives for one weight of the side constraint."""
+    """Solution of the linear model of the first iteration for one weight of the side constraint."""
 
     weight: float
     """The weight (no unit)."""
@@ -25,53 +25,53 @@ class PathPoint(Record):
     constraint_norm: float
     """Norm of the side constraint without its weight (no unit)."""
     curvature: float | None
-    """Of the L-curve (no unit); None where it stands still."""
+    """Curvature of the L-curve (no unit); None where it is not defined."""
     cross_validation: float | None
-    """Generalised cross-validation (no unit); None without residuals to spare."""
+    """Generalised cross-validation (no unit); None if there are no more residuals than parameters."""
     parameters: tuple[float, ...]
-    """Values of the free parameters, bounds left aside, each in its unit, as UpdateResults.history_parameters."""
+    """Values of the free parameters, without bounds, each in its unit, as UpdateResults.history_parameters."""
 
 
 class WeightChoiceResults(Record):
-    """How the weight of the regularisation was found."""
+    """Choice of the regularisation weight."""
 
     rule: Literal["l-curve", "gcv"]
     """The rule."""
     status: str
     """Name of the status: "CORNER"."""
     found: bool
-    """False where there was no weight to find, and the update ran without the constraint."""
+    """False if no weight could be determined, and the update ran without the constraint."""
     sentence: str
-    """What happened, in a sentence."""
+    """The outcome, in a sentence."""
     weight: float | None
-    """The weight (no unit); None where none was found."""
+    """The weight (no unit); None if none was found."""
     path: tuple[PathPoint, ...]
-    """The whole path, weights rising."""
+    """The path, with increasing weights."""
 
 
 class StartFacts(Record):
-    """One start of many."""
+    """One start of a multi-start update."""
 
     number: int
     """Its number, from 1."""
     start: tuple[float, ...]
-    """Free parameters where it set out, each in its unit, as UpdateResults.history_parameters."""
+    """Initial values of the free parameters, each in its unit, as UpdateResults.history_parameters."""
     end: tuple[float, ...]
-    """Where it ended."""
+    """Final values."""
     objective: float | None
-    """Half the sum of squared residuals at the end, side constraint included (no unit); None where it failed."""
+    """Half the sum of squared residuals at the end, side constraint included (no unit); None if it failed."""
     outcome: str
-    """Name of what became of it: "BEST"."""
+    """Name of the outcome: "BEST"."""
     sentence: str
-    """The same in words, with the reason where it failed."""
+    """The outcome in words, with the reason of a failure."""
     tries: int
-    """How many times it set out."""
+    """Number of runs from this start."""
     iterations: int
-    """Of all tries."""
+    """Number of iterations of all runs."""
 
 
 class OptimumFacts(Record):
-    """Ends that are one point."""
+    """Starts that reached the same point."""
 
     objective: float
     """Half the sum of squared residuals, side constraint included (no unit)."""
@@ -80,20 +80,20 @@ class OptimumFacts(Record):
     starts: tuple[int, ...]
     """Numbers of the starts that ended there."""
     as_good: bool
-    """True where the data cannot tell it from the best."""
+    """True if it is equally good as the best within the noise."""
 
 
 class StartsResults(Record):
-    """Many starts, each kept."""
+    """A multi-start update."""
 
     seed: int
     """Of the Latin hypercube."""
     unique: bool
-    """False where another optimum is as good within the noise."""
+    """False if another optimum is equally good within the noise."""
     sentences: tuple[str, ...]
-    """What the starts tell of the answer."""
+    """Summary of the starts, in sentences."""
     noise: float
-    """By how much objectives may differ for the data not to tell their points apart (no unit)."""
+    """Difference of the objectives below which points are equally good within the noise (no unit)."""
     starts: tuple[StartFacts, ...]
     """In the order of their numbers."""
     optima: tuple[OptimumFacts, ...]
@@ -105,7 +105,7 @@ class StartsResults(Record):
 
 
 def weight_choice_results(result: UpdateResult) -> WeightChoiceResults | None:
-    """How the weight was found; None where it was given."""
+    """Choice of the weight; None if it was given."""
     choice = result.side.choice
     if choice is None:
         return None

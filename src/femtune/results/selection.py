@@ -1,4 +1,4 @@
-"""Measures that help to choose parameters, as records."""
+"""Measures for the selection of parameters, as records."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class AlikePair(Record):
-    """Two parameters that do nearly the same to what is compared."""
+    """Two parameters with nearly the same effect on the residuals."""
 
     first: str
     """Name of one parameter."""
@@ -44,23 +44,23 @@ class AlikePair(Record):
 
 
 class NearDependence(Record):
-    """A combination of three or more parameters, or two, that is hardly told from nothing."""
+    """A nearly linearly dependent combination of parameters."""
 
     condition_index: float | None
     """Belsley's condition index; None for an exact dependence."""
     parameters: tuple[str, ...]
-    """Parameters more than half of whose variance comes from it."""
+    """Parameters with more than half of their variance from this combination."""
 
 
 class ParameterInformation(Record):
-    """What the data know of one parameter, in units of its prior standard deviation."""
+    """Information of the data on one parameter, in units of its prior standard deviation."""
 
     parameter: str
     """Name of the parameter."""
     sd_alone: float | None
-    """Standard deviation if all others were known; None without any effect."""
+    """Standard deviation if all others are known; None without any effect."""
     sd_together: float | None
-    """Cramér-Rao bound with all of them unknown and no prior; None where the others can replace it."""
+    """Cramér-Rao bound with all of them unknown and no prior; None if other parameters have the same effect."""
     d_rank: int
     """Place in the D-optimal order, from 1."""
     a_rank: int
@@ -71,13 +71,13 @@ class SubsetEntry(Record):
     """A step of the forward selection by orthogonal projection."""
 
     parameter: str
-    """Name of the parameter that was taken."""
+    """Name of the selected parameter."""
     cosine: float
-    """Cosine of what it adds with what was left of the residual."""
+    """Cosine between its contribution and the remaining residual."""
     left_percent: float
-    """What is left of the residual after the best fit with all taken so far, in % of its length."""
+    """Norm of the remaining residual after the best fit with the parameters so far, in %."""
     chosen: bool
-    """True where it lessens the residual by more than chance (F test, 5 %)."""
+    """True if it reduces the residual significantly (F test, 5 %)."""
 
 
 class GroupEnergy(Record):
@@ -90,7 +90,7 @@ class GroupEnergy(Record):
     kinetic_percent: float
     """Share of the mode's kinetic energy in %."""
     residual_percent: float | None
-    """Share of the energy of what contradicts the measured mode, in %; None where not asked for."""
+    """Share of the residual energy of the expanded mode, in %; None if not requested."""
 
 
 class ModeEnergies(Record):
@@ -103,30 +103,30 @@ class ModeEnergies(Record):
     freq_hz: float
     """Frequency of the model mode, in Hz."""
     contradiction_percent: float | None
-    """√(energy of the residual/strain energy of the expanded mode) in %; None where not asked for."""
+    """√(energy of the residual/strain energy of the expanded mode) in %; None if not requested."""
     groups: tuple[GroupEnergy, ...]
     """The groups with the largest shares, by falling strain or residual energy."""
 
 
 class SelectionMeasures(Record):
-    """Which parameters are alike, which are known, and which explain the residual."""
+    """Collinearity, information and order of the parameters."""
 
     collinearity_index: float | None
-    """1 where all columns are orthogonal; None where some depend on others."""
+    """1 where all columns are orthogonal; None if some are linearly dependent."""
     pairs: tuple[AlikePair, ...]
-    """Parameters that do nearly the same (cosine of .95 or more), the most alike first."""
+    """Parameters with nearly the same effect (cosine of 0.95 or more), the most similar first."""
     dependences: tuple[NearDependence, ...]
     """Near dependences (condition index of 30 or more), the nearest first."""
     information: tuple[ParameterInformation, ...]
     """One record a free parameter."""
     subset: tuple[SubsetEntry, ...]
-    """Parameters in the order in which they explain most of the residual."""
+    """Parameters in the order of the forward selection."""
     energy_groups: str
-    """What the groups of the energies are: "parameters", "properties", "elements" or "none"."""
+    """Groups of the energies: "parameters", "properties", "elements" or "none"."""
     energies: tuple[ModeEnergies, ...]
-    """Energies of the compared modes; empty where not asked for."""
+    """Energies of the compared modes; empty if not requested."""
     sentences: tuple[str, ...]
-    """What the measures say, in words."""
+    """The measures in sentences."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ _MOST_GROUPS = 12
 
 
 def selection_measures(study: Study, known: Identifiability, at: Evaluation) -> SelectionMeasures:
-    """All measures at an evaluation; energies where the study asks for them."""
+    """All measures at an evaluation; energies if requested in the study."""
     S, names = known.scaled_jacobian, known.names
     alike, information = collinearity(S, names), fisher_information(S, names)
     subset = forward_selection(S, at.residuals, names)
@@ -183,7 +183,7 @@ def _subset(found: Subset) -> tuple[SubsetEntry, ...]:
 
 
 def _groups(study: Study) -> Groups:
-    """Element numbers by name of the group; none where no energies are asked for."""
+    """Element numbers by name of the group; none if no energies are requested."""
     asked = study.file.select.energies
     if asked == "none" and study.file.select.localise:
         asked = "parameters"
@@ -200,7 +200,7 @@ def _groups(study: Study) -> Groups:
 
 
 def _elements(study: Study, parameter: str) -> tuple[int, ...]:
-    """Elements that a parameter moves."""
+    """Elements that a parameter affects."""
     structure, found = study.model.structure, set()
     for name, position, _ in study.model.placed:
         if name == parameter:

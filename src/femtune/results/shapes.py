@@ -1,4 +1,4 @@
-"""Mode shapes for pictures: lines and faces of the active elements, the motion of all grid points, that of the test."""
+"""Mode shapes for pictures: lines and faces of the active elements, motion of the grid points and of the sensors."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class ModeShapes(Record):
     stage: ModelVersion
     """"before", "after" or "after as written"."""
     points_key: str | None = None
-    """Key of the coordinates of the points that are drawn, shape (points, 3); None where no shapes were kept."""
+    """Key of the coordinates of the points that are drawn, shape (points, 3); None if no shapes were stored."""
     lines_key: str | None = None
     """Key of the lines, shape (lines, 2): rows of the points at both ends."""
     line_kinds_key: str | None = None
     """Key of the kinds of the lines, shape (lines,): 0 for two-node elements, 1 for rigid elements."""
     faces_key: str | None = None
     """Key of shells and the outer faces of solids, shape (faces, 4): rows of the points at their corners, −1 for the
-    fourth of a triangle; None in results of before shells were drawn."""
+    fourth of a triangle; None in older results without this field."""
     translations_key: str | None = None
     """Key of the motion of the points, shape (points, 3, modes), modes as in ModelModes.freq_hz."""
     sensor_positions_key: str | None = None
-    """Key of the places of the sensors on the model, shape (sensors, 3); NaN where unknown; None without a test."""
+    """Key of the positions of the sensors on the model, shape (sensors, 3); NaN where unknown; None without a test."""
     sensor_directions_key: str | None = None
     """Key of the sensors' unit directions, or axes of rotation, shape (sensors, 3)."""
     sensor_rotations_key: str | None = None
@@ -47,9 +47,9 @@ class ModeShapes(Record):
     model_at_sensors_key: str | None = None
     """Key of the model's motion seen by the sensors, shape (sensors, modes)."""
     simplified: str = ""
-    """What lines and faces leave out of a large mesh, in words; "" where they are all there."""
+    """Simplification of a large mesh, in words; "" if it is complete."""
     reason: str = ""
-    """Why no shapes were kept; "" where they were."""
+    """The reason why no shapes were stored; "" if they were."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -64,8 +64,8 @@ MOST_MODES = 50
 def mode_shapes(
     case: StudyCase, version: ModelVersion, solution: EigenSolution, prefix: str, arrays: Arrays
 ) -> ModeShapes:
-    """The record; its arrays go into `arrays` under `prefix`. Of large models a coarser mesh is kept, of very many
-    modes none."""
+    """The record; its arrays go into `arrays` under `prefix`. Large models are stored with a simplified
+    mesh, very many modes not at all."""
     mesh = case.mesh or drawn_mesh(case.configured)
     reason = _not_drawn(mesh, solution.wanted)
     if reason:
@@ -96,7 +96,7 @@ def drawn_mesh(configured: ConfiguredModel) -> DrawnMesh:
 def _not_drawn(mesh: DrawnMesh, modes: int) -> str:
     if not len(mesh.lines) and not len(mesh.faces):
         return "the model has no shells, no solids and no two-node or rigid elements to draw"
-    return f"there are {modes} modes, and shapes are kept up to {MOST_MODES}" if modes > MOST_MODES else ""
+    return f"there are {modes} modes, and shapes are stored for up to {MOST_MODES}" if modes > MOST_MODES else ""
 
 
 def grid_translations(

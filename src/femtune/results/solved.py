@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def nominal(study: Study) -> NDArray[np.float64]:
-    """Normalised parameters of the start."""
+    """Initial values of the normalised parameters."""
     return np.zeros(len(study.parameters.free))
 
 
@@ -33,7 +33,7 @@ def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
 
 
 def solved_if_any(study: Study, case: StudyCase, x: NDArray) -> EigenSolution | None:
-    """Modes of a configuration; None where none were measured and the model has no mass that could move."""
+    """Modes of a configuration; None if none were measured and the model has no free mass."""
     try:
         return solve(study, case, x)
     except FemtuneError as error:

@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 
 
 class StageRun(Record):
-    """One update of a stage, from what was believed or from a seed."""
+    """One run of a stage, from the results of earlier stages or from a seed."""
 
     seed: int
-    """0: started from what was believed; else the number of the seed, from 1."""
+    """0: started from the results of earlier stages; otherwise the number of the seed, from 1."""
     start: tuple[float, ...]
-    """Start values of the stage's parameters, in their units."""
+    """Initial values of the stage's parameters, in their units."""
     values: tuple[float, ...]
-    """Where it ended."""
+    """Final values."""
     objective: float | None
-    """½ rᵀr with the prior, at the end (no unit); None where it could not start."""
+    """½ rᵀr with the prior, at the end (no unit); None if it could not start."""
     iterations: int
     """Accepted steps."""
     status: str
-    """Name of the status; "" where it could not start."""
+    """Name of the status; "" if it could not start."""
     message: str
-    """What happened, in a sentence."""
+    """The outcome, in a sentence."""
     agrees: bool
-    """True where it ended at an optimum within a tenth of a standard deviation of the best run's."""
+    """True if it reached an optimum within a tenth of a standard deviation of the best run's."""
 
 
 class StageParameter(Record):
-    """A parameter that a stage moved."""
+    """A parameter that a stage updated."""
 
     name: str
     """Name."""
@@ -51,9 +51,9 @@ class StageParameter(Record):
     value: float
     """Value after it."""
     sd: float
-    """Standard deviation, with the share of uncertain parameters that rested."""
+    """Standard deviation, including the uncertainty of the fixed parameters."""
     sd_of_data: float | None
-    """The same if all that rested were known exactly; None where the update gives none."""
+    """The same without this uncertainty; None if the update gives none."""
 
 
 class StageErrorSum(Record):
@@ -72,14 +72,14 @@ class StageErrorSum(Record):
 
 
 class StageMisfit(Record):
-    """Residuals of one kind beside what noise and uncertain parameters explain."""
+    """Residuals of one kind relative to what noise and uncertain parameters explain."""
 
     kind: str
     """Kind of residual."""
     size: float
     """Root of the sum of squares over its expectation (no unit): about 1."""
     larger_than_noise: bool
-    """True where chance exceeds it once in a hundred tests of a right model; the standard deviations are then wider."""
+    """True if it exceeds the 1 % point for a correct model; the standard deviations are then increased."""
 
 
 class StageLeftOut(Record):
@@ -90,7 +90,7 @@ class StageLeftOut(Record):
     label: str
     """The mode."""
     reason: str
-    """Why."""
+    """The reason."""
 
 
 class StageResults(Record):
@@ -99,19 +99,19 @@ class StageResults(Record):
     name: str
     """Name."""
     configurations: tuple[str, ...]
-    """States that it compared."""
+    """Configurations that it compared."""
     kinds: tuple[str, ...]
     """Kinds of residual that it compared."""
     ok: bool
-    """True where the best run ended at an optimum."""
+    """True if the best run reached an optimum."""
     message: str
-    """How the best run ended, in a sentence."""
+    """The outcome of the best run, in a sentence."""
     comparisons: int
     """Number of values that were compared."""
     parameters: tuple[StageParameter, ...]
-    """What it moved."""
+    """Its parameters."""
     runs: tuple[StageRun, ...]
-    """The updates from the belief and from every seed."""
+    """The runs from the results of earlier stages and from every seed."""
     misfit: tuple[StageMisfit, ...]
     """By kind."""
     error_sums: tuple[StageErrorSum, ...]
@@ -184,7 +184,7 @@ def _refused(entry: StageEntry, found: StageResult, seed: int) -> StageRun:
     values = {**found.start.values, **entry.seeds[seed - 1]}
     start = tuple(values[name] for name in entry.parameters)
     return StageRun(seed=seed, start=start, values=start, objective=None, iterations=0, status="",
-                    message=f"no update could start here: {found.refused[seed]}", agrees=False)  # fmt: skip
+                    message=f"the update could not start here: {found.refused[seed]}", agrees=False)  # fmt: skip
 
 
 def _values(entry: StageEntry, run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:

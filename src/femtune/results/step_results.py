@@ -1,4 +1,4 @@
-"""What a step returns: its records, its arrays, and what the reader should know, as one object.
+"""Results of the steps: records, arrays and remarks as one object.
 
 A step that looks at each configuration returns a sequence with one record a configuration; a step on the whole study
 returns one record. Tables are `Rows`, which ``pandas.DataFrame`` takes as they are.
@@ -39,11 +39,11 @@ _MOST_LINES, _LONGEST_LINE = 7, 160
 
 
 class StepResult(ABC):
-    """What all results of steps have: a short `repr`, and a table in a notebook."""
+    """Base of the results of steps: a short `repr`, and a table in a notebook."""
 
     @abstractmethod
     def _sentences(self) -> list[str]:
-        """What is said of it, the most important first."""
+        """Its sentences, the most important first."""
 
     @abstractmethod
     def _table(self) -> Rows:
@@ -108,7 +108,7 @@ class OfConfigurations(StepResult, Sequence[R], Generic[R]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InfoResult(StepResult):
-    """What is in a deck: cards, mass, supports and the rigid-body check of each configuration.
+    """Summary of a deck: cards, mass, supports and the rigid-body check of each configuration.
 
     `record` is that of results.json, ``model``.
     """
@@ -142,7 +142,7 @@ class InfoResult(StepResult):
 
     @property
     def notices(self) -> tuple[Alert, ...]:
-        """What was found while reading."""
+        """Notices of the deck reader."""
         return self.record.notices
 
     def _sentences(self) -> list[str]:
@@ -161,7 +161,7 @@ class InfoResult(StepResult):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModesResult(OfConfigurations["ModelModes"]):
-    """Natural modes of each configuration, at the start values of the parameters.
+    """Natural modes of each configuration, at the initial values of the parameters.
 
     `report` is the page that was written, None without one.
     """
@@ -191,7 +191,7 @@ class ModesResult(OfConfigurations["ModelModes"]):
 
     @property
     def results(self) -> Results:
-        """All of it as the schema of results.json has it: provenance, facts of the model, modes, shapes for drawing."""
+        """The results in the schema of results.json: provenance, facts of the model, modes, shapes for drawing."""
         return self._whole[0]
 
     @property
@@ -207,7 +207,7 @@ class ModesResult(OfConfigurations["ModelModes"]):
         found = []
         for m in self.records:
             shown = ", ".join(f"{f:.5g}" for f in m.freq_hz[:6]) + (" …" if len(m.freq_hz) > 6 else "")
-            rigid = f", {m.rigid_body_modes} of them rigid-body motions" if m.rigid_body_modes else ""
+            rigid = f", {m.rigid_body_modes} of them rigid-body modes" if m.rigid_body_modes else ""
             found.append(f"{m.configuration}: {len(m.freq_hz)} modes{rigid}: {shown} Hz")
         return [*found, *self.remarks]
 
@@ -219,7 +219,7 @@ class ModesResult(OfConfigurations["ModelModes"]):
 class RespondResult(OfConfigurations["ResponseResults"]):
     """Frequency responses, complex modes and static displacements of each configuration.
 
-    `results` holds the records as the schema has them, `arrays` what they refer to by key, `files` the Universal Files
+    `results` holds the records in the schema of results.json, `arrays` the arrays by key, `files` the Universal Files
     that were written, `report` the page, None without one.
     """
 
@@ -250,12 +250,12 @@ class RespondResult(OfConfigurations["ResponseResults"]):
         """The functions of the only configuration (error ``study.unknown-configuration`` for several)."""
         record = self._only("frf_set")
         if record.frfs is None:
-            raise FemtuneError("response.nothing-asked/frfs")
+            raise FemtuneError("response.nothing-asked/no-frfs")
         return frf_set(record.frfs, self.arrays)
 
     @property
     def functions(self) -> Rows:
-        """Every function: its largest value and where it is, beside the measured one."""
+        """Every function: its largest value and frequency, with those of the test."""
         columns = ("output", "input", "peak_hz", "peak", "test_peak_hz", "test_peak", "frac")
         return Rows.of(
             {"configuration": r.configuration, **row}
@@ -333,7 +333,7 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
 
     @property
     def criteria(self) -> Rows:
-        """Acceptance criteria with the measured number beside the limit, and the verdict."""
+        """Acceptance criteria with measured value, limit and verdict."""
         columns = ("name", "sense", "limit", "measured", "unit", "verdict", "remark")
         return Rows.of(
             {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.criteria, *columns)
@@ -382,7 +382,7 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SelectResult(StepResult):
-    """Which parameters, and which combinations of them, the data determine.
+    """Which parameters and combinations of parameters the data determine.
 
     `record` is that of results.json, ``selection``; `arrays` by its keys; `remarks` as those of the other steps.
     """
@@ -398,7 +398,7 @@ class SelectResult(StepResult):
 
     @property
     def sensitivities(self) -> Rows:
-        """Change of each compared frequency, in %, for 1 % of each parameter's start value: a column a parameter."""
+        """Change of each frequency in % for 1 % of each parameter's initial value; one column per parameter."""
         names = self.record.column_labels
         return Rows.of(
             {"configuration": s.configuration, "test_label": s.test_label, **dict(zip(names, s.percent_per_percent))}
@@ -431,7 +431,7 @@ class SelectResult(StepResult):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuantifyResult(StepResult):
-    """Mean and covariance of the parameters over repeated tests.
+    """Mean and covariance of the parameters from repeated tests.
 
     `record` is that of results.json, ``quantify``; `arrays` by its keys; `remarks` as those of the other steps.
     """
@@ -442,12 +442,12 @@ class QuantifyResult(StepResult):
 
     @property
     def ok(self) -> bool:
-        """True where mean and covariance may be used."""
+        """True if mean and covariance may be used."""
         return self.record.ok
 
     @property
     def parameters(self) -> Rows:
-        """One line a free parameter: start, mean and standard deviation, in its unit."""
+        """One line per free parameter: initial value, mean and standard deviation, in its unit."""
         return rows_of(self.record.parameters, "parameter", "start", "mean", "sd", "outside_bounds")
 
     @property
@@ -481,7 +481,7 @@ class QuantifyResult(StepResult):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunResult(StepResult):
-    """What an update found, and the run folder that holds it.
+    """Results of an update, with its run folder.
 
     Parameters
     ----------
@@ -508,12 +508,12 @@ class RunResult(StepResult):
 
     @property
     def message(self) -> str:
-        """How the update ended, in a sentence."""
+        """The outcome of the update, in a sentence."""
         return "" if self.results.update is None else self.results.update.message
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """How many solutions came from the journal of an earlier run."""
+        """Number of solutions from the journal of an earlier run."""
         journal = self.results.journal
         if journal is None or not journal.recalled:
             return ()
@@ -528,11 +528,11 @@ class RunResult(StepResult):
 
     @property
     def parameters(self) -> Rows:
-        """One line a parameter: start, value, standard deviation, 95 % interval, change, bound."""
+        """One line per parameter: initial value, value, standard deviation, 95 % interval, change, bound."""
         if self.results.update is None:
             return Rows()
         facts = {p.name: p for p in self.results.parameters}
-        columns = ("value", "sd", "sd_reason", "interval_95", "change_percent", "at_bound")
+        columns = ("value", "sd", "change_percent", "interval_95", "at_bound", "sd_reason")
         found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
         return Rows.of(
             {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
@@ -585,16 +585,16 @@ class RunResult(StepResult):
 
     @property
     def verdicts(self) -> Rows:
-        """Criteria that the updated model was judged by; no rows where the study validates nothing."""
+        """Acceptance criteria of the updated model; no rows if the study has no validation data."""
         columns = (
-            "configuration", "data", "criterion", "sense", "required", "measured", "unit", "verdict", "remark", "noise",
+            "verdict", "criterion", "measured", "sense", "required", "unit", "configuration", "data", "remark", "noise",
         )  # fmt: skip
         found = self.results.validation
         return Rows() if found is None else rows_of(found.verdicts, *columns)
 
     @property
     def predictions(self) -> Rows:
-        """Modes that the update did not use, beside what the updated model predicts."""
+        """Modes that the update did not use, with the predictions of the updated model."""
         columns = (
             "configuration", "test_label", "test_freq_hz", "model_number", "model_freq_hz", "freq_error_percent", "mac",
             "z", "remark",
@@ -604,17 +604,17 @@ class RunResult(StepResult):
 
     @property
     def alerts(self) -> Rows:
-        """What the reader should know first."""
+        """Alerts and remarks, the most important first."""
         return rows_of(self.results.alerts, "level", "code", "sentence", "where")
 
     @property
     def before(self) -> CorrelateResult:
-        """Test against model at the start values."""
+        """Test against model at the initial values."""
         return self.at("before")
 
     @property
     def after(self) -> CorrelateResult:
-        """Test against model with the values that the updated deck holds; without a deck those of the update."""
+        """Test against model with the values of the updated deck; without a deck those of the update."""
         written = any(c.stage == "after as written" for c in self.results.correlations)
         return self.at("after as written" if written else "after")
 
@@ -630,19 +630,19 @@ class RunResult(StepResult):
 
     @property
     def selection(self) -> SelectResult | None:
-        """What the data determine at the start values; None where the run holds none."""
+        """Identifiability at the initial values; None if the run has none."""
         found = self.results.selection
         return None if found is None else SelectResult(found, self.arrays)
 
     @property
     def quantify(self) -> QuantifyResult | None:
-        """Mean and covariance from repeated tests; None where the study has none."""
+        """Mean and covariance from repeated tests; None if the study has none."""
         found = self.results.quantify
         return None if found is None else QuantifyResult(found, self.arrays)
 
     @property
     def deck(self) -> Path | None:
-        """The updated deck; None where none was written."""
+        """The updated deck; None if none was written."""
         written = self.results.write_back
         return None if written is None or not written.files else self.folder / written.files[0]
 
@@ -654,9 +654,9 @@ class RunResult(StepResult):
         head = f"{update.status}, weighted mean error {error}, {len(update.history) - 1} iterations, {self.folder}"
         found = []
         for p in update.parameters:
-            sd = f"± {p.sd:.2g}" if p.sd is not None else f"({p.sd_reason})"
-            change = "" if p.change_percent is None else f" ({p.change_percent:+.3g} %)"
-            found.append(f"{p.name} = {text_of(p.value)} {sd}{change}")
+            sd = f", standard deviation {p.sd:.2g}" if p.sd is not None else f" ({p.sd_reason})"
+            change = "" if p.change_percent is None else f", {p.change_percent:+.3g} %"
+            found.append(f"{p.name} = {text_of(p.value)}{sd}{change}")
         problems = [f"{a.level}: {a.sentence}" for a in self.results.alerts if a.level == "problem"]
         return [head, *problems, *found]
 

@@ -1,4 +1,4 @@
-"""Selection, update and write-back as records: which parameters the data determine, their values, the written deck."""
+"""Selection, update and write-back as records: identifiability, updated values, written deck."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ BoundState = Literal["", "lower", "upper"]
 
 
 class ParameterFacts(Record):
-    """A parameter as the study describes it."""
+    """A parameter of the study."""
 
     name: str
     """Name."""
     fields: tuple[str, ...]
-    """Fields of the deck that it sets, "PBAR 1 I1"; empty where there is none."""
+    """Fields of the deck that it sets, "PBAR 1 I1"; empty if there is none."""
     unit: str
     """Unit of its values; "" for a factor."""
     nominal: float
-    """Start value, in `unit`."""
+    """Initial value, in `unit`."""
     lower: float | None
     """Lower bound, in `unit`; None for a tied parameter."""
     upper: float | None
@@ -59,9 +59,9 @@ class ParameterFacts(Record):
     prior_sd: float | None
     """Standard deviation of the prior, in `unit`; None for a tied parameter."""
     tie: str = ""
-    """Expression of other parameters that it follows; "" for a free parameter."""
+    """Expression of other parameters; "" for a free parameter."""
     elements: int | None = None
-    """Number of elements in its region; None where it moves all that use its fields."""
+    """Number of elements in its region; None if it affects all that use its fields."""
 
 
 class Share(Record):
@@ -77,37 +77,37 @@ class CombinationRecord(Record):
     """A combination of parameters, a right singular vector of the scaled Jacobian."""
 
     singular_value: float
-    """Its singular value (no unit); 0 where the data say nothing about it."""
+    """Its singular value (no unit); 0 if the data contain no information on it."""
     sd_ratio: float | None
-    """Posterior over prior standard deviation along it, 0 to 1 (no unit); 1 where the data say nothing."""
+    """Posterior over prior standard deviation along it, 0 to 1 (no unit); 1 if the data have no information on it."""
     sentence: str
-    """In words: "column_1_EI rises while column_2_EI falls by as much: no measured mode changes"."""
+    """The combination and its effect, in a sentence."""
     shares: tuple[Share, ...]
     """Coefficients by parameter."""
 
 
 class IdentifiabilityResults(Record):
-    """What the data say about one parameter."""
+    """Identifiability of one parameter."""
 
     parameter: str
     """Name of the parameter."""
     sd_ratio: float | None
-    """Posterior over prior standard deviation, 0 to 1 (no unit); None where not tested."""
+    """Posterior over prior standard deviation, 0 to 1 (no unit); None if not tested."""
     verdict: str
-    """In words: "determined by the data", "not determined by these data", "not tested"."""
+    """In words: "determined by the data", "not determined by the data", "not tested"."""
     sentence: str = ""
     """Explanation in words."""
 
 
 class Sensitivity(Record):
-    """How one compared frequency answers to the free parameters, at the start values."""
+    """Sensitivities of one compared frequency to the free parameters, at the initial values."""
 
     configuration: str
     """Name of the configuration."""
     test_label: str
     """Label of the test mode whose partner it is."""
     percent_per_percent: tuple[float, ...]
-    """Change of the model's frequency in % for a change of 1 % of the start value, by free parameter."""
+    """Change of the model's frequency in % for a change of 1 % of the initial value, by free parameter."""
 
 
 class SelectionResults(Record):
@@ -124,11 +124,11 @@ class SelectionResults(Record):
     singular_values: tuple[float, ...]
     """Of the scaled Jacobian, falling (no unit)."""
     rank: int
-    """How many combinations the data determine."""
+    """Number of combinations that the data determine."""
     rank_threshold: float
-    """Singular values below this count as zero (no unit)."""
+    """Singular values below this are treated as zero (no unit)."""
     undetermined: tuple[CombinationRecord, ...]
-    """Combinations that no residual depends on."""
+    """Combinations without effect on any residual."""
     weakly_determined: tuple[CombinationRecord, ...]
     """Combinations that the prior determines more than the data."""
     correlation_key: str | None
@@ -136,11 +136,11 @@ class SelectionResults(Record):
     parameters: tuple[IdentifiabilityResults, ...]
     """One record a free parameter."""
     model_checks: tuple[ModelCheck, ...] = ()
-    """What an update cannot mend: mass, lumping, mesh; empty where it was not looked at."""
+    """Checks for errors that updating cannot correct: mass, lumping, mesh; empty if not checked."""
     sentences: tuple[str, ...] = ()
-    """What the data determine, in words for the reader of the report."""
+    """Identifiability, in sentences."""
     measures: SelectionMeasures | None = None
-    """Likeness, information, order and energies; None in results without them."""
+    """Collinearity, information, order and energies; None if not computed."""
 
 
 class PairingEvent(Record):
@@ -151,7 +151,7 @@ class PairingEvent(Record):
     configuration: str
     """Name of the configuration."""
     sentence: str
-    """What changed, in words."""
+    """The change, in words."""
 
 
 class IterationRecord(Record):
@@ -164,7 +164,7 @@ class IterationRecord(Record):
     step_length: float | None
     """Norm of the step in normalised parameters (no unit); None at the start."""
     damping: float | None
-    """Damping of the step (no unit); None where there is none."""
+    """Levenberg-Marquardt damping of the step (no unit); None without damping."""
     parameters: tuple[float, ...]
     """Values of the free parameters, each in its unit, in the order of UpdateResults.history_parameters."""
     active_bounds: tuple[str, ...] = ()
@@ -179,7 +179,7 @@ class WrittenValue(Record):
     field: str
     """The field: "PBAR 1 I1"."""
     value: float
-    """The value as its text reads, in units of the deck."""
+    """The value of the written text, in units of the deck."""
 
 
 class ParameterResult(Record):
@@ -190,18 +190,18 @@ class ParameterResult(Record):
     value: float
     """Final value, in the unit of the parameter."""
     sd: float | None
-    """Its standard deviation, in the unit of the parameter; None with a reason beside it."""
+    """Its standard deviation, in the unit of the parameter; None if `sd_reason` gives a reason."""
     sd_reason: str
-    """Why there is no sd: "at bound, σ not given"; "" where there is one."""
+    """The reason why there is no sd: "at bound, σ not given"; "" where there is one."""
     interval_95: tuple[float, float] | None = None
-    """95 % confidence interval in the unit of the parameter: normal where the scatter is the stated one, Student's t
-    where it was estimated from the residuals; None where there is no sd."""
+    """95 % confidence interval in the unit of the parameter: normal for stated standard
+    deviations, Student's t if the variance was estimated from the residuals; None without sd."""
     change_percent: float | None
-    """(final − nominal)/|nominal| in %; None where the nominal value is zero."""
+    """(final − nominal)/|nominal| in %; None if the nominal value is zero."""
     at_bound: BoundState
     """"lower", "upper" or "" (inside)."""
     written: tuple[WrittenValue, ...] = ()
-    """What stands in the updated deck."""
+    """Values in the updated deck."""
 
 
 class DerivedResult(Record):
@@ -214,36 +214,36 @@ class DerivedResult(Record):
     unit: str
     """Unit; "" where none is given."""
     nominal: float | None
-    """Its value at the start, in `unit`; None where the expression has none."""
+    """Its initial value, in `unit`; None if the expression is not finite."""
     value: float | None
-    """Its value after the update, in `unit`; None where the expression has none there."""
+    """Its value after the update, in `unit`; None if the expression is not finite."""
     sd: float | None
     """Standard deviation by linear propagation, in `unit`; None where not given."""
     sd_reason: str = ""
-    """Why none is given: "stiffness: at bound, σ not given"."""
+    """The reason why none is given: "stiffness: at bound, σ not given"."""
 
 
 class ResidualCount(Record):
-    """How many residuals of one kind went in."""
+    """Residuals of one kind."""
 
     kind: str
     """"frequency", "shape", "mass", …"""
     count: int
-    """How many."""
+    """Their number."""
     misfit: float
-    """Their root mean square at the end in units of the stated standard deviations (no unit), freed of the parameters'
-    share: about 1 where the data scatter as stated."""
+    """Their root mean square at the end in units of the stated standard deviations (no unit), corrected for the
+    fitted parameters: about 1 if the stated standard deviations are correct."""
     freedom: float = 0.0
-    """How many of these residuals the fitted parameters leave free (no unit)."""
+    """Degrees of freedom of these residuals after the fit (no unit)."""
     widened: bool = False
-    """True where they are larger than chance explains (1 % point of χ² with that freedom) if the scatter is as stated:
-    the residuals are not noise alone, and the standard deviations of the parameters are widened by the misfit."""
+    """True if they are significantly larger than noise with the stated standard deviations (1 % point of χ²); the
+    standard deviations of the parameters are then increased by the misfit."""
     rms_before: float | None = None
     """Their root mean square at the start, in units of the stated standard deviations (no unit); None: not known."""
     rms_after: float | None = None
     """The same at the end (no unit)."""
     error_before_percent: float | None = None
-    """Weighted mean error √(Σr²/Σw²) of this kind at the start, in % of what is compared; None: not known."""
+    """Weighted mean error √(Σr²/Σw²) of this kind at the start, in % of the measured values; None: not known."""
     error_after_percent: float | None = None
     """The same at the end, in %."""
 
@@ -258,9 +258,9 @@ class ComparisonResults(Record):
     label: str
     """Label of the test mode, or of what else was measured."""
     count: int
-    """How many residuals it has."""
+    """Number of residuals."""
     error_before_percent: float | None
-    """Size of the misfit at the start, in % of what is compared; None where it was not compared then."""
+    """Size of the misfit at the start, in % of the measured values; None if it was not compared."""
     error_after_percent: float
     """The same at the end, in %."""
     rms_after: float
@@ -268,14 +268,14 @@ class ComparisonResults(Record):
 
 
 class UpdateResults(Record):
-    """How the parameters were found."""
+    """The update."""
 
     status: str
     """Name of the status: "CONVERGED_AT_BOUNDS"."""
     message: str
-    """What happened, in a sentence."""
+    """The outcome, in a sentence."""
     ok: bool
-    """True where the result is an optimum."""
+    """True if the result is an optimum."""
     method: str
     """Name of the solver, in words."""
     objective_before_percent: float
@@ -283,19 +283,19 @@ class UpdateResults(Record):
     objective_after_percent: float
     """The same at the end, in %."""
     objective_as_written_percent: float | None
-    """The same for the values written to the deck, in %; None where nothing was written."""
+    """The same for the values written to the deck, in %; None if nothing was written."""
     history_parameters: tuple[str, ...]
     """Names of the columns of IterationRecord.parameters."""
     history: tuple[IterationRecord, ...]
-    """One record an iteration, the start first."""
+    """One record per iteration, beginning with the initial point."""
     parameters: tuple[ParameterResult, ...]
     """Free and tied parameters after the update."""
     derived: tuple[DerivedResult, ...] = ()
     """Quantities that follow from the parameters, as the study defines them."""
     pairing_events: tuple[PairingEvent, ...]
-    """Changes of pairing; empty where there were none."""
+    """Changes of pairing; empty if there were none."""
     regularisation: str
-    """Name of the regularisation; "none" where there is none."""
+    """Name of the regularisation; "none" without regularisation."""
     regularisation_weight: float | None
     """Its weight (no unit)."""
     residual_counts: tuple[ResidualCount, ...]
@@ -303,17 +303,17 @@ class UpdateResults(Record):
     comparisons: tuple[ComparisonResults, ...] = ()
     """Every comparison by itself."""
     citations: tuple[CitationRecord, ...] = ()
-    """Publications behind what ran in the update."""
+    """Publications on the methods of the update."""
     goodness: GoodnessResults | None = None
-    """Whether the residuals are noise; None in results of before it was tested."""
+    """Goodness of fit: whether the residuals are noise; None in older results without this field."""
     stages: tuple[StageResults, ...] = ()
     """Stages of a bottom-up study, in their order; the history has the best run of each, one after another."""
     weight_choice: WeightChoiceResults | None = None
-    """How the weight of the regularisation was found; None where it was given or there is none."""
+    """Choice of the regularisation weight; None if it was given or there is none."""
     starts: StartsResults | None = None
-    """Many starts; None where the update had one."""
+    """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
-    """Reduced models that the update searched on; None where it ran on the full model."""
+    """Reduced models of the update; None if it used the full model."""
 
 
 class EditedField(Record):
@@ -332,9 +332,9 @@ class EditedField(Record):
     new_text: str
     """Text after."""
     value: float | None
-    """Value of the update, before rounding, in units of the deck; None where the field holds a word."""
+    """Value of the update, before rounding, in units of the deck; None for a text."""
     rounded_value: float | None
-    """Value that the new text reads as, in units of the deck; None where the field holds a word."""
+    """Value of the new text, in units of the deck; None for a text."""
     parameter: str = ""
     """Parameter that sets it."""
 
@@ -347,7 +347,7 @@ class NewCardValue(Record):
     old_text: str
     """Text in the card that was copied, before the update."""
     value: float
-    """Value of the update, before rounding, in units of the deck; the number of a card where it is a reference."""
+    """Value of the update, before rounding, in units of the deck; for a reference the number of the card."""
     rounded_value: float
     """Value that the new card holds, in units of the deck."""
     parameter: str = ""
@@ -364,7 +364,7 @@ class NewCardFacts(Record):
     region: str
     """Parameters whose regions it is for."""
     elements: int
-    """How many elements stand on it."""
+    """Number of elements that refer to it."""
     values: tuple[NewCardValue, ...]
     """Fields in which it differs, apart from its number."""
 
@@ -377,7 +377,7 @@ class RepointedElements(Record):
     field: str
     """Field that holds the reference: "PID"."""
     before: str
-    """What the field said before: "1"; "" where it was blank."""
+    """Text of the field before: "1"; "" if it was blank."""
     after: str
     """Card that it refers to now: "PSHELL 21"."""
     elements: tuple[int, ...]
@@ -385,7 +385,7 @@ class RepointedElements(Record):
 
 
 class WriteBackResults(Record):
-    """What was written to the updated deck."""
+    """Changes in the updated deck."""
 
     files: tuple[str, ...]
     """Files written, relative to the run folder."""
@@ -394,20 +394,22 @@ class WriteBackResults(Record):
     new_cards: tuple[NewCardFacts, ...] = ()
     """Cards that were added for the elements of regions."""
     repointed: tuple[RepointedElements, ...] = ()
-    """Elements that refer to them now."""
+    """Elements that refer to them."""
     splits: tuple[str, ...]
     """Cards split because elements that are not updated share them, a sentence each."""
     without_field: tuple[str, ...]
     """Parameters that have no field, a sentence each."""
+    lost: tuple[str, ...] = ()
+    """Those of these sentences whose updated values the written deck does not contain."""
     includes_changed: tuple[str, ...]
-    """INCLUDE lines whose path had to change, a sentence each."""
+    """INCLUDE lines whose path was changed, a sentence each."""
 
 
 # ----------------------------------------------------------------------------------------------------
 # How the records of derived quantities are made.
 
 
-_NO_VALUE = "its expression has no finite value at the updated parameters"
+_NO_VALUE = "its expression is not finite at the updated parameters"
 
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
@@ -561,7 +563,7 @@ def update_results(
 ) -> UpdateResults:
     """The update as a record.
 
-    `written` holds what stands in the deck by parameter; `mean_error_written` the mean error of these values.
+    `written` holds the values in the deck by parameter; `mean_error_written` the mean error of these values.
     """
     table = study.file.update
     return UpdateResults(
@@ -594,7 +596,7 @@ def _search_words(study: Study) -> str:
 
 
 def _weight(table: UpdateTable, result: UpdateResult) -> float | None:
-    """The weight where the regularisation has one: as it was given or found."""
+    """The weight where the regularisation has one: as given or determined."""
     if table.regularisation in ("none", "prior"):
         return None
     return float(table.weight) if table.regularisation == "truncated" else result.side.weight

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 class Prediction(Record):
-    """A test mode that was not used in the update, beside what the updated model predicts."""
+    """A test mode that was not used in the update, and the prediction of the updated model."""
 
     configuration: str
     """Name of the configuration."""
@@ -50,7 +50,7 @@ class Prediction(Record):
     test_freq_hz: float
     """Frequency of the test in Hz."""
     model_number: int | None
-    """Number of the model mode; None where none answers."""
+    """Number of the model mode; None if no mode is similar."""
     model_freq_hz: float | None
     """Frequency of the updated model in Hz."""
     freq_error_percent: float | None
@@ -60,53 +60,53 @@ class Prediction(Record):
     before_freq_error_percent: float | None = None
     """The same error before the update in %."""
     remark: str = ""
-    """Why the mode was not used, or what to think of it."""
+    """The reason why the mode was not used."""
     data: str = ""
-    """What kind of data it is: "held-out modes", "modified structure" …; "" where nothing is judged by it."""
+    """Kind of data: "held-out modes", "modified structure" …; "" if no criterion uses it."""
     paired: bool = True
-    """False where the two modes are not a pair, and the model mode is only the most alike."""
+    """False if the two modes are not a pair, and the model mode is the most similar one."""
     test_sd_percent: float | None = None
-    """Standard deviation of the test's frequency, in % of it; None where it is not known."""
+    """Standard deviation of the test's frequency, in % of it; None if not known."""
     parameter_sd_percent: float | None = None
-    """That of the prediction, from the covariance of the parameters; None where it is not known."""
+    """That of the prediction, from the covariance of the parameters; None if not known."""
     z: float | None = None
     """The error in units of the standard deviation of test and prediction together (no unit)."""
     p_value: float | None = None
-    """Chance of an error as large by scatter alone, 0 to 1."""
+    """Probability of at least this error due to uncertainty alone, 0 to 1."""
     noise: str = ""
-    """What part of the error scatter explains, in words."""
+    """Whether uncertainty explains the error, in words."""
 
 
 class ValidationVerdict(Record):
-    """A criterion on data that the update did not use, with the measured number beside its own."""
+    """A criterion on data that the update did not use, with its limit and the measured value."""
 
     configuration: str
     """Name of the configuration."""
     data: str
-    """What kind of data it is: "held-out modes", "beyond the frequencies used", "held-out sensors", "modified
+    """Kind of data: "held-out modes", "beyond the frequencies used", "held-out sensors", "modified
     structure", "other boundary conditions" or "another test"."""
     criterion: str
-    """What is asked: "frequency error, NASA-STD-5002"."""
+    """Quantity and standard: "frequency error, NASA-STD-5002"."""
     required: float
-    """The criterion's number, in `unit`."""
+    """The limit, in `unit`."""
     sense: Literal["at most", "at least"]
-    """Which side of it passes."""
+    """Which side of the limit passes."""
     measured: float | None
-    """The worst measured number, in `unit`; None where not tested."""
+    """The worst measured value, in `unit`; None if not tested."""
     unit: str
     """"%" or "" (none)."""
     verdict: VerdictWord
     """Outcome."""
     remark: str
-    """The mode that decided, or why it was not tested."""
+    """The decisive mode, or the reason why it was not tested."""
     noise: str
-    """What part of a miss noise explains, in words; "" where nothing missed or nothing is known."""
+    """Whether noise explains a failure, in words; "" without a failure, or if it is not known."""
     sentence: str
-    """All of it in words."""
+    """The verdict in a sentence."""
 
 
 class HeldOutShape(Record):
-    """The shape of a pair at the sensors that were held out."""
+    """Shape error of a pair at the held-out sensors."""
 
     configuration: str
     """Name of the configuration."""
@@ -114,16 +114,16 @@ class HeldOutShape(Record):
     """The test mode, in words."""
     error_percent: float | None
     """Root mean square of test − model at these sensors, in % of that of the test's shape at all sensors; the scale of
-    the model's shape is that of the sensors that were used. None where nothing was measured there."""
+    the model's shape is that of the sensors that were used. None if nothing was measured there."""
     noise_percent: float | None
-    """What the scatter of the shape gives on average, likewise; None where it is not known."""
+    """Its expected value due to the noise of the shape; None if not known."""
 
 
 class ValidationResults(Record):
-    """On data that were not used."""
+    """Validation on data that the update did not use."""
 
     predictions: tuple[Prediction, ...]
-    """Modes that were held out."""
+    """Predictions of the modes that were not used."""
     not_tested: tuple[str, ...]
     """What was not tested, a sentence each."""
     profile: str = ""
@@ -131,45 +131,45 @@ class ValidationResults(Record):
     verdicts: tuple[ValidationVerdict, ...] = ()
     """A verdict on each criterion, by configuration and kind of data."""
     held_out_sensors: tuple[str, ...] = ()
-    """Sensors that the update did not see, with their configuration."""
+    """Held-out sensors, with their configuration."""
     shapes: tuple[HeldOutShape, ...] = ()
     """Shapes at these sensors."""
 
 
 class KindOfResiduals(Record):
-    """The chi-square test of one kind of residual by itself."""
+    """The chi-square test of one kind of residual."""
 
     kind: str
     """"frequency", "shape" …"""
     chi_square: float
-    """Sum of squares of what no parameters could remove, in units of the stated standard deviations."""
+    """Sum of squares of the part that the parameters cannot change, in units of the stated standard deviations."""
     degrees_of_freedom: int
-    """How many independent residuals that are."""
+    """Number of independent residuals."""
     p_value: float
-    """Chance of a sum as large or larger by noise of the stated size."""
+    """Probability of at least this sum for noise of the stated size."""
 
 
 class GoodnessResults(Record):
     """Whether the residuals at the end of the update are noise of the stated size."""
 
     chi_square: float | None
-    """Sum of squares of the part of the residuals that no parameters could remove; None where not tested."""
+    """Sum of squares of the part of the residuals that the parameters cannot change; None where not tested."""
     degrees_of_freedom: int
-    """Residuals less the rank of the Jacobian, and less what normalising shapes takes."""
+    """Number of residuals minus the rank of the Jacobian, and minus those lost by scaling of the shapes."""
     p_value: float | None
-    """Chance of a sum as large or larger by noise of the stated size; None where not tested."""
+    """Probability of at least this sum for noise of the stated size; None where not tested."""
     runs: int | None
     """Runs of one sign in the order of the comparisons; None for fewer than ten residuals."""
     runs_p_value: float | None
-    """Chance of as few runs; None likewise."""
+    """Probability of at most this number of runs; None likewise."""
     largest: float | None
     """Largest residual, with its sign, in units of its own standard deviation."""
     largest_label: str
-    """What it compares."""
+    """Its label."""
     by_kind: tuple[KindOfResiduals, ...]
     """The same by kind of residual."""
     verdict: VerdictWord
-    """"fail" where the residuals are not noise (at 1 %)."""
+    """"fail" if the residuals are not noise (at the 1 % level)."""
     sentence: str
     """Outcome in words."""
 
@@ -179,7 +179,7 @@ class GoodnessResults(Record):
 
 
 def judged_tests(case: StudyCase) -> list[int]:
-    """Positions of the test modes that the update did not use and that the model is judged by."""
+    """Positions of the test modes that the update did not use and that the criteria refer to."""
     if case.modal is None:
         return []
     kept = range(len(case.modal.test)) if case.entry.use == "validation" else case.held.modes
@@ -216,7 +216,7 @@ class Predictions:
     covariance: Reals
 
     def miss(self, study: Study, case: StudyCase, test: int, error: float) -> FrequencyMiss | None:
-        """An error of a predicted frequency beside its scatter; None where that is not known."""
+        """Error of a predicted frequency with its standard deviation; None if that is not known."""
         gradient = self.sensitivities.found.get((case.name, test))
         if gradient is None:
             return None
@@ -230,11 +230,11 @@ class Predictions:
 
 
 def predictions(study: Study, result: UpdateResult, sensitivities: Sensitivities) -> Predictions:
-    """What the end of an update predicts with.
+    """Predictions of the updated model, with its covariance.
 
-    The covariance is that of the least-squares estimate with the priors of the parameters beside the data, so that a
-    parameter at a bound and an undetermined combination keep a finite spread. Stated scatter is taken as it is, also
-    where the residuals are larger: what the model lacks is no noise.
+    The covariance is that of the least-squares estimate with the priors of the parameters in addition to the data, so
+    that a parameter at a bound and an undetermined combination have a finite standard deviation. The stated standard
+    deviations are not increased if the residuals are larger, because modelling errors are not noise.
     """
     sd = np.asarray(result.parameters.prior[1], dtype=float)
     at, free = result.after, np.zeros(len(sd), dtype=bool)
@@ -264,9 +264,9 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
 
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
-_LINEARITY = "linearity: the test's modes were taken as those of one linear structure"
-_MESH = "mesh convergence: the deck's mesh was taken as it is; refinement = true in [checks] refines it once"
-_NOTHING = "the updated model on data that were not used: the study holds out neither a configuration, nor modes"
+_LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
+_MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
+_NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
 
 
@@ -283,7 +283,7 @@ class Scope:
 def validation(
     study: Study, before: ModelRecords, after: ModelRecords, predicted: Predictions | None = None
 ) -> ValidationResults:
-    """Modes that the update did not use beside their predictions, verdicts on them, and what was not tested."""
+    """Predictions of modes that the update did not use, verdicts on them, and what was not tested."""
     asked, scopes = criteria_profile(study), list(scopes_of(study))
     shapes = {s: _sensors(s, after) for s in scopes if s.sensors}
     verdicts = (v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s)))
@@ -298,7 +298,7 @@ def validation(
 
 
 def scopes_of(study: Study) -> Iterable[Scope]:
-    """Kinds of data that were kept from the update, each in its configuration."""
+    """Kinds of data that the update did not use, each in its configuration."""
     for case in study.cases:
         if case.modal is None:
             continue
@@ -401,7 +401,7 @@ def _error(record: Prediction) -> float:
 
 
 def _scatter(miss: FrequencyMiss | None, paired: bool) -> dict[str, object]:
-    """What is known of the scatter of a pair's error."""
+    """The uncertainty of a pair's error."""
     if miss is None or not paired:
         return {}
     known, finite = miss.parameter_sd is not None, np.isfinite(miss.z)
@@ -445,7 +445,7 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
 
 
 def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> Iterable[str]:
-    yield from (f"{c.name}: it has no test with modes" for c in study.cases if c.modal is None)
+    yield from (f"{c.name}: the configuration has no test with modes" for c in study.cases if c.modal is None)
     kinds = {word for s in scopes for word in s.data.split(", ")}
     if not kinds:
         yield _NOTHING
@@ -458,11 +458,11 @@ def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> I
 
 def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:
     if "modified structure" not in kinds:
-        yield "a modified structure: no configuration that was kept has other masses or elements"
+        yield "a modified structure: no held-out configuration has other masses or elements"
     if "other boundary conditions" not in kinds:
-        yield "other boundary conditions: no configuration that was kept has other supports"
+        yield "other boundary conditions: no held-out configuration has other supports"
     if "beyond the frequencies used" not in kinds:
-        yield "frequencies beyond those used: no mode above or below them was held out"
+        yield "frequencies outside the range used: no mode above or below this range was held out"
 
 
 # ----------------------------------------------------------------------------------------------------

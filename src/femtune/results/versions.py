@@ -37,7 +37,7 @@ Solved = Callable[[StudyCase, EigenSolution], None]
 
 
 def nothing(case: StudyCase, solution: EigenSolution) -> None:
-    """Nobody wants to know of a solution."""
+    """Ignores the solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class ModelRecords:
 
 
 def start(study: Study, progress: Progress) -> Evaluation:
-    """The update problem at the start values; its errors point into the study or the deck.
+    """The update problem at the initial values; its errors point into the study or the deck.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def model_records(
     progress: Progress,
     solved: Solved = nothing,
 ) -> ModelRecords:
-    """Modes and correlations at `x`; what `known` has is not solved again. `solved` is told each solution."""
+    """Modes and correlations at `x`; what `known` has is not solved again. `solved` is called with each solution."""
     found, records, shapes, raw = [], [], [], {}
     criteria = of_whole_tests(study)
     for i, case in enumerate(study.cases):
@@ -112,8 +112,8 @@ def model_records(
 def as_written(study: Study, after: Evaluation) -> Evaluation:
     """The study on the written deck, its modes paired as at the end of the update.
 
-    Modes are tracked by their shapes, so that the two mean errors compare the same pairs; where the free DOFs
-    differ they are paired afresh.
+    Modes are tracked by their shapes, so that the two mean errors compare the same pairs; if the free DOFs
+    differ, they are paired again.
     """
     problem = study.problem()
     same = all(c.configured.n_free == s.case.configured.n_free for c, s in zip(problem.cases, after.states))

@@ -23,7 +23,7 @@ Owners = Mapping[FieldRef, str]
 
 
 def edits(study: Study, plan: WritePlan, values: Values, owners: Owners) -> Iterable[EditedField]:
-    """Fields that hold another value now, or a word that goes with one; references are left to `repointed`."""
+    """Fields with a changed value, or a text that belongs to one; references are left to `repointed`."""
     for change in plan.edited.changes:
         ref = plan.places.get((change.position, change.index))
         if ref is not None or not _reference(study, change):

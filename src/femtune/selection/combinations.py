@@ -152,8 +152,8 @@ def verdict(reduction: float) -> str:
     if reduction < _WELL:
         return "determined by the data"
     if reduction < _PARTLY:
-        return "partly determined: the bounds or the prior still matter"
-    return "not determined by these data"
+        return "partly determined: bounds or prior still affect it"
+    return "not determined by the data"
 
 
 def combination_text(names: tuple[str, ...], combination: Combination) -> str:
@@ -186,17 +186,18 @@ def _undetermined(result: Identifiability, c: Combination) -> str:
         result.names[i] for i in np.flatnonzero(np.abs(c.coefficients) >= _SMALL * np.abs(c.coefficients).max())
     ]
     if len(together) == 1:
-        return f"{together[0]} changes nothing that was measured: fix it, or measure where it acts."
+        return f"{together[0]} has no effect on the measured quantities: fix it, or measure a quantity that it affects."
     return (
-        f"Moving {listed(together)} together ({combination_text(result.names, c)}) changes nothing that was measured "
-        f"by more than {c.singular_value:.1g} of its uncertainty: fix one of them, tie two, or measure something else."
+        f"A joint change of {listed(together)} ({combination_text(result.names, c)}) changes no measured quantity by "
+        f"more than {c.singular_value:.1g} of its standard deviation: fix one of them, tie two, or measure further "
+        "quantities."
     )
 
 
 def _weak(result: Identifiability, c: Combination) -> str:
     return (
         f"The combination {combination_text(result.names, c)} is weakly determined: "
-        f"its spread only falls to {100 * c.reduction:.0f} % of the prior's."
+        f"its standard deviation is still {100 * c.reduction:.0f} % of the prior's."
     )
 
 

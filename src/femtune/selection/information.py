@@ -209,21 +209,21 @@ def measure_sentences(alike: Collinearity, information: Information, subset: Sub
 
 def _of_subset(found: Subset) -> list[str]:
     if not found.steps:
-        return ["No parameter has any effect on what is compared."]
+        return ["No parameter affects the residuals."]
     if not found.chosen:
         best = found.steps[0]
         return [
-            f"No parameter explains more of the residual than chance would; nearest is {best.name}, which leaves "
+            f"No parameter reduces the residual significantly. The best is {best.name}, which leaves "
             f"{100 * best.left:.0f} % of it."
         ]
     last = found.steps[len(found.chosen) - 1]
     verb = "explains" if len(found.chosen) == 1 else "explain"
-    return [f"{_few(found.chosen)} {verb} the residual best: {100 * last.left:.0f} % of it is left."]
+    return [f"{_few(found.chosen)} {verb} the residual best; {100 * last.left:.0f} % of it is left."]
 
 
 def _of_pairs(alike: Collinearity) -> list[str]:
     return [
-        f"{a} and {b} do nearly the same (cosine {c:+.3f}): tie them, or leave one out."
+        f"{a} and {b} have nearly the same effect (cosine {c:+.3f}): tie them, or leave one out."
         for a, b, c in alike.pairs[:_MOST]
     ]
 
@@ -232,7 +232,7 @@ def _of_dependences(alike: Collinearity) -> list[str]:
     """Those of more than two, since pairs are told already."""
     told = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
-        f"{_few(names)} are hardly told from each other (condition index {index:.0f})."
+        f"The effects of {_few(names)} are nearly linearly dependent (condition index {index:.0f})."
         for index, names in alike.dependences[:_MOST]
         if frozenset(names) not in told
     ]
@@ -243,8 +243,8 @@ def _of_information(found: Information) -> list[str]:
     if len(known) == len(found.names):
         return []
     if not known:
-        return ["No parameter is known by the data alone once all the others are unknown."]
-    return [f"By the data alone, with all others unknown, {_few(known)} {'is' if len(known) == 1 else 'are'} known."]
+        return ["The data alone determine no parameter if all others are unknown."]
+    return [f"The data alone determine {_few(known)} if all other parameters are unknown."]
 
 
 def _few(names: tuple[str, ...]) -> str:

@@ -1,11 +1,11 @@
-"""Which parameters scatter: sensitivity columns beside the leading space of the outputs' covariance.
+"""Identification of varying parameters from the leading space of the output covariance.
 
 With independent parameters Cov z̃ = Σ σ_j² s̃_j s̃_jᵀ: the covariance of outputs that are scaled by their means is a sum
-of rank-one matrices of the parameters that scatter, so that their columns lie in its range and others do not.
+of rank-one matrices of the varying parameters, so that their columns lie in its range and others do not.
 
-Source: Silva, Maia, Link and Mottershead (2016). The rank is estimated here, and the threshold follows the scatter:
+Source: Silva, Maia, Link and Mottershead (2016). The rank is estimated, and the threshold follows the covariance:
 for each rank the columns are sorted by distance, and the rank is taken at which as many independent columns stand apart
-from the next one and leave little of the scatter unexplained (the product of both is least).
+from the next one and leave little of the covariance unexplained (the product of both is least).
 """
 
 from __future__ import annotations
@@ -54,22 +54,25 @@ class CosineDistances:
 
     @property
     def clear(self) -> bool:
-        """True where a gap separates the parameters that scatter from the others, and they lie near the space."""
+        """True where a gap separates the varying parameters from the others, and they lie near the space."""
         return self.margin <= _CLEAR and self.threshold <= _FAR
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The verdict, and what it does not cover."""
         which = ", ".join(self.scatters) or "none"
-        found = f"The outputs scatter in {self.rank} independent ways, which these parameters explain: {which}."
+        found = f"The output covariance has rank {self.rank}; these parameters explain it: {which}."
         if not self.clear:
             found = (
-                f"The scatter of the outputs points at no set of these parameters clearly; nearest are {which}: a "
-                "parameter that scatters is not among the candidates, or the scatter is too large for first-order "
-                "sensitivities."
+                f"The output covariance does not clearly identify a set of these parameters; the nearest are {which}. "
+                "A parameter that varies is not among the candidates, or the variations are too large for "
+                "first-order sensitivities."
             )
         blind = [n for n, yes in zip(self.names, self.insensitive) if yes]
-        return (found, *([f"No output depends on {', '.join(blind)}: nothing can be said."] if blind else []))
+        return (
+            found,
+            *([f"No output depends on {', '.join(blind)}; the data give no information on them."] if blind else []),
+        )
 
 
 def cosine_distances(
@@ -86,7 +89,7 @@ def cosine_distances(
 
     Raises
     ------
-    FemtuneError : ``select.covariance`` for a covariance without any scatter, or of another size
+    FemtuneError : ``select.covariance`` for a zero covariance, or of another size
     """
     if covariance.shape != (len(mean), len(mean)) or len(jacobian) != len(mean) or not np.trace(covariance) > 0.0:
         raise FemtuneError(
@@ -139,7 +142,7 @@ def _at_rank(C: Reals, unit: Reals, rank: int) -> _Tried:
 
 
 def _left(C: Reals, columns: Reals) -> float:
-    """Share of the scatter outside the span of columns."""
+    """Share of the covariance outside the span of columns."""
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > _ALIKE * s[0]]
     return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))

@@ -84,7 +84,7 @@ def _against_all(squares: Reals, r: Reals, significance: float) -> tuple[Reals, 
     """Gain of each step by the mean square that all columns together leave, and the value that chance exceeds seldom.
 
     What a step leaves is no measure of chance as long as other parameters are wrong too. Where all together leave no
-    freedom, the stated scatter takes the place of theirs: residuals are in its units.
+    freedom, the stated standard deviations are used instead: residuals are in these units.
     """
     freedom, gains = len(r) - len(squares) + 1, squares[:-1] - squares[1:]
     if freedom < 1:

@@ -1,6 +1,6 @@
-"""The words of the command line as functions; `femtune` has them under the same names.
+"""The commands of the command line as functions; `femtune` exports them under the same names.
 
-A name is imported when it is asked for, so that a step loads nothing that only others need.
+A name is imported at first use, so that a step loads nothing that only others need.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ def read_deck(path: Path | str, *, units: str | UnitSystem | None = None, allow_
     Parameters
     ----------
     path : the main file
-    units : length-mass-s of the deck: "m-kg-s", "mm-t-s", "in-slinch-s" …; needed where a test is compared
-    allow_ignored : names of element cards that are not understood and may be ignored
+    units : length-mass-s of the deck: "m-kg-s", "mm-t-s", "in-slinch-s" …; required for the comparison with a test
+    allow_ignored : names of unsupported element cards that may be ignored
 
     Raises
     ------
@@ -55,14 +55,14 @@ def read_matrices(
     units: str | UnitSystem | None = None,
     **words: Any,
 ) -> Model:
-    """Read a model of the matrices that another solver wrote: OP4, OP2, DMIG, Abaqus, CalculiX, Matrix Market, Ansys.
+    """Read a model from matrices of another solver: OP4, OP2, DMIG, Abaqus, CalculiX, Matrix Market, Ansys.
 
     Parameters
     ----------
     stiffness, mass, viscous, hysteretic : a file, or a list of mappings with the keys of [[matrix]]: ``name``,
-        ``file``, ``record``, ``format``, ``factor``, ``at``; a parameter moves the factor of a matrix by its name,
+        ``file``, ``record``, ``format``, ``factor``, ``at``; a parameter changes the factor of a matrix by its name,
         which is K, M, C or H for a single file
-    units : length-mass-s of the matrices; needed where a test is compared
+    units : length-mass-s of the matrices; required for the comparison with a test
     words : keys of [model]: ``grid``, ``dofs``, ``hold_singular``, ``listed_hz``, ``listing`` …; and ``variable``, a
         list of mappings with the keys of [[variable]]
 
@@ -97,7 +97,7 @@ def read_test(
     Parameters
     ----------
     path : the file (UFF, UNV)
-    units : length-mass-s of the file, where it has no data set 164 that says it; a study converts the test to its own
+    units : length-mass-s, if the file has no data set 164 with the units; a study converts the test to its own
     records : read only the modes whose ID lines contain this word
     name : of the test; else `records`, else the name of the file
 
@@ -119,14 +119,14 @@ def read_test(
 
 @checked
 def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Path | str, *, wide: bool = False) -> Path:
-    """Write a deck with other values in some of its fields; every other line stays as it is.
+    """Write a deck with other values in some of its fields; all other lines are copied without change.
 
     Parameters
     ----------
     model : what `read_deck` returned, or the path of a deck
     values : new values by field, ``{"PBAR 1 I1": 2.5e-7}``, in units of the deck
     path : the main file to write; INCLUDEs that change are written beside it
-    wide : write changed cards in large field (16 columns) where a value would be cut
+    wide : write changed cards in large-field format (16 columns) if a value does not fit 8 columns
 
     Raises
     ------
@@ -152,7 +152,7 @@ def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Pat
 
 @checked
 def write_test(test: ModalTest, path: Path | str) -> Path:
-    """Write a test as a Universal File: its modes, or where it has none its frequency response functions.
+    """Write a test as a Universal File: its modes or, if it has none, its frequency response functions.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def write_test(test: ModalTest, path: Path | str) -> Path:
 
     Raises
     ------
-    FemtuneError : ``uff.cannot-write`` for what the format cannot hold, and where the file cannot be written
+    FemtuneError : ``uff.cannot-write`` if the format cannot store the data, or the file cannot be written
 
     Examples
     --------

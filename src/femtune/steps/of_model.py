@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 @checked
 def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> InfoResult:
-    """What is in the deck of a study, or in a deck: cards, mass, rigid-body check, supports.
+    """Summary of the deck of a study, or of a deck: cards, mass, rigid-body check, supports.
 
     Parameters
     ----------
     source : a study, or a model: an object, or the path of a TOML file or of a deck
-    progress : is told how far it is
+    progress : receives progress reports
 
     Raises
     ------
-    FemtuneError : whatever is wrong with the files
+    FemtuneError : errors in the files
 
     Examples
     --------
@@ -61,21 +61,21 @@ def modes(
     fresh: bool = False,
     progress: Progress = silent,
 ) -> ModesResult:
-    """Natural modes of each configuration of a study, or of a deck, at the start values of the parameters.
+    """Natural modes of each configuration of a study, or of a deck, at the initial values of the parameters.
 
     Parameters
     ----------
     source : as for `info`
-    count, max_hz : number of modes, or highest frequency in Hz, in place of [modes] of the study and METHOD of the deck
-    report : HTML page to write, with a picture of each mode: one file that loads nothing from elsewhere
-    simulate : a Universal File to write the modes to, as a test would have measured them
-    fresh : solve again what the journal of an earlier run of the study holds
-    progress : is told how far it is
+    count, max_hz : number of modes, or highest frequency in Hz, instead of [modes] of the study and METHOD of the deck
+    report : HTML page to write, with a picture of each mode: a single self-contained file
+    simulate : a Universal File to which the modes are written as a simulated test
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
 
     Raises
     ------
     FemtuneError : ``eigen.*``, ``run.unwritable`` and ``write.overwrites-input`` before anything is solved, and
-        whatever is wrong with the files
+        errors in the files
 
     Examples
     --------
@@ -96,9 +96,7 @@ def modes(
     from femtune.study.natural_modes import solve_modes  # noqa: PLC0415
 
     page = checked_page(report)
-    result = solve_modes(
-        source_of(source), progress, fresh=fresh, keep=page, count=count, max_hz=max_hz, simulate=simulate
-    )
+    result = solve_modes(source_of(source), progress, fresh=fresh, count=count, max_hz=max_hz, simulate=simulate)
     return with_page(result, page, progress)
 
 
@@ -119,11 +117,11 @@ def respond(
     ----------
     source : as for `info`
     uff : Universal File to write the functions to; with several configurations each has its own, numbered
-    units : length-mass-s of a deck alone, where a Universal File is wanted
+    units : length-mass-s of a deck, required for a Universal File
     report : HTML page to write, with pictures of the functions
-    fresh : solve again what the journal of an earlier run of the study holds
-    progress : is told how far it is
-    options : keys of [response] that take the place of the study's, or stand for them: ``inputs=["12Z+"]``,
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
+    options : keys of [response] that replace those of the study: ``inputs=["12Z+"]``,
         ``outputs``, ``from_hz``, ``to_hz``, ``step_hz``, ``kind``, ``method``, ``ratio`` …
 
     Raises
@@ -162,18 +160,18 @@ def simulate(
     seed: int = 1,
     progress: Progress = silent,
 ) -> ModalTest:
-    """The test that the modes of a model would give: at sensors, with scatter; rigid-body modes are left out.
+    """Simulated modal test: modes of a model at sensors, with random errors; rigid-body modes are left out.
 
     Parameters
     ----------
     source : as for `info`
     sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
-    configuration : which one, where the study has several
+    configuration : name of the configuration, if the study has several
     count, max_hz : as for `modes`
-    units : length-mass-s of a deck alone, which tells none
-    frequency_scatter : standard deviation of each frequency, as a part of it
-    shape_scatter : standard deviation at each sensor, as a part of the largest entry of the shape
-    seed : the same seed gives the same scatter
+    units : length-mass-s of a deck, which does not state them
+    frequency_scatter : standard deviation of each frequency, relative to it
+    shape_scatter : standard deviation at each sensor, relative to the largest entry of the shape
+    seed : of the random errors
 
     Raises
     ------

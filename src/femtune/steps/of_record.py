@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 def identify(
     source: Path | str, *, output: Path | str | None = None, progress: Progress = silent, **options: Any
 ) -> IdentifyResult:
-    """Modes of a record in time or of measured functions: a folder with modes, poles, their tables and report.html.
+    """Identify modes from a time record or FRFs; writes a folder with modes, poles, tables and report.html.
 
     Parameters
     ----------
     source : an identification file (TOML), or the measured file itself
-    output : folder instead of that of the file
-    progress : is told how far it is
-    options : keys of [identify] that take the place of the file's, or stand for them: ``band_hz=(2.0, 40.0)``,
+    output : output folder, instead of that of the file
+    progress : receives progress reports
+    options : keys of [identify] that replace those of the file: ``band_hz=(2.0, 40.0)``,
         ``methods``, ``largest_order``, ``sampling_hz``, ``units`` …
 
     Raises

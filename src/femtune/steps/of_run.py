@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, validate, run; and what such a folder holds."""
+"""Steps that write a run folder: update, validate, run, and reading such a folder."""
 
 from __future__ import annotations
 
@@ -42,22 +42,22 @@ def update(
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
-    """Find the parameters and write the updated deck: all steps of a study but the report.
+    """Update the parameters and write the updated deck: all steps of a study except the report.
 
-    What an earlier run in the folder has solved, interrupted or not, is taken from its journal.
+    Solutions of an earlier run in the folder, interrupted or not, are read from its journal.
 
     Parameters
     ----------
     source, test, tables : as for `correlate`
     parameters, residuals : as for `Study`
     output : run folder instead of the study's, which is ``run`` beside it
-    wide : write changed cards in large field; the study decides where None
+    wide : write changed cards in large-field format; None: as stated in the study
     fresh : empty the journal and solve everything again
-    progress : is told how far it is
+    progress : receives progress reports
 
     Raises
     ------
-    FemtuneError : whatever is wrong with the study, its files or the run folder; ``run.locked`` where another run is
+    FemtuneError : errors in the study, its files or the run folder; ``run.locked`` where another run is
         at work there. Once the parameters are found results.json is written, whatever happens to the deck afterwards
 
     Examples
@@ -91,9 +91,9 @@ def validate(
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
-    """Judge the updated model on data that the update did not use: `update`, then ``verdicts`` of the result.
+    """Compare the updated model with data that the update did not use; see ``verdicts`` of the result.
 
-    What an earlier run has solved is taken from its journal.
+    The model is updated first, as by `update`; solutions of an earlier run are read from its journal.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def run(
     progress: Progress = silent,
     **tables: Any,
 ) -> RunResult:
-    """All steps in their order: a run folder with results.json, arrays.npz, updated.bdf and report.html.
+    """Run all steps; the run folder receives results.json, arrays.npz, updated.bdf and report.html.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _run(
     fresh: bool,
     progress: Progress,
 ) -> RunResult:
-    """The run of a study; `word` is the function that the provenance names."""
+    """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
         study = read_study(source, progress)
@@ -182,7 +182,7 @@ def _run(
 
 
 def _folder(study: Study, output: Path | str | None) -> Path:
-    """The run folder, proven to be writable and to hold no input that would be overwritten."""
+    """The run folder, checked to be writable and to contain no input file that would be overwritten."""
     folder = Path(output) if output is not None else study.file.output_folder
     run_folder.check_writable(folder)
     check_inputs_safe(study, folder)
@@ -191,7 +191,7 @@ def _folder(study: Study, output: Path | str | None) -> Path:
 
 @checked
 def read_results(folder: Path | str) -> RunResult:
-    """What a run folder holds: results, arrays and report.
+    """Read a run folder: results, arrays and report.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Steps that need a study with a test, and write nothing: correlate, select, quantify."""
+"""Steps that require a study with a test and write no files: correlate, select, quantify."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def correlate(
 
     Parameters
     ----------
-    source : a study (an object, or the path of its TOML file); or a model, with the rest of the study as further words
+    source : a study (an object, or the path of its TOML file); or a model, with the other tables as keywords
     test : what `read_test` returned, or the path of its file; with a model
-    fresh : solve again what the journal of an earlier run of the study holds
-    progress : is told how far it is
-    tables : other words of `Study`: ``modes={"count": 12}``, ``sensors={"tolerance": 0.01}``, ``units``, ``output`` …
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
+    tables : keywords of `Study`: ``modes={"count": 12}``, ``sensors={"tolerance": 0.01}``, ``units``, ``output`` …
 
     Raises
     ------
-    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, and whatever is wrong with the files
+    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, and errors in the files
 
     Examples
     --------
@@ -77,7 +77,7 @@ def select(
     progress: Progress = silent,
     **tables: Any,
 ) -> SelectResult:
-    """Which parameters, and which combinations of them, the data determine.
+    """Which parameters and combinations of parameters the data determine.
 
     Parameters
     ----------
@@ -124,9 +124,9 @@ def quantify(
     progress: Progress = silent,
     **tables: Any,
 ) -> QuantifyResult:
-    """Mean and covariance of the free parameters over repeated tests, from their start values.
+    """Mean and covariance of the free parameters from repeated tests, starting from the initial values.
 
-    `run` does it from the updated values.
+    `run` starts from the updated values.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The verb report: the page of a result, or of a run folder."""
+"""Reports: the HTML page of a result, or of a run folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ R = TypeVar("R", ModesResult, RespondResult)
 
 
 def checked_page(path: Path | str | None) -> Path | None:
-    """The page that is wanted, tried before anything is solved (error ``run.unwritable``); None where there is none."""
+    """The page, checked to be writable before solving (error ``run.unwritable``); None without a page."""
     if path is None:
         return None
     # pictures take a second to import, and most calls need none
@@ -34,7 +34,7 @@ def checked_page(path: Path | str | None) -> Path | None:
 
 
 def with_page(result: R, page: Path | None, progress: Progress) -> R:
-    """The result with its page written, where one is wanted."""
+    """The result, with its page written if requested."""
     return result if page is None else replace(result, report=report(result, page, progress=progress))
 
 
@@ -45,14 +45,14 @@ def report(
     *,
     progress: Progress = silent,
 ) -> Path:
-    """Write the page of a result, or that of a run folder again; returns the path of the page.
+    """Write the HTML page of a result, or rewrite that of a run folder; returns its path.
 
     Parameters
     ----------
     source : what `run`, `update`, `validate`, `modes`, `respond` or `identify` returned; or a run folder, or the study
         whose run folder is meant
-    path : HTML file to write; ``report.html`` in the folder of the result where nothing is said
-    progress : is told how far it is
+    path : HTML file to write; ``report.html`` in the folder of the result by default
+    progress : receives progress reports
 
     Raises
     ------

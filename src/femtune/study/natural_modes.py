@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,10 @@ from numpy.typing import NDArray
 from femtune.assembly.cases import StudyCase
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study, with_modes_asked
-from femtune.errors import FemtuneError, Where
 from femtune.modal import ModeSet
 from femtune.model import EigenSolution
 from femtune.results.model import model_facts, model_modes
-from femtune.results.provenance import Stopwatch, call, input_paths, inputs_of, provenance, study_facts
+from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.solved import solved_cases
 from femtune.results.step_results import ModesResult
 from femtune.study.solutions import looking_up
@@ -41,7 +39,6 @@ def solve_modes(
     progress: Progress = silent,
     *,
     fresh: bool = False,
-    keep: Path | None = None,
     count: int | None = None,
     max_hz: float | None = None,
     simulate: SimulatedTest | None = None,
@@ -51,13 +48,12 @@ def solve_modes(
     Parameters
     ----------
     fresh : do not take solutions from the journal of the study's run folder
-    keep : a file that will be written with what this returns; it must not be one that was read
     count, max_hz : in place of [modes] of the study and of METHOD of the deck
     simulate : writes the modes as a test would have measured them
 
     Raises
     ------
-    FemtuneError : ``write.overwrites-input``, ``eigen.*``, and as `check_simulated`
+    FemtuneError : ``eigen.*``, and as `check_simulated`
     """
     if simulate is not None:
         from femtune.study.simulated_test import check_simulated, write_simulated  # noqa: PLC0415
@@ -65,7 +61,6 @@ def solve_modes(
     watch = Stopwatch(call("modes", source))
     with watch.step("read"):
         loaded = with_modes_asked(load_study(source, progress), count, max_hz)
-        _check_kept(loaded, keep)
         if simulate is not None:
             check_simulated(loaded, simulate)
         inputs = _each_once(inputs_of(loaded))
@@ -157,9 +152,3 @@ def _drawn(i: int, case: StudyCase, solution: EigenSolution, arrays: Arrays) -> 
 def _each_once(inputs: Inputs) -> Inputs:
     """A deck alone stands for its study."""
     return replace(inputs, files=tuple(file for file in inputs.files if file != inputs.study_file))
-
-
-def _check_kept(study: Study, page: Path | None) -> None:
-    inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
-    if page is not None and os.path.realpath(page) in inputs:
-        raise FemtuneError("write.overwrites-input/check-kept", where=Where(str(page)))

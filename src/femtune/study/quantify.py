@@ -1,4 +1,4 @@
-"""The step that tells how parameters scatter, from repeated tests."""
+"""The step quantify: variability of the parameters from repeated tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from femtune.assembly.error_places import errors_at
 from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
 from femtune.residuals import UpdateProblem
-from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
 from femtune.uncertainty import (
@@ -76,9 +76,9 @@ def in_words_of_the_study(table: QuantifyTable) -> Iterator[None]:
         yield
     except FemtuneError as error:
         if error.code in ("quantify.not-positive", "quantify.singular") and table.missing == "pairwise":
-            error.hint = 'covariances of pairs need not fit together: take missing = "em"'
+            error.hint = 'covariances that are estimated pair by pair need not be consistent; use missing = "em"'
         elif error.code.startswith("eigen.") and table.method in _CLOUDS:
-            error.hint = 'the cloud reaches values with which the model cannot be: take method = "second-order"'
+            error.hint = 'the model cannot be solved for some of the samples; use method = "second-order"'
         raise
 
 
@@ -153,9 +153,9 @@ def _distances(found: StochasticResult) -> CosineDistances | None:
     return cosine_distances(measured.covariance, measured.mean, found.G, found.mean, found.names)
 
 
-def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[ScatteringParameter, ...]:
+def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[QuantifiedParameter, ...]:
     return tuple(
-        ScatteringParameter(
+        QuantifiedParameter(
             parameter=p.name,
             start=float(found.start[i]),
             mean=float(found.mean[i]),
@@ -173,11 +173,11 @@ def _of_distances(near: CosineDistances | None) -> list[str]:
     return [near.sentences[0]] if near is not None and near.clear else []
 
 
-def _output_records(check: ForwardCheck) -> tuple[ScatteringOutput, ...]:
+def _output_records(check: ForwardCheck) -> tuple[QuantifiedOutput, ...]:
     measured = check.measured
     counts = np.isfinite(measured.repeats).sum(axis=0)
     return tuple(
-        ScatteringOutput(
+        QuantifiedOutput(
             label=label.removeprefix("mode "),
             repeats=int(counts[i]),
             measured_mean_hz=float(measured.mean[i]),
@@ -193,14 +193,14 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def _remarks(found: StochasticResult, parameters: tuple[ScatteringParameter, ...]) -> list[str]:
+def _remarks(found: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
     out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
     if len(found.names) >= len(found.measured.mean):
         out.append(
-            f"{len(found.names)} parameters from {len(found.measured.mean)} frequencies: they meet the measured "
-            "scatter whether they are those that scatter or not. More frequencies than parameters would tell."
+            f"{len(found.names)} parameters can reproduce the covariance of {len(found.measured.mean)} frequencies "
+            "even if other parameters vary. Use more frequencies than parameters."
         )
     outside = [p.parameter for p in parameters if p.outside_bounds]
     if outside:
-        out.append(f"The mean of {', '.join(outside)} lies outside the bounds, which this step does not enforce.")
+        out.append(f"The mean of {', '.join(outside)} lies outside the bounds; this step does not enforce bounds.")
     return [*out, *(_sentence(n.what) for n in found.measured.notices)]

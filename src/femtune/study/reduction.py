@@ -36,7 +36,7 @@ class TrainingProgress:
     def begin(self, names: Iterable[str]) -> None:
         """Before anything is solved: what it will cost at most."""
         for name in names:
-            text = f"reduced model of {name}: it takes at most {self.most} full solutions; the first is made now"
+            text = f"reduced model of {name}: at most {self.most} full solutions; computing the first"
             self.progress.step(text, 0, self.most)
         self.begun[""] = self.clock()
 
@@ -48,11 +48,11 @@ class TrainingProgress:
         """A candidate was estimated."""
         known = trained.estimates[np.isfinite(trained.estimates)]
         far = f", estimate {_percent(float(known.max()))}" if known.size else ""
-        self._say(name, trained, f"{self._errors(trained)}{far}, {count} of {len(trained.points)} points looked at")
+        self._say(name, trained, f"{self._errors(trained)}{far}, {count} of {len(trained.points)} points evaluated")
 
     def searched(self, number: int) -> None:
         """A search ended."""
-        self.progress.step(f"search {number} has ended: solving the full model there", 0, None)
+        self.progress.step(f"search {number} has ended; solving the full model at its final point", 0, None)
 
     def _say(self, name: str, trained: Trained, errors: str) -> None:
         done = len(trained.certified)

@@ -91,7 +91,7 @@ def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str
         file = file.model_copy(update={"study": file.study.model_copy(update={"units": unit_system(units).name})})
     file = with_response(file, options)
     if file.response is None and not file.load:
-        raise FemtuneError("response.nothing-asked/read", where=Where(str(study.file.path)))  # fmt: skip
+        raise FemtuneError("response.nothing-asked/no-request", where=Where(str(study.file.path)))  # fmt: skip
     return replace(study, file=file, units_known=study.units_known or units is not None)
 
 
@@ -119,7 +119,7 @@ def _check_files(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     if uff is not None and not study.units_known:
         raise FemtuneError("response.units-needed", where=Where(str(study.file.path)))  # fmt: skip
     if uff is not None and study.file.response is None:
-        raise FemtuneError("response.nothing-asked/check-files", where=Where(str(study.file.path)))  # fmt: skip
+        raise FemtuneError("response.nothing-asked/no-frfs-for-file", where=Where(str(study.file.path)))  # fmt: skip
     check_places(study, files, uff)
 
 
@@ -130,13 +130,13 @@ def check_places(study: Study, files: Sequence[Path], uff: Path | None) -> None:
     ------
     FemtuneError : ``uff.cannot-write``, ``write.overwrites-input``
     """
-    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "one that was read")
+    taken = dict.fromkeys(map(os.path.realpath, (study.file.path, *input_paths(study))), "an input file")
     if uff is not None and not (uff.name and uff.parent.is_dir()):
-        raise FemtuneError("uff.cannot-write/check-places", where=Where(str(uff)))  # fmt: skip
+        raise FemtuneError("uff.cannot-write/folder", where=Where(str(uff)))  # fmt: skip
     for file in files:
         if (place := os.path.realpath(file)) in taken:
-            raise FemtuneError("write.overwrites-input/check-places", where=Where(str(file)), taken=taken[place])
-        taken[place] = "another one that is to be written"
+            raise FemtuneError("write.overwrites-input/named-file", where=Where(str(file)), other_file=taken[place])
+        taken[place] = "another file that is to be written"
 
 
 def write_frf_files(

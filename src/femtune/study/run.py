@@ -279,7 +279,7 @@ UNTIL_UPDATED = (
     Step("update", _update),
     Step("correlate after", _correlate_after),
 )
-ONCE_UPDATED = (Step("quantify", _quantify, optional="scatter of the parameters"),)
+ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the parameters"),)
 ON_WRITTEN_DECK = (
     Step("write back", _write_back),
     Step("correlate as written", _correlate_as_written),

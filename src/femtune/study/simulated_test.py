@@ -1,4 +1,4 @@
-"""A test that the modes of a model would give: at sensors, with scatter where asked for, as Universal File."""
+"""Simulated modal test from the modes of a model: at sensors, with random errors, as Universal File."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class SimulatedTest:
         where none is wanted
     sensors : ``"12Z+"``, or nodes and components: ``"101 THRU 160:123"``, along the displacement axes of the points
     units : length-mass-s of a deck alone, which tells none
-    frequency_scatter : standard deviation of each frequency, as a part of it
-    shape_scatter : standard deviation at each sensor, as a part of the largest entry of the shape
-    seed : the same seed gives the same scatter
+    frequency_scatter : standard deviation of each frequency, relative to it
+    shape_scatter : standard deviation at each sensor, relative to the largest entry of the shape
+    seed : of the random errors
     """
 
     path: Path | None
@@ -76,7 +76,7 @@ def sensor_dofs(sensors: Sequence[str]) -> DofSet:
     """The sensors, each once (errors ``dof.syntax``, ``study.support``; ``uff.cannot-write`` for none)."""
     found = dict.fromkeys(dof for text in sensors for dof in _named(text))
     if not found:
-        raise FemtuneError("uff.cannot-write/sensor-dofs")  # fmt: skip
+        raise FemtuneError("uff.cannot-write/no-sensors")  # fmt: skip
     return DofSet(tuple(found))
 
 
@@ -96,7 +96,7 @@ def write_simulated(study: Study, wanted: SimulatedTest, solutions: Sequence[tup
 def simulated(
     study: Study, wanted: SimulatedTest, solutions: Sequence[tuple[StudyCase, EigenSolution]]
 ) -> list[ModalTest]:
-    """The modes of each configuration at the sensors, with scatter."""
+    """The modes of each configuration at the sensors, with random errors."""
     chance = np.random.default_rng(wanted.seed)
     return [_simulated(study, case, solution, wanted, chance) for case, solution in solutions]
 

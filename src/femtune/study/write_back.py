@@ -58,7 +58,7 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
         if os.path.realpath(folder / name) in inputs:
-            raise FemtuneError("write.overwrites-input/check-inputs-safe", where=Where(str(folder / name)))
+            raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
@@ -113,6 +113,7 @@ def _record(
     blocked: Mapping[FieldRef, float],
 ) -> WriteBackResults:
     owners = {ref: name for name, ref in _placed(study)}
+    lost = (*_without_card(values, owners), *(_shared(ref, owners[ref]) for ref in blocked))
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
         edits=tuple(edits(study, plan, values, owners)),
@@ -121,13 +122,8 @@ def _record(
         splits=tuple(
             f"{s.source} was copied to {s.copy} for the {len(s.elements)} elements of {s.region}" for s in plan.splits
         ),
-        without_field=(
-            *_no_fields(study),
-            *_of_matrices(values, owners),
-            *_of_modes(values, owners),
-            *_without_card(values, owners),
-            *(_shared(ref, owners[ref]) for ref in blocked),
-        ),
+        without_field=(*_no_fields(study), *_of_matrices(values, owners), *_of_modes(values, owners), *lost),
+        lost=lost,
         includes_changed=tuple(f"{c.where}: '{c.before}' became '{c.after}'" for c in deck.include_changes),
     )
 
@@ -135,14 +131,14 @@ def _record(
 def _of_matrices(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
     for ref, value in values.items():
         if ref.card in OF_MATRICES:
-            yield f"{owners[ref]}: the factor of {ref.name} stands in case control; write {value:.7g}*{ref.name} there"
+            yield f"{owners[ref]}: the factor of {ref.name} is in case control; change it to {value:.7g}*{ref.name}"
 
 
 def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
     for ref, value in values.items():
         if ref.card == MODAL:
-            modes = f"mode {ref.id}" if ref.id else "all modes without one of their own"
-            yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} belongs to no card; TABDMP1 may hold it"
+            modes = f"mode {ref.id}" if ref.id else "all modes without an individual ratio"
+            yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} is not on any card; enter it in TABDMP1"
 
 
 def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
@@ -151,8 +147,8 @@ def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, st
         if ref.card in FACTORS:
             matrices = {"stiffness": "stiffness", "mass": "mass", "viscous": "viscous damping"}[FACTORS[ref.card]]
             yield (
-                f"{owners[ref]}: no card holds a factor of the {matrices} of elements; the updated one is {value:.7g}, "
-                "to be multiplied into their materials and properties"
+                f"{owners[ref]}: no card holds a factor of the {matrices} of elements; multiply their "
+                f"materials and properties by the updated factor {value:.7g}"
             )
         if ref.card == "GENERIC":
             yield f"{owners[ref]}: no card holds {ref}, so the updated value {value:.7g} was not written"
@@ -162,19 +158,19 @@ def _no_fields(study: Study) -> Iterable[str]:
     used = {name for name, _ in _placed(study)}
     for p in study.parameters.parameters:
         if p.name not in used:
-            yield f"{p.name} has no field of its own in the deck: {_use(p, study)}"
+            yield f"{p.name} has no field in the deck: {_use(p, study)}"
 
 
 def _use(parameter: Parameter, study: Study) -> str:
     users = [p.name for p in study.parameters.parameters if p.tie and parameter.name in p.tie.names]
-    return f"it acts through {', '.join(users)}" if users else "nothing is written for it"
+    return f"it acts through {', '.join(users)}" if users else "its value is not written"
 
 
 def _shared(ref: FieldRef, owner: str) -> str:
-    others = "that are not updated" if ref.region else "that another parameter moves"
+    others = "that are not updated" if ref.region else "that another parameter changes"
     return (
         f"{owner}: {ref.card} {ref.id} {ref.name} is shared with elements {others}, so it was not "
-        f"written; split = true in [write] gives the updated elements a card of their own"
+        f"written; split = true in [write] gives the updated elements a separate card"
     )
 
 
@@ -189,6 +185,6 @@ def check_written(built: BuiltModel, study: Study) -> None:
     same_grids = np.array_equal(study.built.structure.nodes.ids, built.structure.nodes.ids)
     if before != after or not same_grids:
         raise FemtuneError(
-            "write.not-read-back/check-written",
+            "write.not-read-back/model-differs",
             values={"elements that differ": ", ".join(map(str, sorted(before ^ after)[:10])) or "none"},
         )

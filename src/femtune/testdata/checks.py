@@ -66,7 +66,7 @@ def _check_nan(modes: ModeSet) -> None:
     rows, columns = np.nonzero(np.isnan(modes.shapes))
     if rows.size:
         places = [f"mode {modes.labels[j]} at {modes.dofs[i]}" for i, j in zip(rows[:5], columns[:5])]
-        raise FemtuneError("test.nan", values={"first": "; ".join(places)}, rows_size=rows.size)
+        raise FemtuneError("test.nan", values={"first": "; ".join(places)}, n_missing=rows.size)
 
 
 def _check_zero(modes: ModeSet) -> None:
@@ -74,7 +74,7 @@ def _check_zero(modes: ModeSet) -> None:
     _check_size(modes, largest)
     empty = [modes.labels[j] for j in np.flatnonzero(largest == 0)]
     if empty:
-        raise FemtuneError("test.zero-shape", empty=", ".join(empty))
+        raise FemtuneError("test.zero-shape", modes=", ".join(empty))
 
 
 def _check_size(modes: ModeSet, largest: NDArray[np.float64]) -> None:
@@ -113,7 +113,7 @@ def _repeated(modes: ModeSet) -> Iterator[Notice]:
     for i, j in itertools.pairwise(order):
         if modes.freq_hz[i] == modes.freq_hz[j]:
             both = f"modes {modes.labels[i]} and {modes.labels[j]}"
-            yield Notice("test.repeated-frequency", both=both, freq_hz=modes.freq_hz[i])
+            yield Notice("test.repeated-frequency", modes=both, freq_hz=modes.freq_hz[i])
 
 
 def _complexity(modes: ModeSet) -> Iterator[Notice]:

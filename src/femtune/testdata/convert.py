@@ -96,7 +96,7 @@ def _check_rotation(turn: NDArray, shift: NDArray, allow_mirrored: bool) -> floa
     error = float(np.max(np.abs(turn @ turn.T - np.eye(3))))
     if not error < 1e-6:
         raise FemtuneError(
-            "test.rotation/check-rotation", values={"rotation": turn.tolist(), "largest deviation": error}
+            "test.rotation/not-orthonormal", values={"rotation": turn.tolist(), "largest deviation": error}
         )
     hand = float(np.sign(np.linalg.det(turn)))
     if hand < 0 and not allow_mirrored:

@@ -1,4 +1,4 @@
-"""ModalTest: one vibration test of a structure in one configuration, whole."""
+"""ModalTest: a vibration test of a structure in one configuration."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from femtune.units import UnitSystem
 
 @dataclass(frozen=True, eq=False)
 class WireFrame:
-    """The geometry of a test: where its nodes are and which lines draw it.
+    """The geometry of a test: nodes, trace lines and elements.
 
     Parameters
     ----------
     nodes : (n,) node numbers, each once
     coordinates : (n, 3) in the length unit of the test
     axes : (n, 3, 3); row k of ``axes[i]`` is the unit vector of node i's local direction k (X, Y, Z) in
-        global axes; the identity where nothing else is given
+        global axes; the identity by default
     lines : trace lines, each a tuple of two or more node numbers
     elements : faces and bars, each a tuple of node numbers
 
     Raises
     ------
-    FemtuneError : ``test.geometry`` for sizes that disagree and coordinates that are not finite,
-        ``test.duplicate-node``, ``test.unknown-node`` for lines or elements through missing nodes
+    FemtuneError : ``test.geometry`` for inconsistent sizes and coordinates that are not finite,
+        ``test.duplicate-node``, ``test.unknown-node`` for lines or elements with unknown nodes
     """
 
     nodes: NDArray[np.int64]
@@ -58,15 +58,15 @@ class WireFrame:
             raise FemtuneError("test.geometry", values=sizes)
         bad = self.nodes[~np.isfinite(self.coordinates).all(axis=1)]
         if bad.size:
-            raise FemtuneError("test.geometry/check-sizes", some=_some(bad))
+            raise FemtuneError("test.geometry/coordinates", nodes=_some(bad))
 
     def _check_nodes(self, n: int) -> None:
         if len(self._index) != n:
             numbers, counts = np.unique(self.nodes, return_counts=True)
-            raise FemtuneError("test.duplicate-node", some=_some(numbers[counts > 1]))
+            raise FemtuneError("test.duplicate-node", nodes=_some(numbers[counts > 1]))
         missing = sorted({node for path in (*self.lines, *self.elements) for node in path} - set(self._index))
         if missing:
-            raise FemtuneError("test.unknown-node", some=_some(missing))
+            raise FemtuneError("test.unknown-node", nodes=_some(missing))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -92,12 +92,12 @@ class WireFrame:
 
     def _at(self, node: int) -> int:
         if node not in self._index:
-            raise FemtuneError("test.unknown-node/at", node=node)
+            raise FemtuneError("test.unknown-node/requested", node=node)
         return self._index[node]
 
 
 NO_GEOMETRY = WireFrame(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-"""The wire frame of a test that gives none."""
+"""The geometry of a test without geometry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,18 +128,18 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModalTest:
-    """One test in one configuration (masses and supports as they were that day).
+    """A vibration test of one configuration of the structure, with its added masses and supports.
 
     Parameters
     ----------
-    name : what the user calls it
-    units : the system of coordinates, mass-normalised shapes and FRFs
-    geometry : wire frame (empty where the source gives none)
-    sensors : those whose place is known, each label once
+    name : name of the test
+    units : units of coordinates, mass-normalised shapes and FRFs
+    geometry : geometry of the test (empty if the source has none)
+    sensors : sensors with known position, each label once
     modes, frfs : the identified modes and the measured functions, or None
-    conditions : whatever else was said about the test, by name
-    source : the file it comes from
-    notices : what was found while it was read
+    conditions : further information on the test, by name
+    source : its file
+    notices : notices of the reader
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Public checks for those who write elements, models, residuals and readers."""
+"""Public checks for new elements, models, residuals and readers."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""A small deck and a test of it, for examples, notebooks and tests of one's own."""
+"""A small deck and a test of it, for examples, notebooks and user-written tests."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def example_deck(folder: Path | str = ".") -> Path:
 def example_test(folder: Path | str = ".", *, frequency_scatter: float = 0.0, shape_scatter: float = 0.0) -> Path:
     """Write ``cantilever.uff`` into a folder and return its path: four modes of the cantilever with `TRUTH` in it.
 
-    The sensors are at points 2 to 5, in Y and Z; the scatter is that of `femtune.simulate`.
+    The sensors are at points 2 to 5, in Y and Z; the random errors are those of `femtune.simulate`.
 
     Examples
     --------

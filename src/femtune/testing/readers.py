@@ -1,4 +1,4 @@
-"""Check of a file reader: what it does with good files, damaged files and files that are none."""
+"""Check of a file reader: its behaviour for valid, damaged and missing files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _KEPT = 1_000
 
 @dataclass(frozen=True)
 class ReaderChecks:
-    """What `check_reader` did: files that were read and refused, and what the most demanding one took."""
+    """Result of `check_reader`: files read and refused, and the largest time and memory."""
 
     read: int
     refused: int
@@ -54,7 +54,7 @@ def check_reader(
     seconds: float = 5.0,
     megabytes: float = 256.0,
 ) -> ReaderChecks:
-    """Raise AssertionError where a reader breaks the rules of the house.
+    """Raise AssertionError if a reader breaks the rules of the package.
 
     - The good file is read, twice with the same result, and is not changed.
     - Nothing is dropped silently: `complete` asserts what the data must hold, and a record that the reader does not

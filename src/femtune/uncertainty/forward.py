@@ -92,20 +92,20 @@ class ForwardCheck:
     def _verdict(self) -> str:
         if self.agrees:
             return (
-                "The cloud of the updated parameters has the measured means and covariance "
-                f"(covariances differ by {100 * self.covariance_error:.1f} %)."
+                "The model with the updated parameters reproduces the measured means and covariance "
+                f"(the covariances differ by {100 * self.covariance_error:.1f} %)."
             )
         return (
-            "The cloud of the updated parameters does not repeat what was measured "
-            f"(covariances differ by {100 * self.covariance_error:.0f} %): the parameters are not those that scatter, "
-            "or not all of them, or the measurement scatters by itself."
+            "The model with the updated parameters does not reproduce the measured means and covariance (the "
+            f"covariances differ by {100 * self.covariance_error:.0f} %). Other parameters may vary between the tests, "
+            "or the differences may be measurement noise."
         )
 
     def _of_means(self) -> list[str]:
         far = np.flatnonzero(np.abs(self.mean_error) > self._mean_limit)
         return [
             f"The mean of {self.measured.labels[i]} is {abs(self.mean_error[i]):.2g} measured standard deviations "
-            f"{'above' if self.mean_error[i] > 0 else 'below'} the measured one."
+            f"{'above' if self.mean_error[i] > 0 else 'below'} the measured mean."
             for i in far
         ]
 
@@ -113,7 +113,8 @@ class ForwardCheck:
         n = len(self.measured.repeats)
         limit = max(_CURVED, _BEYOND_CHANCE / np.sqrt(2.0 * (n - 1))) if n > 1 else _CURVED
         return [
-            f"The scatter of {self.measured.labels[i]} is {100 * self.sd_error[i]:+.0f} % of the measured one."
+            f"The standard deviation of {self.measured.labels[i]} differs from the measured one by "
+            f"{100 * self.sd_error[i]:+.0f} %."
             for i in np.flatnonzero(np.abs(self.sd_error) > limit)
         ]
 

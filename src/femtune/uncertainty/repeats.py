@@ -61,7 +61,7 @@ def factor(covariance: Reals) -> Reals:
 
 
 def correlation_of(covariance: Reals) -> Reals:
-    """(k, k) correlations; zero beside what does not scatter."""
+    """(k, k) correlations; zero for outputs with zero variance."""
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     safe = np.where(sd > 0.0, sd, 1.0)
     return np.asarray(covariance / np.outer(safe, safe))
@@ -289,7 +289,7 @@ def _check_variance(variance: Reals, mean: Reals, names: tuple[str, ...]) -> Non
     if flat.any():
         raise FemtuneError(
             "quantify.zero-variance",
-            values={"outputs without scatter": ", ".join(n for n, f in zip(names, flat) if f)},
+            values={"outputs with zero variance": ", ".join(n for n, f in zip(names, flat) if f)},
             output=names[int(np.argmax(flat))],
         )
 

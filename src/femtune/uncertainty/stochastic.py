@@ -22,13 +22,15 @@ from femtune.uncertainty.repeats import OutputStatistics, check_positive, correl
 class StochasticStatus(Enum):
     """Outcome; `ok` says whether mean and covariance may be used."""
 
-    CONVERGED = "converged: the answer does not change any more"
-    UNDETERMINED = "converged, but the outputs do not determine every parameter: the nearest to the start was taken"
-    MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last ones are kept"
-    CLOUD_LIMIT = "stopped at the iteration limit before the cloud converged; the last one is kept"
-    MEANS_STALLED = "no step of any length brings the means nearer; the best ones are kept"
-    TOO_CURVED = "the curvature of the outputs is too strong for the second-order correction; that of (39) is kept"
-    NOT_POSITIVE = "a step left no positive definite covariance; the last one that was is kept"
+    CONVERGED = "converged: means and covariance are stationary"
+    UNDETERMINED = (
+        "converged, but the outputs do not determine all parameters; the solution nearest to the initial values is used"
+    )
+    MEANS_LIMIT = "stopped at the iteration limit before the means converged; the last means are kept"
+    CLOUD_LIMIT = "stopped at the iteration limit before the samples converged; the last samples are kept"
+    MEANS_STALLED = "stopped because no step of any length reduces the error of the means; the best means are kept"
+    TOO_CURVED = "the outputs are too nonlinear for the second-order correction; the result of equation (39) is kept"
+    NOT_POSITIVE = "stopped because a step gave a covariance that is not positive definite; the last valid one is kept"
 
     @property
     def ok(self) -> bool:
@@ -210,7 +212,8 @@ def _shortened(
 # Means and covariances to second order at the price of (39): k further model solutions.
 #
 # Equation (39) takes z(θ) as linear over the cloud, so that its means are those of a model without curvature: off by
-# ½ T H:Cov θ, percents at a scatter of 20 %. With H from k differences of the sensitivity matrix the quadratic model
+# ½ T H:Cov θ, per cent at a standard deviation of 20 %. With H from k differences of the sensitivity matrix the
+# quadratic model
 #
 #     z(θ) = z₀ + G d + ½ H[d, d],  d = θ − θ₀
 #
@@ -580,7 +583,7 @@ def stochastic_update(
     start_sd: Reals,
     rules: StochasticRules = StochasticRules(),
 ) -> StochasticResult:
-    """Mean and covariance of k parameters for which the outputs scatter as they were measured.
+    """Mean and covariance of k parameters for which the outputs have the measured mean and covariance.
 
     Parameters
     ----------
@@ -652,7 +655,7 @@ def _by_cloud(
 def unexplained(G: Reals, measured: OutputStatistics) -> float:
     """Share of the outputs' variance outside the range of G, to first order; zero for a square G of full rank.
 
-    A set of parameters that is not the one that scatters can still meet the mean; here it shows. Outputs are scaled by
+    A wrong set of parameters can still reproduce the mean; the covariance shows it. Outputs are scaled by
     their means, as their weights are, and variances are summed over all of them.
     """
     scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)

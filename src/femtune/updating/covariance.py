@@ -34,9 +34,9 @@ class ParameterCovariance:
     Parameters
     ----------
     misfit : by kind of residual, the root mean square of the residuals in units of their stated standard deviations,
-        freed of the parameters' share: 1 where the data scatter as they were said to
-    degrees_of_freedom : of the scatter that the covariance rests on: infinite where it is the stated one
-    widened : kinds whose residuals are larger than chance explains, and whose scatter was estimated for that
+        corrected for the fitted parameters: 1 if the stated standard deviations are correct
+    degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
+    widened : kinds whose residuals are significantly larger than stated, so that their variance was estimated
     freedom : by kind of residual, how many residuals the parameters leave free
     """
 
@@ -53,7 +53,7 @@ class ParameterCovariance:
         return np.sqrt(np.diag(self.matrix))
 
     def coverage_factor(self, level: float = 0.95) -> float:
-        """Half width of an interval in standard deviations: normal, or Student's t where the scatter is estimated."""
+        """Half width of an interval in standard deviations: normal, or Student's t if the variance is estimated."""
         return float(stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * level))
 
 
@@ -79,10 +79,10 @@ def parameter_covariance(
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
-    With stated scatter S is one, but for kinds of residual whose sum of squares is larger than chance explains (one
+    With stated standard deviations S is one, except for kinds of residual whose sum of squares is significant (one
     per cent point of χ² with the freedom that the parameters leave them): there it is their misfit, so that the result
     is wider; none that fits better narrows it (a loose deviation of shapes says nothing of the frequencies). With
-    estimated scatter the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
+    estimated variance the stated deviations are relative weights, and S² = rᵀr/(n − rank) for all residuals.
 
     Parameters
     ----------
@@ -101,11 +101,13 @@ def parameter_covariance(
     misfit = _misfit(r, kinds, freedom)
     size = _estimated(r, freedom) if scatter == "estimated" else _widened(misfit, freedom)
     known = np.linalg.norm(fit.undetermined, axis=0) < _SHARE
-    reasons = {int(i): "not moved by this update, σ not given" for i in np.flatnonzero(~moving)}
+    reasons = {int(i): "fixed in this update, σ not given" for i in np.flatnonzero(~moving)}
     reasons |= {int(i): "at bound, σ not given" for i in np.flatnonzero(at_bound)}
     reasons |= {int(i): "not determined by the data, σ not given" for i in free[~known]}
     if size is None:
-        reasons |= {int(i): "no residual is left over to estimate the scatter from, σ not given" for i in free[known]}
+        reasons |= {
+            int(i): "no degrees of freedom left to estimate the residual variance, σ not given" for i in free[known]
+        }
         size, known = _Size({}, np.inf), np.zeros(len(free), bool)
     rows = np.concatenate([[size.by_kind.get(kind, 1.0) for kind in kinds], np.ones(len(extra))])
     spread = prior_sd[free, None] * fit.estimator * rows
@@ -117,7 +119,7 @@ def parameter_covariance(
 
 @dataclass(frozen=True)
 class _Size:
-    """By how much kinds of residual scatter more than stated (others: one), and the freedom of that estimate."""
+    """Factor on the stated standard deviations by kind of residual (others: one), and its degrees of freedom."""
 
     by_kind: dict[str, float]
     degrees: float

@@ -48,7 +48,7 @@ class EquationError(Residual):
     label = "equation error"
     of_modes = True
     on_modes = True
-    not_normal = "it guides a search and has no stated standard deviation"
+    not_normal = "they serve as a search objective and have no stated standard deviation"
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One block a mode."""

@@ -166,7 +166,7 @@ class ReducedSearch:
 NOBODY: Told = _Nobody()
 
 
-NOTHING_REDUCED = "nothing was reduced: no configuration compares modes, so the search ran on the full model"
+NOTHING_REDUCED = "no model was reduced because no configuration compares modes; the search used the full model"
 
 
 def update_reduced(
@@ -262,10 +262,10 @@ def _search(
 
 def round_sentence(number: int, search: ReducedSearch, error: float, agree: bool) -> str:
     order = " and ".join(str(t.model.order) for t in search.trained)
-    verdict = "within the tolerance" if agree else "more than the tolerance"
+    verdict = "within the tolerance" if agree else "above the tolerance"
     return (
-        f"search {number} on order {order}: at its end the full model differs by {100.0 * error:.2g} % in the worst "
-        f"frequency, {verdict} of {100.0 * search.rules.tolerance:.2g} %"
+        f"search {number} with order {order}: at the final point the largest frequency difference from the full model "
+        f"is {100.0 * error:.2g} %, {verdict} of {100.0 * search.rules.tolerance:.2g} %"
     )
 
 

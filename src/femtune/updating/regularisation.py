@@ -46,27 +46,27 @@ class RegularisationPath:
 class WeightStatus(Enum):
     """How the weight was found, or why it was not; the update goes on without a constraint where it was not."""
 
-    CORNER = "the weight is that of the L-curve's corner, where its curvature is largest"
+    CORNER = "the weight was chosen at the corner of the L-curve, its point of largest curvature"
     NO_CORNER = (
-        "the L-curve bends evenly and has no corner, so that no weight balances data and constraint: the update ran "
-        'without the constraint; give weight a number, or use weight = "gcv"'
+        "the L-curve has no distinct corner that would balance data and constraint; the update ran without the "
+        'constraint. Set weight to a number, or use weight = "gcv"'
     )
     MONOTONE = (
-        "the curvature of the L-curve only rises towards one end of it, so that there is no corner: the update ran "
-        'without the constraint; give weight a number, or use weight = "gcv"'
+        "the curvature of the L-curve increases towards one of its ends, so that it has no corner; the update ran "
+        'without the constraint. Set weight to a number, or use weight = "gcv"'
     )
     STANDS_STILL = (
-        "data and constraint do not pull against each other, so that the weight means nothing: the update ran without "
+        "data and constraint do not conflict, so that the result does not depend on the weight; the update ran without "
         "the constraint"
     )
-    LEAST = "the weight is that of the least generalised cross-validation"
+    LEAST = "the weight minimises the generalised cross-validation function"
     AT_END = (
-        "generalised cross-validation falls towards one end of the weights and has no least value between: the update "
-        "ran without the constraint; give weight a number"
+        "the generalised cross-validation function has no minimum inside the range of weights; the update ran without "
+        "the constraint. Set weight to a number"
     )
     NO_SPARE = (
-        "there are no more residuals than parameters, and cross-validation needs some to spare: the update ran without "
-        "the constraint; give weight a number, or measure more"
+        "generalised cross-validation needs more residuals than parameters; the update ran without the constraint. "
+        "Set weight to a number, or add measurements"
     )
 
     @property
@@ -354,7 +354,7 @@ class Identical:
     """Rows μ(P_i − mean P)/|scale| over each group of parameters, the side constraint Cθ = 0.
 
     The sum of their squares is that of all differences within a group over its number of parameters. 1/`weight` is the
-    relative scatter that the parameters are thought to have. Source: Ahmadian, Mottershead and Friswell (1998);
+    assumed relative standard deviation of the parameters. Source: Ahmadian, Mottershead and Friswell (1998);
     Mottershead, Link and Friswell (2011), after Eq. (21).
 
     Parameters

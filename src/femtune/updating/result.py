@@ -72,7 +72,7 @@ class UpdateResult:
     def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Confidence intervals of all parameters, NaN where no standard deviation is given.
 
-        They are those of the linear model: normal, or of Student's t where the scatter was estimated.
+        They are those of the linear model: normal, or of Student's t if the variance was estimated.
         """
         k, values = self.covariance.coverage_factor(level), self.values
         return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}

@@ -139,7 +139,7 @@ class GaussNewton:
     """Whole steps whether the objective falls or not: the iterates of published examples; it may diverge."""
 
     start: float = 1.0
-    words: str = "Gauss-Newton, whole steps, bounds inside the step"
+    words: str = "Gauss-Newton with full steps, bounded steps"
 
     def step(self, local: LocalModel, state: float) -> Reals:
         """The Gauss-Newton step."""
@@ -170,7 +170,7 @@ class LevenbergMarquardt:
     """The state is the damping, relative to the largest singular value of the scaled Jacobian squared."""
 
     start: float = 1e-3
-    words: str = "damped Gauss-Newton (Levenberg-Marquardt), bounds inside the step"
+    words: str = "damped Gauss-Newton (Levenberg-Marquardt), bounded steps"
 
     def step(self, local: LocalModel, state: float) -> Reals:
         """The damped step."""
@@ -207,7 +207,7 @@ class LineSearch:
     """
 
     start: float = 1.0
-    words: str = "Gauss-Newton with line search, bounds inside the step"
+    words: str = "Gauss-Newton with line search, bounded steps"
 
     def step(self, local: LocalModel, state: float) -> Reals:
         """A part of the Gauss-Newton step."""

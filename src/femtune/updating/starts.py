@@ -29,9 +29,9 @@ _SPARE = 3
 class StartOutcome(Enum):
     """What became of a start, beside the others."""
 
-    BEST = "ended at the best optimum that was found"
-    AS_GOOD = "ended elsewhere, at an optimum as good within the noise"
-    WORSE = "ended at a worse optimum, which is not the answer"
+    BEST = "reached the best optimum that was found"
+    AS_GOOD = "reached another optimum that is equally good within the noise"
+    WORSE = "reached an optimum with a higher objective"
     UNFINISHED = "did not converge"
     FAILED = "could not be solved"
 
@@ -84,8 +84,8 @@ class Optimum:
 def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
     """By how much the objective ½rᵀr may differ from the best for the data not to tell two points apart.
 
-    Half the 95 % quantile of χ² of as many degrees of freedom as parameters; where residuals to spare show less scatter
-    than was stated, half that of F on the scatter that they show: weights that are no standard deviations must not
+    Half the 95 % quantile of χ² of as many degrees of freedom as parameters; if the residuals have a smaller variance
+    than stated, half that of F with the variance of the residuals: weights that are no standard deviations must not
     make every valley as good as the best one. An exact fit has no noise, and only exact fits are as good.
     """
     stated = 0.5 * float(chdtri(max(n_parameters, 1), 1.0 - SURE))
@@ -128,41 +128,34 @@ def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[i
 
 
 def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> tuple[str, ...]:
-    """What the starts tell of the answer."""
+    """Whether the starts reached the same optimum, in sentences."""
     n, found = len(starts), outcomes(starts, optima)
     if not optima:
-        return (f"None of {n} starts converged: the best point that was seen is kept, and it is no optimum.",)
+        return (f"None of {n} starts converged. The best point is kept; it is not an optimum.",)
     others = [o for o in optima[1:] if o.as_good]
-    out = [f"{len(optima[0].members)} of {n} starts {_end(len(optima[0].members))} at the same optimum."]
+    out = [f"{len(optima[0].members)} of {n} starts reached the same optimum."]
     if others:
         count = sum(len(o.members) for o in others)
         out.append(
-            f"{count} {_other(count)} {_end(count)} elsewhere and {'is' if count == 1 else 'are'} as good within the "
-            f"noise, at {len(others)} other {'point' if len(others) == 1 else 'points'}: the answer is not unique."
+            f"{count} {'start' if count == 1 else 'starts'} reached {len(others)} other "
+            f"{'optimum that is' if len(others) == 1 else 'optima that are'} equally good within the noise; "
+            "the result is not unique."
         )
     elif len(optima[0].members) == 1 and n > 1:
-        out.append("No second start confirms it: more starts may find a better one.")
+        out.append("No other start confirms it; more starts may find a better optimum.")
     worse = [o for o in optima if not o.as_good]
     if worse:
         count = sum(len(o.members) for o in worse)
-        text = f"{count} {_end(count)} at {len(worse)} worse {'optimum' if len(worse) == 1 else 'optima'}"
-        out.append(f"{text}, which {'is' if len(worse) == 1 else 'are'} not the answer.")
+        ends = "an optimum" if len(worse) == 1 else f"{len(worse)} optima"
+        out.append(f"{count} {'start' if count == 1 else 'starts'} reached {ends} with a higher objective.")
     return (*out, *_lost(found))
 
 
 def _lost(found: dict[int, StartOutcome]) -> list[str]:
     values = list(found.values())
     unfinished, failed = values.count(StartOutcome.UNFINISHED), values.count(StartOutcome.FAILED)
-    out = [f"{unfinished} did not converge."] if unfinished else []
-    return [*out, f"{failed} could not be solved."] if failed else out
-
-
-def _end(count: int) -> str:
-    return "ends" if count == 1 else "end"
-
-
-def _other(count: int) -> str:
-    return "other" if count == 1 else "others"
+    out = [f"{unfinished} {'start' if unfinished == 1 else 'starts'} did not converge."] if unfinished else []
+    return [*out, f"{failed} {'start' if failed == 1 else 'starts'} could not be solved."] if failed else out
 
 
 @dataclass(frozen=True)
@@ -214,7 +207,7 @@ class MultiStart:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the starts tell of the answer."""
+        """Whether the starts reached the same optimum, in sentences."""
         return start_sentences(self.starts, self.optima)
 
 

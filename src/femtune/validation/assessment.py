@@ -37,7 +37,7 @@ class Evidence:
     ----------
     correlation : test against model
     tests : positions of the test modes that count; None for all
-    misses : by position of the test mode, the frequency's miss beside its scatter
+    misses : by position of the test mode, the frequency error with its standard deviation
     sensors : of the held-out sensors, or None
     """
 
@@ -81,7 +81,7 @@ def assess(
     correlation : test against model
     criteria : what is asked
     tests : positions of the test modes that count; None for all
-    misses : by position of a test mode, its frequency's miss beside the scatter, for what noise explains
+    misses : by position of a test mode, its frequency error with the standard deviation
     sensors : held-out sensors, for criteria on them
     """
     evidence = Evidence(correlation, None if tests is None else frozenset(tests), tuple(misses), sensors)
@@ -95,7 +95,7 @@ def _verdict(evidence: Evidence, criterion: Criterion) -> Verdict:
     verdict = judge(criterion, *measured)
     missing = evidence.missing()
     if missing and criterion.quantity not in (SELF, SHAPE):
-        remark = f"{verdict.remark}; test modes without partner: {', '.join(missing)}"
+        remark = f"{verdict.remark}; test modes without a partner: {', '.join(missing)}"
         return replace(verdict, outcome=Outcome.FAIL, remark=remark)
     return verdict
 
@@ -141,7 +141,7 @@ def _diagonal(e: Evidence) -> Measured:
 
 def _loss_by_noise(loss: float, mean: float) -> str:
     word = "could explain" if loss <= 2.0 * mean else "does not explain"
-    return f"scatter of the measured shape, which takes {mean:.2g} on average, {word} the loss of {loss:.2g}"
+    return f"noise of the measured shape reduces it by {mean:.2g} on average; this {word} the loss of {loss:.2g}"
 
 
 def _off_diagonal(e: Evidence, matrix: Reals | NotTested, sd: Reals | NotTested, model_columns: bool) -> Measured:
@@ -149,7 +149,7 @@ def _off_diagonal(e: Evidence, matrix: Reals | NotTested, sd: Reals | NotTested,
         return matrix
     rows = e.rows
     if len(matrix) < 2 or not rows:
-        return NotTested("a single pair has nothing off the diagonal" if rows else "no modes are paired")
+        return NotTested("a single pair has no off-diagonal terms" if rows else "no modes are paired")
     off = (matrix - np.diag(np.diag(matrix)))[rows]
     i, j = (int(k) for k in np.unravel_index(int(np.argmax(off)), off.shape))
     c = e.correlation
@@ -161,8 +161,8 @@ def _off_diagonal(e: Evidence, matrix: Reals | NotTested, sd: Reals | NotTested,
 
 def _orthogonality_noise(value: float, sd: float) -> str:
     if value <= 2.0 * sd:
-        return f"scatter of the measured shapes alone (σ {sd:.2g} there) could explain it"
-    return f"scatter of the measured shapes (σ {sd:.2g} there) does not explain it"
+        return f"noise of the measured shapes (σ {sd:.2g}) could explain it"
+    return f"noise of the measured shapes (σ {sd:.2g}) does not explain it"
 
 
 def _shape(e: Evidence) -> Measured:

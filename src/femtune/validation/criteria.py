@@ -66,7 +66,7 @@ class Verdict:
     def sentence(self) -> str:
         """Outcome, measured number beside the required one, the place, and what noise explains."""
         c = self.criterion
-        asked = f"{'at most' if c.at_most else 'at least'} {c.text(c.limit)} asked by {c.standard}"
+        asked = f"{'at most' if c.at_most else 'at least'} {c.text(c.limit)} required by {c.standard}"
         if self.measured is None:
             return f"not tested: {c.quantity}, {asked}: {self.remark}"
         tail = "".join(f"; {part}" for part in (self.remark, self.noise) if part)

@@ -1,8 +1,9 @@
 """Are the residuals noise? Chi-square test with the stated standard deviations, a test of runs, the largest residual.
 
 The part of the residuals that no parameters could remove is looked at: r⊥ = r − U Uᵀ r with U spanning the Jacobian's
-range. Where the model is right and the data scatter as stated, |r⊥|² is chi-square with n − rank degrees of freedom,
-whatever the regularisation, the bounds and the last step did to the parameters (to first order).
+range. If the model is correct and the stated standard deviations are those of the data, |r⊥|² is chi-square with n −
+rank degrees of freedom, whatever the regularisation, the bounds and the last step did to the parameters (to first
+order).
 
 Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowitz (1940) for runs.
 """
@@ -66,7 +67,8 @@ class GoodnessOfFit:
             return f"not tested: {self._why_not()}"
         numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} degrees of freedom"
         if self.outcome is Outcome.FAIL:
-            return f"the residuals are not noise: {numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
+            details = f"{numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
+            return f"the residuals are not noise of the stated size: {details}"
         if self.p_value > 1.0 - LEVEL:
             what = "the residuals are smaller than the stated standard deviations imply"
             return f"{what}: {numbers}; these are probably too large"
@@ -75,12 +77,12 @@ class GoodnessOfFit:
     def _why_not(self) -> str:
         if self.untested:
             return "; ".join(f"{kind} residuals: {reason}" for kind, reason in self.untested)
-        return "there are as many parameters as data, so that nothing is left over"
+        return "there are no more residuals than parameters, so that no degrees of freedom are left"
 
     def _runs(self) -> str:
         if self.runs is None or self.runs_p_value is None or self.runs_p_value >= LEVEL:
             return ""
-        return f"; their signs come in {self.runs} runs only ({_chance(self.runs_p_value)})"
+        return f"; their signs form only {self.runs} runs ({_chance(self.runs_p_value)})"
 
     def _largest(self) -> str:
         return f"; the largest is {self.largest:+.1f} σ, {self.largest_label}" if self.largest is not None else ""

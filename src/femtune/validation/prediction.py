@@ -1,4 +1,4 @@
-"""A predicted frequency beside the measured one, and what part of the miss test and parameters explain by scatter."""
+"""Error of a predicted frequency, and whether the uncertainty of test and parameters explains it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from femtune.correlation import Correlation, NotTested, paired_shapes
 from femtune.modal.shape_criteria import modal_scale_factor
 
 EXPLAINED = 0.05
-"""A miss that scatter exceeds by chance less often than this is not called noise."""
+"""An error with a smaller probability than this is not explained by noise."""
 
 
 @dataclass(frozen=True)
@@ -39,29 +39,33 @@ class FrequencyMiss:
 
     @property
     def z(self) -> float:
-        """The miss in units of its standard deviation; infinite where nothing scatters."""
+        """The error in units of its standard deviation; infinite if that is zero."""
         return self.error / self.sd if self.sd > 0.0 else float(np.copysign(np.inf, self.error))
 
     @property
     def p_value(self) -> float:
-        """Chance of a miss as large or larger by scatter alone (normal, two-sided)."""
+        """Probability of at least this error by uncertainty alone (normal, two-sided)."""
         return math.erfc(abs(self.z) / math.sqrt(2.0))
 
     @property
     def explained(self) -> bool:
-        """True where scatter alone could be the whole miss."""
+        """True if uncertainty alone could explain the error."""
         return self.p_value >= EXPLAINED
 
     def __str__(self) -> str:
         known = self.parameter_sd is not None
         parts = f"test {_percent(self.test_sd)}"
-        parts += f", parameters {_percent(self.parameter_sd or 0.0)}" if known else "; that of the parameters unknown"
+        parts += (
+            f", parameters {_percent(self.parameter_sd or 0.0)}" if known else "; that of the parameters is not known"
+        )
         word = "could explain" if self.explained else "does not explain"
-        return f"scatter (σ {_percent(self.sd)}: {parts}) {word} the miss of {_percent(abs(self.error))} ({self._z})"
+        return (
+            f"uncertainty (σ {_percent(self.sd)}: {parts}) {word} the error of {_percent(abs(self.error))} ({self._z})"
+        )
 
     @property
     def _z(self) -> str:
-        return f"{abs(self.z):.1f} σ" if np.isfinite(self.z) else "nothing scatters"
+        return f"{abs(self.z):.1f} σ" if np.isfinite(self.z) else "σ is zero"
 
 
 def _percent(value: float) -> str:
@@ -99,7 +103,7 @@ class HeldOutSensors:
     labels : of the pairs, in words
     error : (p,) root mean square of ψ − cφ at the held-out sensors over that of ψ at all sensors; c is the modal scale
         factor of the sensors that were used. NaN where a pair has no entry to compare
-    noise : (p,) what the scatter of the shape gives on average, NaN where it is not known
+    noise : (p,) expected error due to noise of the shape, NaN if not known
     """
 
     sensors: tuple[str, ...]
@@ -119,7 +123,7 @@ class HeldOutSensors:
         if not np.isfinite(noise):
             return ""
         word = "could explain" if error <= 2.0 * noise else "does not explain"
-        return f"scatter of the measured shape (it gives {100 * noise:.2g} % on average) {word} it"
+        return f"noise of the measured shape ({100 * noise:.2g} % on average) {word} it"
 
 
 def held_out_sensors(c: Correlation, held: Collection[int], tests: Collection[int] | None = None) -> HeldOutSensors:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -182,6 +184,42 @@ def test_quadratic_functions_of_the_place_are_met_on_any_straight_quadrilateral(
     for a, b in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)):
         assert centre @ (x**a * y**b) == pytest.approx(mean[0] ** a * mean[1] ** b, rel=1e-12)
     np.testing.assert_allclose(centre_shares(np.array([[[0.0, 0], [2, 1], [3, 4], [1, 3]]])), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("shape", [QUAD8_SHAPE, TRI6_SHAPE])
+def test_shares_of_the_corners_are_linear_along_the_sides(shape):
+    """They give back 1, r, s, and rs of a quadrilateral, from the corners' values."""
+    (r, s), (a, b) = shape.points.T, shape.nodes[: shape.corners].T
+    fields = [(1.0 + 0 * a, 1.0 + 0 * r), (a, r), (b, s), *([(a * b, r * s)] if shape.corners == 4 else [])]
+    for corners, points in fields:
+        np.testing.assert_allclose(replace(shape).corner_shares @ corners, points, atol=1e-15)
+
+
+@pytest.mark.parametrize("shape", [QUAD8_SHAPE, TRI6_SHAPE])
+def test_the_second_side_of_a_node_is_to_the_left_of_the_first(shape):
+    """At corners the next and the one before; at a middle along the side, and from it into the shape."""
+    ahead, other = np.moveaxis(replace(shape).side_directions, 1, 0)
+    c, nodes = shape.corners, shape.nodes
+    np.testing.assert_array_equal(nodes[:c] + ahead[:c], np.roll(nodes[:c], -1, axis=0))
+    np.testing.assert_array_equal(nodes[:c] + other[:c], np.roll(nodes[:c], 1, axis=0))
+    assert (ahead[:, 0] * other[:, 1] - ahead[:, 1] * other[:, 0] > 0.0).all()
+
+
+@pytest.mark.parametrize("surface", ["warped", "cylinder"])
+@pytest.mark.parametrize("cells", ["quad8", "right6"])
+def test_the_numbering_does_not_matter(cells: str, surface: str):
+    """The same shell from another corner on has the same matrices."""
+    xyz, cell = element(surface, cells)
+    corners = cell.shape[1] // 2
+    for first in range(1, corners):
+        order = np.concatenate([np.roll(cell[0, :corners], -first), np.roll(cell[0, corners:], -first)])
+        one, other = (
+            shell_structure(xyz, [ShellPart(c, Section(ISO, 0.1, 0.04))], consistent_mass=True)
+            for c in (cell, order[None])
+        )
+        for kind in ("stiffness", "mass"):
+            here, there = (assemble(s, kind).toarray() for s in (one, other))
+            np.testing.assert_allclose(there, here, atol=1e-11 * np.abs(here).max())
 
 
 @pytest.mark.parametrize("tie", [QUAD_STRAIN, QUAD_SHEAR, TRI_STRAIN, TRI_SHEAR])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -221,21 +223,61 @@ def test_material_axes():
     assert orthotropic_energy(0.3) == pytest.approx(exact)
 
 
-def test_in_plane_bending_of_an_orthotropic_strip_along_any_axis():
-    """The uniaxial modulus along a direction at θ: 1/E = c⁴/E1 + s⁴/E2 + c²s²(1/G − 2ν/E1)."""
-    E1, E2, nu, G12 = 10.0, 2.0, 0.25, 1.5
-    scale = 1.0 - nu**2 * E2 / E1
-    law = {"11": E1 / scale, "12": nu * E2 / scale, "22": E2 / scale, "33": G12}
+def in_plane_modulus(law: np.ndarray, theta: float) -> float:
+    """The factor of in-plane bending along x of a unit square, of a law (3, 3) on axes at θ from x."""
+    entries = {f"{i + 1}{j + 1}": law[i, j] for i in range(3) for j in range(i, 3)}
     structure = structure_of(
         shell_mesh(rectangle(1.0, 1.0), 1, 1).xyz[[0, 2, 3, 1]],
-        [ShellPart(ONE, Section(Anisotropic(law, {"11": 1.0, "22": 1.0}), 1.0), theta=-0.4)],
+        [ShellPart(ONE, Section(Anisotropic(entries, {"11": 1.0, "22": 1.0}), 1.0), theta=theta)],
     )
     batch = structure.batches[0]
     part = next(p for p in contributions(batch, structure) if p.label == "in-plane-bending-1")
+    return nominal_matrices(batch, structure, part)[0, 0, 0] / part.matrices[0, 0, 0]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_in_plane_bending_of_an_orthotropic_strip_along_any_axis(turn: float):
+    """The uniaxial modulus along a direction at θ: 1/E = c⁴/E1 + s⁴/E2 + c²s²(1/G − 2ν/E1).
+
+    The law may be written on axes that are turned from those of orthotropy: stress and strain turn there and back.
+    """
+    E1, E2, nu, G12 = 10.0, 2.0, 0.25, 1.5
+    flexible = np.array([[1 / E1, -nu / E1, 0], [-nu / E1, 1 / E2, 0], [0, 0, 1 / G12]])
+    # strain on the axes of orthotropy, which are at −turn, from that on the axes of the law
+    c, s = np.cos(turn), -np.sin(turn)
+    T = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+    found = in_plane_modulus(T.T @ np.linalg.inv(flexible) @ T, turn - 0.4)
     c, s = np.cos(0.4), np.sin(0.4)
     modulus = 1.0 / (c**4 / E1 + s**4 / E2 + c * c * s * s * (1.0 / G12 - 2.0 * nu / E1))
-    ratio = nominal_matrices(batch, structure, part)[0, 0, 0] / part.matrices[0, 0, 0]
-    assert ratio == pytest.approx(modulus, rel=1e-12)
+    assert found == pytest.approx(modulus, rel=1e-12)
+
+
+@pytest.mark.parametrize("angles", [(0.3, 1.9), (0.3, -1.2), (-0.5, 0.8), (1.0, 0.2)])
+def test_in_plane_bending_of_two_families_of_fibres(angles: tuple[float, float]):
+    """A net without a matrix has no uniaxial stress off its fibres: strain along x stretches each by E cos⁴."""
+    E, law = (7.0, 3.0), np.zeros((3, 3))
+    for modulus, angle in zip(E, angles):
+        c, s = np.cos(angle), np.sin(angle)
+        stretch = np.array([c * c, s * s, c * s])
+        law += modulus * np.outer(stretch, stretch)
+    exact = sum(modulus * np.cos(angle + 0.2) ** 4 for modulus, angle in zip(E, angles))
+    assert in_plane_modulus(law, 0.2) == pytest.approx(exact, rel=1e-12)
+
+
+def test_elements_of_a_batch_may_have_their_axis_by_an_angle_or_by_a_direction():
+    parts = [ShellPart(ONE, Section(ANISO, 0.1), theta=0.4), ShellPart(ONE, Section(ANISO, 0.1), direction=(1, 2, 0.3))]
+    whole = structure_of(WARPED, parts)
+    one, two = whole.batches
+    together = replace(
+        one,
+        ids=np.array([1, 2]),
+        nodes=np.concatenate([one.nodes, two.nodes]),
+        dofs=np.concatenate([one.dofs, two.dofs]),
+        roles={role: np.concatenate([one.roles[role], two.roles[role]]) for role in one.roles},
+        facts={name: np.concatenate([one.facts[name], two.facts[name]]) for name in one.facts},
+    )
+    expected, found = (assemble(s, "stiffness").toarray() for s in (whole, replace(whole, batches=(together,))))
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_neighbours_share_normals_on_a_smooth_surface_and_keep_them_at_a_fold():

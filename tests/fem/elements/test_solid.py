@@ -26,6 +26,7 @@ from tests.fem.solid_parts import (
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties, rigid_body_modes
 from femtune.fem.elements import contributions
+from femtune.fem.elements.solids import penta6, pyram5
 from femtune.testing import check_contribution
 from structures.solids import Law, SolidPart, box, isotropic_law, solid_mesh, solid_model, solid_structure
 
@@ -173,6 +174,20 @@ def test_patch_of_hexahedra_on_pentahedra_and_pyramids_on_tetrahedra():
     np.testing.assert_allclose(found, wanted, atol=1e-10)
 
 
+@pytest.mark.parametrize("own", [penta6, pyram5], ids=["penta6", "pyram5"])
+def test_shape_functions(own):
+    """Linear fields are met, each function is one at its own corner, and derivatives agree with complex steps."""
+    corners = penta6.CORNERS if own is penta6 else np.array([*np.pad(pyram5.BASE, ((0, 0), (0, 1))), [0, 0, 1.0]])
+    # the last corner is an apex, where the functions of the pyramid are limits
+    values = own.functions(corners[:-1])
+    np.testing.assert_allclose(values, np.eye(len(corners))[:-1], atol=1e-15)
+    points = np.random.default_rng(2).dirichlet(np.ones(len(corners)), 5) @ corners
+    np.testing.assert_allclose(own.functions(points) @ corners, points, atol=1e-14)
+    for k in range(3):
+        found = own.functions(points + 1e-30j * np.eye(3)[k]).imag / 1e-30
+        np.testing.assert_allclose(own.derivatives(points)[:, k], found, atol=1e-14)
+
+
 # mass --------------------------------------------------------------------------------------------------------------
 
 
@@ -246,6 +261,14 @@ def test_a_law_that_cannot_be_inverted_still_resists(kind: str, rest: float):
     assert np.isfinite(K).all()
     values = np.linalg.eigvalsh(K)
     assert values[0] > -1e-12 * values[-1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_solid_without_stiffness_has_its_mass(kind: str):
+    structure = one(kind, distorted(kind), Law(np.zeros((6, 6)), 2.0))
+    assert not dense(structure).any()
+    here, there = (mass_properties(s.nodes, assemble(s, "mass")) for s in (structure, one(kind, distorted(kind), ISO)))
+    np.testing.assert_allclose(here.directional_mass, there.directional_mass, rtol=1e-12)
 
 
 def test_materials_may_be_mixed_in_a_batch():

@@ -60,7 +60,7 @@ def test_cards_without_effect_are_told(deck_of: DeckOf) -> None:
     assert [(n.code, n.level) for n in model.notices] == [
         ("deck.ignored-cards", "info"), ("deck.ignored-cards", "warning"), ("deck.enforced-displacement", "warning"),
     ]  # fmt: skip
-    assert "degrees of freedom without stiffness are held all the same" in model.notices[1].what
+    assert "degrees of freedom without stiffness are constrained nevertheless" in model.notices[1].what
 
 
 REFUSED = {
@@ -70,7 +70,7 @@ REFUSED = {
     "SPC1,1,3,2,THRU\n": ("deck.list", "end of the list"),
     "SPC1,1,3,4\n": ("deck.unknown-grid", "grid point 4"),
     "SPC1,1,,1\n": ("deck.field-value", "no components"),
-    "MPC,2,1,1,,2,1,1.\n": ("deck.field-value", "first coefficient"),
+    "MPC,2,1,1,,2,1,1.\n": ("deck.field-value", "nonzero coefficient"),
     "MPC,2,1,12,1.,2,1,1.\n": ("deck.field-value", "one component"),
 }
 

@@ -115,8 +115,8 @@ def test_non_structural_mass_is_of_the_curved_area(deck_of: DeckOf) -> None:
 
 
 REFUSED = (
-    ("CQUAD8,20,9,1,2,3,4,5,6\n,7,5\n", "deck.shell-corners", "names twice grid point 5"),
-    ("CQUAD8,20,9,1,2,3,3,5,6\n,7,8\n", "deck.shell-corners", "make it a CTRIA6"),
+    ("CQUAD8,20,9,1,2,3,4,5,6\n,7,5\n", "deck.shell-corners", "has grid point 5 twice"),
+    ("CQUAD8,20,9,1,2,3,3,5,6\n,7,8\n", "deck.shell-corners", "with a CTRIA6"),
     ("CTRIA6,20,9,1,2,1\n", "deck.shell-corners", "grid point 1"),
     ("CQUAD8,20,9,1,2,3\n", "deck.blank-field", "field = 7"),
     ("CQUAD8,20,9,1,2,3,0\n", "deck.unknown-grid", "0"),

@@ -119,7 +119,7 @@ def test_negative_damping_is_taken_as_it_stands(deck_of: DeckOf) -> None:
         ("PVISC,3,1.\nCVISC,1,3,1,9\n", "deck.unknown-grid", "grid point 9"),
         ("PVISC,3,1.\nCVISC,1,3,1\n", "deck.blank-field", "CVISC 1"),
         ("PVISC,3,1.\nCVISC,1,3,1,1\n", "deck.zero-length", "same point"),
-        ("PBUSH1D,3,1.\nCBUSH1D,1,3,1\n", "deck.orientation", "to ground needs its axis"),
+        ("PBUSH1D,3,1.\nCBUSH1D,1,3,1\n", "deck.orientation", "to ground needs a coordinate system"),
         ("PBUSH1D,3,1.,,4.\nCBUSH1D,1,3,1,3\n", "deck.section", "mass of a PBUSH1D"),
     ],
 )

@@ -49,9 +49,9 @@ def test_notices_say_what_the_sets_do(deck_of: DeckOf) -> None:
     model = build_structure(deck_of(POINTS + "SUPORT,1,123456\nASET1,3,1,2\nUSET,U3,1,1\n"))
     assert {(n.code, n.level, n.what) for n in model.notices} == {
         ("deck.dof-set", "info",
-         "SUPORT names 6 DOFs: they are not held, rigid-body modes are found without them"),
-        ("deck.dof-set", "info", "ASET names 2 DOFs: the model is not reduced, all its DOFs are kept"),
-        ("deck.dof-set", "info", "USET U3 names 1 DOF: a set of its own that changes nothing"),
+         "SUPORT names 6 DOFs: they are not constrained; rigid-body modes are found without SUPORT"),
+        ("deck.dof-set", "info", "ASET names 2 DOFs: the model is not reduced; all its DOFs are kept"),
+        ("deck.dof-set", "info", "USET U3 names 1 DOF: the set has no effect"),
     }  # fmt: skip
     assert not {c.name for c in model.cards if c.use != "read"}
 
@@ -69,7 +69,7 @@ def test_omitted_and_kept_is_told(deck_of: DeckOf) -> None:
     model = build_structure(deck_of(POINTS + "OMIT1,12,1,2\nASET,2,23\n"))
     (notice,) = [n for n in model.notices if n.code == "deck.dof-set-overlap"]
     assert notice.level == "warning"
-    assert "component 2 of node 2 is in OMIT and in ASET" in notice.what
+    assert "component 2 of grid point 2 is in OMIT and in ASET" in notice.what
 
 
 REFUSED = {
@@ -77,7 +77,7 @@ REFUSED = {
     "ASET1,12,1,9\n": ("deck.unknown-grid", "grid point 9"),
     "ASET,1\n": ("deck.field-value", "no components"),
     "ASET,1,17\n": ("deck.not-a-component", "list of components"),
-    "ASET,,12\n": ("deck.field-value", "without a grid point"),
+    "ASET,,12\n": ("deck.field-value", "components have no grid point"),
     "SUPORT1,,1,1\n": ("deck.blank-field", "integer"),
     "USET,SB,1,1\n": ("deck.field-value", "the set 'SB'"),
     "USET1,U7,1,1\n": ("deck.field-value", "the set 'U7'"),

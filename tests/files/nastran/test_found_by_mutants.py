@@ -21,14 +21,14 @@ MAT1,1,2.+11,,.3,7800.
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
-        ("SPOINT,1,0\nCELAS4,1,2.,1\n", 1, "numbers of scalar points are positive"),
+        ("SPOINT,1,0\nCELAS4,1,2.,1\n", 1, "numbers of scalar points must be positive"),
         (BAR + "PBAR,1,1,1.-2,1.-60,1.-5,1.-5\nCBAR,1,1,1,2,0.,1.,0.\n", 5, "too large"),
         (BAR + "PBARL,1,1,,ROD\n,1.-30\nCBAR,1,1,1,2,0.,1.,0.\n", 6, "too large"),
-        (BAR + "MPC,1,1,1,1.-20,2,1,1.+20\n", 5, "a coefficient of an MPC is too large"),
+        (BAR + "MPC,1,1,1,1.-20,2,1,1.+20\n", 5, "a coefficient of this MPC is too large"),
         (BAR + "MAT1,2,2.+11,0.\nPBEAM,1,2,1.-2,1.-5,1.-5,,1.-5\n,,,,,,,,\n,YES,1.,2.-2,1.-5,1.-5,,1.-5\nCBEAM,1,1,1,2,"
          "0.,1.,0.\n", 6, "needs a material with a shear modulus"),
-        (BAR + "PCOMP,1\n,1,.1,,,1,1.+59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply is too large"),
-        (BAR + "PCOMP,1\n,1,.1,,,1,1.-59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply is too large"),
+        (BAR + "PCOMP,1\n,1,.1,,,1,1.+59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply must be between"),
+        (BAR + "PCOMP,1\n,1,.1,,,1,1.-59\nCTRIA3,1,1,1,2,3\n", 6, "thickness of a ply must be between"),
     ],
 )  # fmt: skip
 def test_refused_with_their_line(deck_of: DeckOf, text: str, line: int, message: str) -> None:

@@ -54,8 +54,8 @@ def test_ignored_cards_are_notices(deck_of: DeckOf) -> None:
     model = build_structure(deck_of(POINTS + "FORCE,1,1,,1.,1.\nFORCE,1,2,,1.,1.\nMATT1,1,4\nODDITY,1\n"))
     assert [(n.level, n.what) for n in model.notices] == [
         ("info", "2 FORCE cards are ignored: not needed for normal modes"),
-        ("warning", "1 MATT1 card is ignored: materials do not depend on temperature here; the values on the "
-         "material card count"),
+        ("warning", "1 MATT1 card is ignored: materials do not depend on temperature here; those on the "
+         "material card are used"),
         ("warning", "1 ODDITY card is ignored: not understood"),
     ]  # fmt: skip
     assert [(c.name, c.count, c.where.line, c.use) for c in model.cards][:2] == [

@@ -125,9 +125,11 @@ def test_what_has_no_effect_is_told(deck_of: DeckOf) -> None:
     def told(cards: str, case: str = "NSM=1") -> list[str]:
         return [n.what for n in built(deck_of, cards, case).notices if n.code == "deck.nonstructural-unused"]
 
-    assert told("NSM1,1,ELEMENT,2.,11,77\n") == ["no element takes the mass of NSM1 for ELEMENT 77"]
-    assert told("NSM,1,PBAR,2,1.\n") == ["no element takes the mass of NSM for PBAR 2"]
-    assert told("NSML1,1,ELEMENT,2.,70,THRU,90\n") == ["no element takes the mass of NSML1 for ELEMENT that it lists"]
+    assert told("NSM1,1,ELEMENT,2.,11,77\n") == ["no element takes the mass that NSM1 gives to ELEMENT 77"]
+    assert told("NSM,1,PBAR,2,1.\n") == ["no element takes the mass that NSM gives to PBAR 2"]
+    assert told("NSML1,1,ELEMENT,2.,70,THRU,90\n") == [
+        "no element takes the mass that NSML1 gives to ELEMENT that it lists"
+    ]
     empty = build_structure(deck_of("SOL 103\nCEND\nNSM=1\nBEGIN BULK\nGRID,1\nNSM1,1,PBAR,1.,ALL\nENDDATA\n"))
     assert "deck.nonstructural-unused" in [n.code for n in empty.notices]
     (unselected,) = told("NSM1,1,ELEMENT,2.,11\n", "ECHO = NONE")
@@ -138,7 +140,7 @@ def test_what_has_no_effect_is_told(deck_of: DeckOf) -> None:
 REFUSED = {
     "NSM1,1,PTUBE,2.,ALL\n": ("deck.nonstructural-mass", "PTUBE is not read"),
     "NSM1,1,,2.,ALL\n": ("deck.nonstructural-mass", "no type"),
-    "NSML1,1,ELEMENT,2.,11,21\n": ("deck.nonstructural-mass", "lengths and areas at once"),
+    "NSML1,1,ELEMENT,2.,11,21\n": ("deck.nonstructural-mass", "lengths and areas together"),
     "NSM1,1,PBAR,,1\n": ("deck.blank-field", "real number"),
     "NSM,1,PBAR,1\n": ("deck.blank-field", "real number"),
     "NSM1,1,PBAR,2.,1,THRU\n": ("deck.list", "end of the list"),

@@ -228,7 +228,7 @@ def test_thickness_only_at_the_corners(deck_of: DeckOf) -> None:
     model, one = batch(deck_of, STEEL + "PSHELL,9,1,,1,,1\nCTRIA3,20,9,1,2,3\n,,,.1,.2,.3\n")
     assert values(model, one)["t"] == pytest.approx(0.2)
     (notice,) = [n for n in model.notices if n.code == "deck.uneven-thickness"]
-    assert "1 CTRIA3 element has thicknesses T1 to T3" in notice.what
+    assert "the thicknesses T1 to T3 of 1 CTRIA3 element differ" in notice.what
 
 
 def test_derivative_of_a_mean_thickness(deck_of: DeckOf) -> None:
@@ -245,7 +245,7 @@ def test_drilling_factor(deck_of: DeckOf) -> None:
     model = built(deck_of, "PARAM,K6ROT,1.+4\nPARAM,SNORM,20.\n")
     assert model.structure.drilling == 1e4
     (notice,) = [n for n in model.notices if n.code == "deck.ignored-param"]
-    assert "SNORM = 20. is ignored: shells that meet" in notice.what
+    assert "SNORM = 20. is ignored: the angle" in notice.what
 
 
 _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
@@ -255,44 +255,44 @@ _SHELL = "PSHELL,9,{}\n" + QUAD + "\n"
     ("text", "code", "message"),
     [
         (_SHELL.format("1,.1,-1"), "deck.shell-section", "plane strain (MID2 = -1)"),
-        (_SHELL.format(",.1"), "deck.shell-section", "names no material"),
+        (_SHELL.format(",.1"), "deck.shell-section", "has no material"),
         (_SHELL.format("1,.1,,,1"), "deck.shell-section", "MID3"),
-        (_SHELL.format("1,.1,,,,,\n,,,1"), "deck.shell-section", "lacks one of them"),
-        (_SHELL.format("1,.1,1,,1,,\n,,,1"), "deck.shell-section", "whose energy is negative"),
+        (_SHELL.format("1,.1,,,,,\n,,,1"), "deck.shell-section", "MID1 or MID2 is blank"),
+        (_SHELL.format("1,.1,1,,1,,\n,,,1"), "deck.shell-section", "can be negative"),
         ("PCOMP,9\n" + QUAD + "\n", "deck.laminate", "PCOMP has no plies"),
-        ("PCOMP,9\n,1,-.1\n" + QUAD + "\n", "deck.laminate", "thickness of a ply should be positive"),
+        ("PCOMP,9\n,1,-.1\n" + QUAD + "\n", "deck.laminate", "thickness of a ply must be positive"),
         ("PCOMP,9\n,1\n" + QUAD + "\n", "deck.blank-field", "a real number"),
         ("PCOMP,9\n,1,.1,0.,MAYBE\n" + QUAD + "\n", "deck.field-value", "SOUT of a ply"),
         ("PCOMP,9\n,88,.1\n" + QUAD + "\n", "deck.unknown-material", "material 88"),
         ("PCOMP,9,,,,,,,SYMEM\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SYMEM"),
         ("PCOMP,9,0.,,,,,,SMEAR\n,1,.1\n" + QUAD + "\n", "deck.laminate", "Z0 is given together with LAM = SMEAR"),
-        ("PCOMP,9,,,,,,,SMCORE\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SMCORE needs plies"),
-        ("PCOMPG,9\n,4,1,.1\n,4,1,.1\n" + QUAD + "\n", "deck.laminate", "global ply 4 twice"),
+        ("PCOMP,9,,,,,,,SMCORE\n,1,.1\n" + QUAD + "\n", "deck.laminate", "LAM = SMCORE needs the plies"),
+        ("PCOMPG,9\n,4,1,.1\n,4,1,.1\n" + QUAD + "\n", "deck.laminate", "global ply number 4 twice"),
         ("PCOMP,9\n,1,.1\n" + QUAD + ",,,\n,,,.1,.1,.1,.1\n", "deck.shell-section", "whose property is a laminate"),
         (_SHELL.format("1,-.1"), "deck.shell-section", "thickness T"),
         (_SHELL.format("1,.1,1,-1."), "deck.shell-section", "12I/T**3"),
         (_SHELL.format("1,.1,1,,1,0."), "deck.shell-section", "TS/T"),
-        (_SHELL.format("1"), "deck.shell-section", "T of PSHELL 9 is blank, and so are T1 to T4"),
+        (_SHELL.format("1"), "deck.shell-section", "T of PSHELL 9 and T1 to T4 of the element are blank"),
         (_SHELL.format("1,.1") + ",,,0.,0.,0.,0.\n", "deck.shell-section", "T1 to T4"),
         (_SHELL.format("1,.1") + ",,2,1.,1.,1.,1.\n", "deck.field-value", "TFLAG"),
         (_SHELL.format("77,.1"), "deck.unknown-material", "material 77"),
-        (PLATE + "CQUAD4,20,9,1,2,3,3\n", "deck.shell-corners", "make it a CTRIA3"),
+        (PLATE + "CQUAD4,20,9,1,2,3,3\n", "deck.shell-corners", "with a CTRIA3"),
         (PLATE + "CQUAD4,20,9,1,1,3,3\n", "deck.shell-corners", "remove the element"),
         (PLATE + "CQUAD4,20,9,1,2,3\n", "deck.shell-corners", "G4 is blank"),
         (PLATE + "CTRIA3,20,9,1,2,1\n", "deck.shell-corners", "two corners of the element are grid point 1"),
         (PLATE + "CTRIA3,20,9,1,2,99\n", "deck.unknown-grid", "grid point 99"),
         (PLATE + "CTRIA3,20,8,1,2,3\n", "deck.unknown-property", "known: 9"),
-        ("PROD,9,1,.1\n" + QUAD + "\n", "deck.property-type", "is a PROD; CQUAD4 needs a PSHELL, PCOMP or PCOMPG"),
+        ("PROD,9,1,.1\n" + QUAD + "\n", "deck.property-type", "is a PROD, but CQUAD4 needs a PSHELL, PCOMP or PCOMPG"),
         (PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.unknown-coordinate-system", "coordinate system 6"),
         ("CORD2R,6,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n" + PLATE + "CQUAD4,20,9,1,2,3,4,6\n", "deck.orientation", "normal"),
         ("MAT8,1,2.,2.,.3,1.\n" + PLATE, "deck.duplicate-id", "material 1 is defined twice"),
-        ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "is a MAT8; PROD needs a MAT1"),
+        ("MAT8,2,2.,2.,.3,1.\nPROD,3,2,1.\nCROD,1,3,1,2\n", "deck.material-type", "is a MAT8, but PROD needs a MAT1"),
         ("MAT8,2,2.,2.,.3\n" + _SHELL.format("2,.1"), "deck.material", "G12"),
         ("MAT8,2,2.,9.,.5,1.\n" + _SHELL.format("2,.1"), "deck.material", "NU12"),
         ("MAT8,2,2.,9.,.1,1.,-1.\n" + _SHELL.format("2,.1,2,,2"), "deck.material", "G1Z"),
         ("MAT2,2,2.,9.,,2.,,1.\n" + _SHELL.format("2,.1"), "deck.material", "positive definite"),
         ("MAT2,2,2.,,,2.\n" + _SHELL.format("2,.1"), "deck.material", "positive definite"),
-        ("MAT1,2,2.\n" + _SHELL.format("2,.1"), "deck.material", "give NU, or G"),
+        ("MAT1,2,2.\n" + _SHELL.format("2,.1"), "deck.material", "give NU or G"),
         ("MAT1,2,9.,1.\n" + _SHELL.format("2,.1"), "deck.material", "Poisson's ratio of 3.5"),
         ("PARAM,K6ROT,-1.\n", "deck.param", "zero or more"),
     ],

@@ -59,7 +59,7 @@ def test_missing_samples_are_lost_samples(tmp_path):
     ("text", "says", "line"),
     [
         ("1,2\n3,x4\n5,6\n", "'x4' is not a number", 2),
-        ("a,b\n1,2\n3,4\n5", "the last line is cut short", 4),
+        ("a,b\n1,2\n3,4\n5", "the last line is incomplete", 4),
         ("1,2\n3,4,5\n6,7\n", "another number of columns", 2),
         ("nothing here\nat all\n", "no line of this file is a row of numbers", None),
         ("1,2\n3,4_5\n", "'4_5' is not a number", 2),
@@ -82,7 +82,7 @@ def test_numpy_files(tmp_path):
 
 def test_objects_in_numpy_files_are_refused(tmp_path):
     np.save(tmp_path / "evil.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(FemtuneError, match="no readable NumPy file"):
+    with pytest.raises(FemtuneError, match="this NumPy file cannot be read"):
         read_record(tmp_path / "evil.npy", sampling_hz=5.0)
 
 
@@ -90,7 +90,7 @@ def test_a_numpy_file_cut_short_is_refused(tmp_path):
     np.save(tmp_path / "a.npy", SIGNALS.T)
     whole = (tmp_path / "a.npy").read_bytes()
     (tmp_path / "a.npy").write_bytes(whole[:-100])
-    with pytest.raises(FemtuneError, match="no readable NumPy file"):
+    with pytest.raises(FemtuneError, match="this NumPy file cannot be read"):
         read_record(tmp_path / "a.npy", sampling_hz=5.0)
 
 
@@ -100,7 +100,7 @@ def test_matlab_files(tmp_path):
     assert found.values == pytest.approx(SIGNALS)
     assert found.sampling_hz == 100.0
     savemat(tmp_path / "b.mat", {"acc": SIGNALS.T, "force": SIGNALS})
-    with pytest.raises(FemtuneError, match="2 arrays that may be the record"):
+    with pytest.raises(FemtuneError, match="2 arrays that could be the record"):
         read_record(tmp_path / "b.mat", sampling_hz=1.0)
     assert read_record(tmp_path / "b.mat", sampling_hz=1.0, variable="force").samples == 50
     with pytest.raises(FemtuneError, match="no variable 'forse'"):
@@ -116,7 +116,7 @@ def test_hdf5_files(tmp_path):
     assert found.values == pytest.approx(SIGNALS)
     assert found.sampling_hz == 100.0
     (tmp_path / "a.h5").write_bytes((tmp_path / "a.h5").read_bytes()[:300])
-    with pytest.raises(FemtuneError, match="no readable HDF5 file"):
+    with pytest.raises(FemtuneError, match="this HDF5 file cannot be read"):
         read_record(tmp_path / "a.h5")
 
 
@@ -133,15 +133,15 @@ def test_sound_files(tmp_path, kind):
 def test_a_sound_file_cut_short_is_refused(tmp_path):
     wavfile.write(tmp_path / "a.wav", 100, (SIGNALS.T * 30000).astype(np.int16))
     (tmp_path / "a.wav").write_bytes((tmp_path / "a.wav").read_bytes()[:-60])
-    with pytest.raises(FemtuneError, match="no readable WAV file"):
+    with pytest.raises(FemtuneError, match="this WAV file cannot be read"):
         read_record(tmp_path / "a.wav")
 
 
 def test_a_rate_that_contradicts_the_file_is_refused(tmp_path):
     wavfile.write(tmp_path / "a.wav", 100, SIGNALS.T.astype(np.float32))
-    with pytest.raises(FemtuneError, match="contradict each other"):
+    with pytest.raises(FemtuneError, match="contradicts that of the file"):
         read_record(tmp_path / "a.wav", sampling_hz=200.0)
-    with pytest.raises(FemtuneError, match="contradict each other"):
+    with pytest.raises(FemtuneError, match="contradicts the times of the samples"):
         read_record(written(tmp_path, "time,a,b,c\n" + rows(",", time=True)), sampling_hz=200.0)
 
 
@@ -149,11 +149,11 @@ def test_what_is_not_said_is_asked_for(tmp_path):
     path = written(tmp_path, rows(","))
     with pytest.raises(FemtuneError, match="neither a sampling rate nor times"):
         read_record(path)
-    with pytest.raises(FemtuneError, match="there is no column 4"):
+    with pytest.raises(FemtuneError, match="column 4 does not exist"):
         read_record(path, [ChannelColumn(4, Dof(1, "X"))], 100.0)
-    with pytest.raises(FemtuneError, match="no column is called 'a'"):
+    with pytest.raises(FemtuneError, match="the file has no column 'a'"):
         read_record(path, [ChannelColumn("a", Dof(1, "X"))], 100.0)
-    with pytest.raises(FemtuneError, match="there is no such file"):
+    with pytest.raises(FemtuneError, match="the record file does not exist"):
         read_record(tmp_path / "none.csv")
     with pytest.raises(FemtuneError, match="extension"):
         read_record(written(tmp_path, "1", "a.rec"))

@@ -233,7 +233,7 @@ def test_fortran_exponents(tmp_path: Path) -> None:
 def test_unknown_data_sets_are_listed_with_line_and_count(tmp_path: Path) -> None:
     notices = read(tmp_path, NODE + block("9999", "x") + block("9999", "y")).notices
     assert [(n.code, n.level) for n in notices] == [("uff.ignored", "warning")]
-    assert "2 times" in notices[0].what
+    assert "2 of them" in notices[0].what
     assert notices[0].where is not None
     assert notices[0].where.line == 5
 

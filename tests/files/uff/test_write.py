@@ -184,5 +184,24 @@ def test_refuses_different_geometries_and_unwritable_files(tmp_path: Path) -> No
         assert caught.value.code == "uff.cannot-write"
 
 
+def test_a_file_of_another_kind_is_not_replaced(tmp_path: Path) -> None:
+    deck = tmp_path / "model.bdf"
+    deck.write_text("BEGIN BULK\nENDDATA\n")
+    with pytest.raises(FemtuneError) as caught:
+        write_uff_modes(deck, [sample_test()])
+    assert caught.value.code == "uff.cannot-write"
+    assert deck.read_text() == "BEGIN BULK\nENDDATA\n"
+
+
+def test_a_universal_file_is_replaced_and_a_link_not_written_through(tmp_path: Path) -> None:
+    behind, path = tmp_path / "behind.uff", tmp_path / "a.uff"
+    behind.write_text("    -1\n   164\n    -1\n")
+    path.symlink_to(behind)
+    write_uff_modes(path, [sample_test()])
+    assert behind.read_text() == "    -1\n   164\n    -1\n"
+    assert not path.is_symlink()
+    assert read_uff(path, units=SI).test.modes is not None
+
+
 def test_sample_has_what_it_says() -> None:
     assert len(DOFS) == len(sample_shapes())

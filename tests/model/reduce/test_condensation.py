@@ -12,7 +12,17 @@ import scipy.sparse as sp
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, ModelPoint, configure, parametric_model
-from femtune.model.reduce import Component, couple, craig_bampton, deck_masters, dynamic, guyan, irs, serep
+from femtune.model.reduce import (
+    Component,
+    condensation,
+    couple,
+    craig_bampton,
+    deck_masters,
+    dynamic,
+    guyan,
+    irs,
+    serep,
+)
 from femtune.parameters import ParameterSet
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -102,6 +112,20 @@ def test_craig_bampton_with_all_modes_is_exact_and_without_any_is_guyan(pair: Pa
     np.testing.assert_allclose(some.stiffness[:3, 3:], 0.0, atol=1e-12)
     np.testing.assert_allclose(some.mass[3:, 3:], np.eye(2), atol=1e-12)
     np.testing.assert_allclose(craig_bampton(k, m, MASTERS, 0).mass, guyan(k, m, MASTERS).mass, rtol=1e-12)
+
+
+@pytest.mark.parametrize("modes", [3, 5, 8, 9])
+def test_fixed_interface_modes_by_iteration_are_the_dense_ones(
+    pair: Pair, modes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The iteration finds fewer modes than there are slaves; where more are requested the dense way takes over."""
+    k, m = pair
+    dense = craig_bampton(k, m, MASTERS, modes)
+    monkeypatch.setattr(condensation, "_DENSE_UP_TO", 0)
+    found = craig_bampton(k, m, MASTERS, modes)
+    np.testing.assert_allclose(
+        la.eigvalsh(found.stiffness, found.mass), la.eigvalsh(dense.stiffness, dense.mass), rtol=1e-10
+    )
 
 
 def test_components_with_all_modes_joined_are_the_whole() -> None:

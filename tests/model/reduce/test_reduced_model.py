@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg as la
+from tests.model.decks import deck, structure_of
 
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
@@ -55,6 +56,28 @@ def test_reduced_matrices_are_the_projected_ones_at_any_point(plate: ConfiguredM
         full, small = plate.at(x), model.at(x)
         _close(small.stiffness, basis.T @ (full.stiffness @ basis))
         _close(small.mass, basis.T @ (full.mass @ basis))
+
+
+DAMPED = [
+    "SPOINT,1,THRU,4", "CELAS2,1,100.,1,,,,.04", "CELAS2,2,80.,1,,2", "CELAS2,3,60.,2,,3,,.1", "CELAS2,4,90.,3,,4",
+    "CDAMP2,11,.6,1,,3", "CDAMP2,12,.3,4", *(f"CMASS2,{20 + i},{i}.,{i}" for i in range(1, 5)), "PARAM,G,.03",
+]  # fmt: skip
+
+
+def test_reduced_damping_is_the_projected_one_with_its_derivatives() -> None:
+    """Dashpots, loss factors of springs, and the loss factor of the whole structure as a parameter."""
+    fields = [FieldRef("PARAM", 0, "G"), FieldRef("CELAS2", 3, "GE"), FieldRef("CELAS2", 1, "K")]
+    values, names = (0.03, 0.1, 100.0), ("G", "GE", "K")
+    parameters = ParameterSet(tuple(Parameter(n, v, 0.0, 2.0 * v) for n, v in zip(names, values)))
+    assignments = [Assignment(n, field, relative=False) for n, field in zip(names, fields)]
+    damped = configure(parametric_model(structure_of(deck(DAMPED)), parameters, assignments), Configuration())
+    basis = np.random.default_rng(4).standard_normal((4, 3))
+    full, small = damped.at(X), reduce_model(damped, basis).at(X)
+    for kind in ("viscous", "hysteretic"):
+        _close(getattr(small, kind), basis.T @ (getattr(full, kind) @ basis))
+        for one, whole in zip(getattr(small, f"{kind}_derivatives"), getattr(full, f"{kind}_derivatives")):
+            projected = basis.T @ (whole @ basis)
+            np.testing.assert_allclose(one, projected, atol=1e-12 * np.abs(projected).max())
 
 
 def test_derivatives_are_those_by_complex_step(plate: ConfiguredModel, basis: np.ndarray) -> None:

@@ -12,8 +12,10 @@ from femtune.errors import FemtuneError
 from femtune.model import ConfiguredModel, solve_modes
 from femtune.model.damping import ModalDamping, as_hysteretic, constant_damping
 from femtune.model.response import ComplexModes, complex_eigen, complex_mode_derivative, complex_modes
+from femtune.model.response.dynamic_stiffness import DynamicStiffness
+from structures.frames import bars, make_structure
 
-from .models import beam, chain, configured, matrices, point, rising
+from .models import SECTION, beam, chain, configured, matrices, point, rising
 
 SPRINGS = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (0, 2, 150.0)]
 MASSES = [1.0, 2.0, 1.5, 1.0]
@@ -152,6 +154,28 @@ def test_iteration_finds_the_poles_of_the_dense_way(
     assert found.kinds == dense.kinds
     np.testing.assert_allclose(found.poles, dense.poles, rtol=1e-8, atol=1e-7)
     assert found.residuals.max() <= 1e-8
+
+
+def test_a_pole_at_zero_without_damping_is_as_exact_as_any_other() -> None:
+    """What rounding may make of it is divided by the damping, where there is some."""
+    modes = solve_modes(point(chain(SPRINGS, MASSES, loss=0.02)), 4)
+    problem = complex_eigen.quadratic_problem(modes, DynamicStiffness(modes.point))
+    zero, other = problem._rounding(np.array([0.0, 20j]), np.ones((4, 2)))
+    assert zero == other < 1e-3 * problem.origin
+
+
+def test_the_backward_error_does_not_depend_on_the_signs_of_directions() -> None:
+    """Displacement frames turned by half a turn about z: x and y the other way around at every second grid point."""
+    xyz = [[0.3 * i, 0.1 * i, 0.0] for i in range(4)]
+    turned = np.tile(np.eye(3), (4, 1, 1))
+    turned[::2] = np.diag([-1.0, -1.0, 1.0])
+    signs = np.concatenate([np.diag(frame) for frame in np.repeat(turned, 2, axis=0)])
+    psi = np.random.default_rng(1).standard_normal(24) + 0.3j
+    errors = []
+    for frames, shape in ((None, psi), (turned, signs * psi)):
+        at = point(make_structure(xyz, [bars([[0, 1], [1, 2], [2, 3]], SECTION)], frames, consistent_mass=True))
+        errors.append(complex_eigen._backward(DynamicStiffness(at), 3e5j, shape))
+    assert errors[1] == pytest.approx(errors[0], rel=1e-12)
 
 
 def test_critical_damping_is_refused() -> None:

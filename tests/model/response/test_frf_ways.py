@@ -14,6 +14,9 @@ from femtune.fem import Structure
 from femtune.model import ModelPoint, solve_modes
 from femtune.model.damping import as_hysteretic, constant_damping, damping_table
 from femtune.model.response import METHODS, DampingRatios, Signal, frf, make_ports
+from femtune.model.response.basis import damping_forces
+from femtune.model.response.dynamic_stiffness import DynamicStiffness, sparse_solver
+from femtune.model.response.modal_damping import modal_damper
 
 from .models import beam, chain, dense_receptance, point, rising
 
@@ -81,6 +84,38 @@ def test_modal_damping_carries_the_direct_way_at_a_natural_frequency() -> None:
         lines = np.unique(np.round(modes.freq_hz, 12))
         direct, modal = (frf(modes, ports, lines, method=m, damping=constant_damping(0.01)).values for m in METHODS[:2])
         np.testing.assert_allclose(direct, modal, rtol=1e-8, atol=1e-10 * np.abs(modal).max())
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e12, 1e-12])
+def test_the_sparse_part_is_propped_near_natural_frequencies_only(factor: float) -> None:
+    """One spring to ground for each mode within half a per cent, whatever the unit of time."""
+    springs = [(-1, i, factor * k) for i, k in enumerate([100.0, 100.0, 400.0])]
+    modes = solve_modes(point(chain(springs, [1.0] * 3)), 3)
+    stiffness = DynamicStiffness(modes.point, modal_damper(modes, constant_damping(0.01)))
+    for omega, count in ((10.01, 2), (9.0, 0), (20.02, 1), (15.0, 0)):
+        found, weights = stiffness._props(1j * omega * np.sqrt(factor))
+        assert len(found) == len(weights) == count
+        assert set(found) <= ({0, 1} if omega < 12.0 else {2})
+
+
+def test_no_force_has_no_response() -> None:
+    """Of a dynamic stiffness, and of a sparse matrix; also beside forces that have one."""
+    stiffness, s = DynamicStiffness(point(chain(SPRINGS, MASSES, loss=LOSS))), 3j
+    forces = np.eye(4)[:, :2] * [1.0, 0.0]
+    for solve in (stiffness.solver(s), sparse_solver(stiffness.sparse(s))):
+        assert not solve(np.zeros((4, 1))).any()
+        found = solve(forces)
+        np.testing.assert_allclose(stiffness.sparse(s) @ found, forces, atol=1e-12)
+        assert not found[:, 1].any()
+
+
+@pytest.mark.parametrize(("dashpots", "count"), [(1, 1), (2, 2), (3, 0)])
+def test_forces_of_dashpots_on_up_to_a_quarter_of_the_degrees_of_freedom(dashpots: int, count: int) -> None:
+    springs = [(i - 1, i, 100.0) for i in range(8)]
+    at = point(chain(springs, [1.0] * 8, [(-1, i, 3.0) for i in range(dashpots)]))
+    forces = damping_forces(at)
+    assert forces.shape == (8, count)
+    assert not forces[dashpots:].any()
 
 
 LINES = np.linspace(1.0, 200.0, 25)

@@ -77,7 +77,7 @@ def test_a_load_that_nothing_holds_is_refused_with_the_motions_that_are_free() -
     with pytest.raises(FemtuneError) as caught:
         static_response(at, make_ports(at.configured, ["5Y+"], ["1Y+"]))
     assert caught.value.code == "response.static-free"
-    assert caught.value.values == {"motions that are not held": "Y, RZ"}
+    assert caught.value.values == {"unconstrained motions": "Y, RZ"}
 
 
 def test_a_free_beam_bent_in_three_points() -> None:

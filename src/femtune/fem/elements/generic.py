@@ -39,8 +39,8 @@ def generic(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     for a, i in enumerate(mixed):
         for b, j in list(enumerate(mixed))[a:]:
             both = shapes[:, owner == i] @ shapes[:, owner == j].T
-            matrix = both if i == j else both + both.T
             place = [(mixed.index(p), mixed.index(q)) for p, q in angles.tolist()]
+            matrix = both if i == j else 2.0 * both
             out.append(_part(f"kappa-{i}-{j}", matrix, roles, _entry(a, b, mixed, place, float(kappa[i]))))
     return out
 

@@ -199,8 +199,7 @@ class _Matrix:
 
     geometry: _Geometry
     forms: tuple[_Form, ...]
-    _key: bytes = b""
-    _kept: Jet | None = field(default=None, repr=False)
+    _kept: dict[bytes, Jet] = field(default_factory=dict, repr=False)
 
     def entry(self, values: Values, facts: Mapping[str, NDArray]) -> Jet:
         """(m,) entries of the numbers "entry", row by row of the upper triangle, of the elements "element"."""
@@ -217,9 +216,9 @@ class _Matrix:
         return _chained(own, [j[place[0]] for j in inputs.values()])
 
     def _known(self, key: bytes, values: Values, elements: Rows) -> Jet:
-        if self._kept is None or key != self._key:
-            self._key, self._kept = key, self._whole(values, elements)
-        return self._kept
+        if key not in self._kept:
+            self._kept = {key: self._whole(values, elements)}
+        return self._kept[key]
 
     def _whole(self, values: Values, elements: Rows) -> Jet:
         """(m, 78) upper triangles."""

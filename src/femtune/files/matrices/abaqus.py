@@ -23,7 +23,7 @@ def read_abaqus(path: Path, name: str | None = None) -> ReadMatrix:
     """
     keys = _columns(path) - 1
     if keys not in (2, 4):
-        raise FemtuneError("matrices.text", where=Where(str(path), 1), keys=keys + 1)
+        raise FemtuneError("matrices.text", where=Where(str(path), 1), n_numbers=keys + 1)
     what = "row, column and value" if keys == 2 else "node, dof, node, dof and value"
     listed = read_listed(path, keys, what)
     entries = _by_number(listed) if keys == 2 else _by_name(listed)
@@ -70,5 +70,5 @@ def _check_external(listed: Listed) -> None:
     if listed.keys[:, [0, 2]].min(initial=1) < 1:
         at = int(np.flatnonzero((listed.keys[:, [0, 2]] < 1).any(axis=1))[0])
         raise FemtuneError(
-            "matrices.index/check-external", where=listed.line(at), values={"node": int(listed.keys[at, [0, 2]].min())}
+            "matrices.index/internal-node", where=listed.line(at), values={"node": int(listed.keys[at, [0, 2]].min())}
         )

@@ -26,7 +26,7 @@ def read_ansys(path: Path, name: str | None = None) -> ReadMatrix:
         raise no_such_matrix(path, name, list(NAMES))
     where = Where(str(path), None, wanted)
     if not path.is_file():
-        raise FemtuneError("matrices.unreadable/read-ansys", where=where)
+        raise FemtuneError("matrices.unreadable/missing", where=where)
     library = require("ansys.mapdl.reader", extra="ansys")
     try:
         file = library.read_binary(str(path))
@@ -56,7 +56,7 @@ def _check_counts(
     known = len(_held_rows(rows, held))
     if K.shape != (n, n) or M.shape != (n, n) or equations != n or known != len(held) or rows[:, 1].max() > 6:
         raise FemtuneError(
-            "matrices.ansys/check-counts",
+            "matrices.ansys/inconsistent",
             where=where,
             values={
                 "equations": equations,

@@ -39,7 +39,7 @@ def read_dof_list(path: Path) -> Integers:
     lines = [i for i, text in enumerate(content, 1) if text.strip() and not text.lstrip().startswith(_COMMENTS)]
     found = np.array([_dof(path, i, content[i - 1]) for i in lines], np.int64).reshape(-1, 2)
     if not len(found):
-        raise _error(path, None, "matrices.dof-list/read-dof-list", {})
+        raise _error(path, None, "matrices.dof-list/empty", {})
     _check_positive(path, lines, found, content)
     _check_once(path, lines, found)
     return found
@@ -52,7 +52,7 @@ def _dof(path: Path, line: int, text: bytes) -> tuple[int, int]:
     match = _NAMED.fullmatch(text)
     if match is None:
         shown = {"line": f"'{text[:60].decode('latin-1')}'"}
-        raise _error(path, line, "matrices.dof-list/dof", shown)
+        raise _error(path, line, "matrices.dof-list/not-a-dof", shown)
     return int(match[1]), _NAMES[match[2].upper()]
 
 
@@ -61,7 +61,7 @@ def _check_positive(path: Path, lines: list[int], found: Integers, content: list
     if zero.size:
         line = lines[int(zero[0])]
         shown = {"line": f"'{content[line - 1][:60].decode('latin-1')}'"}
-        raise _error(path, line, "matrices.dof-list/check-positive", shown)
+        raise _error(path, line, "matrices.dof-list/node-number", shown)
 
 
 def _check_once(path: Path, lines: list[int], found: Integers) -> None:
@@ -71,7 +71,7 @@ def _check_once(path: Path, lines: list[int], found: Integers) -> None:
     if twice.size:
         first, second = int(order[twice[0]]), int(order[twice[0] + 1])
         shown = {"DOF": f"{found[first, 0]}:{found[first, 1]}", "first line": lines[first]}
-        raise _error(path, lines[second], "matrices.dof-list/check-once", shown)
+        raise _error(path, lines[second], "matrices.dof-list/repeated", shown)
 
 
 def _error(path: Path, line: int | None, code: str, values: Mapping[str, object], **facts: Any) -> FemtuneError:
@@ -108,6 +108,6 @@ def _check_every_row(listed: Listed, n: int, path: Path) -> None:
             "matrices.truncated",
             where=Where(str(path)),
             values={"first row without one": int(missing[0]) + 1},
-            missing_size=missing.size,
+            n_missing=missing.size,
             n=n,
         )

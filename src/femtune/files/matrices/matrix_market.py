@@ -78,7 +78,7 @@ def _banner(path: Path, words: list[bytes]) -> tuple[bool, int, bool]:
     where, shown = Where(str(path), 1), {"banner": b" ".join(words[:6]).decode("latin-1")}
     bad = {b"hermitian", b"skew-symmetric", b"pattern"} & set(words)
     if bad:
-        raise FemtuneError("matrices.not-symmetric", where=where, values=shown, decode=min(bad).decode())
+        raise FemtuneError("matrices.not-symmetric", where=where, values=shown, declared=min(bad).decode())
     good = len(words) == 5 and words[1] == b"matrix" and words[2] in (b"coordinate", b"array")
     if not good or words[3] not in _VALUES or words[4] not in (b"general", b"symmetric"):
         raise FemtuneError("matrices.text/banner", where=where, values=shown)
@@ -90,10 +90,10 @@ def _size(path: Path, number: int, line: bytes, coordinate: bool, symmetric: boo
     words = line.split()
     if len(words) != (3 if coordinate else 2) or not all(w.isdigit() and len(w) < 18 for w in words):
         raise FemtuneError(
-            "matrices.text/size",
+            "matrices.text/size-line",
             where=Where(str(path), number),
             values={"line": f"'{line[:80].decode('latin-1').rstrip()}'"},
-            words=" and the number of entries" if coordinate else "",
+            and_entries=", and the number of entries" if coordinate else "",
         )
     rows, columns = int(words[0]), int(words[1])
     dense = rows * (rows + 1) // 2 if symmetric else rows * columns
@@ -103,7 +103,7 @@ def _size(path: Path, number: int, line: bytes, coordinate: bool, symmetric: boo
 def _check_square(path: Path, header: _Header, name: str) -> None:
     if header.rows != header.columns:
         raise FemtuneError(
-            "matrices.not-square/check-square",
+            "matrices.not-square/size-line",
             where=Where(str(path), header.lines),
             name=name,
             rows=header.rows,
@@ -123,14 +123,14 @@ def _check_count(path: Path, header: _Header, found: int) -> None:
         raise _short(path, header, {"entries": header.count, "found": found})
     if found > header.count:
         raise FemtuneError(
-            "matrices.text/check-count",
+            "matrices.text/too-many-entries",
             where=Where(str(path), header.lines),
             values={"entries": header.count, "found": found},
         )
 
 
 def _short(path: Path, header: _Header, values: dict[str, object]) -> FemtuneError:
-    return FemtuneError("matrices.truncated/short", where=Where(str(path), header.lines), values=values)
+    return FemtuneError("matrices.truncated/too-few-entries", where=Where(str(path), header.lines), values=values)
 
 
 def _by_number(listed: Listed, header: _Header) -> Entries:

@@ -28,7 +28,7 @@ def read_op2(path: Path, name: str | None = None) -> ReadMatrix:
         library = require("pyyeti.nastran.op2", extra="op2")
     where = Where(str(path), None, name or "")
     if not path.is_file():
-        raise FemtuneError("matrices.unreadable/read-ansys", where=where)
+        raise FemtuneError("matrices.unreadable/missing", where=where)
     try:
         with library.OP2(str(path)) as file:
             found = _columns(file, path, name)
@@ -86,7 +86,7 @@ def _check_trailer(full: np.ndarray, trailer: Any, where: Where) -> None:
 
 
 def _mismatch(where: Where, values: dict[str, Any]) -> FemtuneError:
-    return FemtuneError("matrices.truncated/mismatch", where=where, values=values)
+    return FemtuneError("matrices.truncated/trailer", where=where, values=values)
 
 
 def _failed(where: Where, error: Exception) -> FemtuneError:

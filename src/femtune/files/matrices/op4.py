@@ -73,7 +73,9 @@ class ColumnString:
 def header_of(columns: int, rows: int, form: int, kind: int, name: str, where: Where) -> Header:
     """A header that makes sense (error ``matrices.op4``)."""
     if not (0 <= columns <= _LARGEST and abs(rows) <= _LARGEST and kind in (1, 2, 3, 4)):
-        raise op4_error("matrices.op4/header-of", where, {"columns": columns, "rows": rows, "form": form, "type": kind})
+        raise op4_error(
+            "matrices.op4/not-a-header", where, {"columns": columns, "rows": rows, "form": form, "type": kind}
+        )
     return Header(name.strip("\0 "), abs(rows), columns, rows < 0, form, kind, where)
 
 
@@ -85,7 +87,7 @@ def op4_error(code: str, where: Where, values: dict[str, object], **facts: Any) 
 def cut(header: Header, column: int, where: Where) -> FemtuneError:
     """The file ends inside a matrix."""
     return FemtuneError(
-        "matrices.truncated/cut",
+        "matrices.truncated/inside-matrix",
         where=where,
         values={"column": column + 1, "columns": header.columns},
         header_name=header.name,
@@ -97,11 +99,11 @@ def check_extent(header: Header, column: int, row: int, count: int, where: Where
     parts = 2 if header.complex else 1
     if count < 0 or count % parts:
         shown: dict[str, object] = {"column": column, "row": row + 1, "real numbers": count}
-        raise op4_error("matrices.op4/check-extent", where, shown, header_name=header.name)
+        raise op4_error("matrices.op4/partial-value", where, shown, header_name=header.name)
     last = row + count // parts
     if row < 0 or last > header.rows:
         shown = {"column": column, "rows": f"{row + 1} to {last}"}
-        raise op4_error("matrices.op4/check-extent-2", where, shown, header_name=header.name, rows=header.rows)
+        raise op4_error("matrices.op4/column-too-long", where, shown, header_name=header.name, rows=header.rows)
 
 
 def unpacked(word: int) -> tuple[int, int]:
@@ -167,7 +169,7 @@ def _layout(path: Path, start: bytes) -> _Layout:
 def _header(record: bytes, layout: _Layout, end: int) -> Header:
     where = layout.where(end - len(record) - 4)
     if len(record) != 6 * layout.word:
-        raise op4_error("matrices.op4/header", where, {"bytes": len(record)})
+        raise op4_error("matrices.op4/header-length", where, {"bytes": len(record)})
     columns, rows, form, kind = layout.integers(record, 4)
     name = record[4 * layout.word :].decode("latin-1").replace("\0", " ")
     return header_of(columns, rows, form, kind, "".join(name.split()), where)
@@ -186,7 +188,7 @@ def _record(file: BinaryIO, layout: _Layout, header: Header | None, column: int)
         known = header or Header("a header", 0, 0, False, 0, 2, layout.where(begin))
         raise cut(known, column, layout.where(begin, known.name))
     if last != marker:
-        raise op4_error("matrices.op4/record", layout.where(begin), {"bytes": length})
+        raise op4_error("matrices.op4/record-length", layout.where(begin), {"bytes": length})
     return content
 
 
@@ -203,17 +205,17 @@ def _runs(file: BinaryIO, layout: _Layout, header: Header) -> Iterator[ColumnStr
         begin = file.tell()
         record = _record(file, layout, header, column)
         if len(record) < 3 * layout.word:
-            raise op4_error("matrices.op4/runs", layout.where(begin, header.name), {"bytes": len(record)})
+            raise op4_error("matrices.op4/no-column-header", layout.where(begin, header.name), {"bytes": len(record)})
         number, row, words = layout.integers(record, 3)
         if number == header.columns + 1:
             return
         if not column < number <= header.columns:
-            raise op4_error("matrices.op4/runs-2", layout.where(begin, header.name), {"column": number})
+            raise op4_error("matrices.op4/column-order", layout.where(begin, header.name), {"column": number})
         column = number
         body = record[3 * layout.word :]
         if len(body) != words * layout.word:
             shown: dict[str, object] = {"words": words, "bytes": len(body)}
-            raise op4_error("matrices.op4/runs-3", layout.where(begin, header.name), shown)
+            raise op4_error("matrices.op4/column-length", layout.where(begin, header.name), shown)
         where = layout.where(begin, header.name)
         for first, content in _strings(layout, header, row, body):
             yield ColumnString(number - 1, first, _values(layout, header, number, first, content, where), where)
@@ -223,7 +225,7 @@ def _values(layout: _Layout, header: Header, column: int, first: int, content: b
     real = layout.real(header)
     if len(content) % real.itemsize:
         shown: dict[str, object] = {"column": column, "bytes": len(content), "bytes a number": real.itemsize}
-        raise op4_error("matrices.op4/values", where, shown)
+        raise op4_error("matrices.op4/partial-value-of-string", where, shown)
     check_extent(header, column, first, len(content) // real.itemsize, where)
     return paired(np.frombuffer(content, real).astype(float), header)
 
@@ -236,14 +238,14 @@ def _strings(layout: _Layout, header: Header, row: int, body: bytes) -> Iterator
     at, w = 0, layout.word
     while at < len(body):
         if len(body) - at < (2 if header.big else 1) * w:
-            raise op4_error("matrices.op4/strings", header.where, {"bytes": len(body) - at})
+            raise op4_error("matrices.op4/cut-string-header", header.where, {"bytes": len(body) - at})
         if header.big:
             length, first = layout.integers(body[at : at + 2 * w], 2)
             length, first, head = length - 1, first - 1, 2
         else:
             (length, first), head = unpacked(layout.integers(body[at : at + w], 1)[0]), 1
         if length < 0 or at + (head + length) * w > len(body):
-            raise op4_error("matrices.op4/strings-2", header.where, {"words": length})
+            raise op4_error("matrices.op4/string-too-long", header.where, {"words": length})
         yield first, body[at + head * w : at + (head + length) * w]
         at += (head + length) * w
 
@@ -298,7 +300,7 @@ def text_matrices(path: Path) -> Iterator[tuple[Header, Iterator[ColumnString]]]
             style = _style(line)
             found = style.integers(line, 4)
             if found is None or not style.per_line * style.width:
-                raise op4_error("matrices.op4/text-matrices", reader.where, {"line": f"'{line[:60]}'"})
+                raise op4_error("matrices.op4/matrix-header-line", reader.where, {"line": f"'{line[:60]}'"})
             name = line[4 * style.integer : 4 * style.integer + 8] if style.integer == 8 else line[48:56]
             columns, rows, form, kind = found
             header = header_of(columns, rows, form, kind, name, reader.where)
@@ -320,7 +322,7 @@ def _text_runs(reader: _Op4Reader, style: _Style, header: Header) -> Iterator[Co
             reader.line()
             return
         if not column < number <= header.columns:
-            raise op4_error("matrices.op4/runs-2", reader.where, {"column": number})
+            raise op4_error("matrices.op4/column-order", reader.where, {"column": number})
         column, where = number, reader.where
         for first, count in _text_strings(reader, style, header, number, row, words):
             check_extent(header, number, first, count, where)
@@ -334,7 +336,7 @@ def _integers(reader: _Op4Reader, style: _Style, header: Header, column: int, co
     if found is None and not line.strip():
         raise cut(header, column, reader.where)
     if found is None:
-        raise op4_error("matrices.op4/integers", reader.where, {"line": f"'{line[:60]}'"})
+        raise op4_error("matrices.op4/column-header-line", reader.where, {"line": f"'{line[:60]}'"})
     return found
 
 
@@ -353,7 +355,7 @@ def _text_strings(
         else:
             (length, first), head = unpacked(_integers(reader, _Style(12, 1, 1), header, column, 1)[0]), 1
         if length < 0 or length + head > words:
-            raise op4_error("matrices.op4/strings-2", reader.where, {"words": length})
+            raise op4_error("matrices.op4/string-too-long", reader.where, {"words": length})
         yield first, length // size
         words -= length + head
 
@@ -374,7 +376,7 @@ def _text_values(reader: _Op4Reader, style: _Style, header: Header, column: int,
 
 
 def _bad(reader: _Op4Reader, line: str) -> Exception:
-    return op4_error("matrices.op4/bad", reader.where, {"line": f"'{line[:80]}'"})
+    return op4_error("matrices.op4/text-values", reader.where, {"line": f"'{line[:80]}'"})
 
 
 _LOWEST_TEXT = 9

@@ -109,7 +109,7 @@ def _nodes(rows: Integers, points: NodeTable | None) -> NodeTable:
     scalars = np.unique(rows[rows[:, 1] == 0, 0])
     both = np.intersect1d(grids, scalars)
     if both.size:
-        raise FemtuneError("matrices.dof-list", both=both[0])
+        raise FemtuneError("matrices.dof-list", node=both[0])
     n = len(grids)
     if points is None:
         return NodeTable(grids, np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)), scalars, has_coordinates=n == 0)
@@ -118,7 +118,7 @@ def _nodes(rows: Integers, points: NodeTable | None) -> NodeTable:
         raise FemtuneError(
             "matrices.no-coordinates",
             values={"nodes": ", ".join(map(str, missing[:10]))},
-            missing_size=missing.size,
+            n_missing=missing.size,
             n=n,
         )
     at = np.searchsorted(points.ids, grids)
@@ -180,7 +180,7 @@ def _node(path: Path, line: int, text: bytes) -> tuple[int, list[float]]:
         return int(node), [*values, *([0.0] * (3 - len(values)))]
     except ValueError as error:
         shown = {"line": f"'{text[:60].decode('latin-1')}'"}
-        raise _error(path, line, "matrices.points/node", shown) from error
+        raise _error(path, line, "matrices.points/not-a-node", shown) from error
 
 
 def _table(path: Path, ids: NDArray[np.int64], xyz: NDArray[np.float64]) -> NodeTable:
@@ -190,7 +190,7 @@ def _table(path: Path, ids: NDArray[np.int64], xyz: NDArray[np.float64]) -> Node
     ids, xyz = ids[order], xyz[order]
     twice = np.flatnonzero(np.diff(ids) == 0)
     if twice.size:
-        raise _error(path, None, "matrices.points/table", {}, ids=ids[twice[0]])
+        raise _error(path, None, "matrices.points/repeated-node", {}, node=ids[twice[0]])
     return NodeTable(ids, xyz, np.tile(np.eye(3), (len(ids), 1, 1)))
 
 

@@ -91,7 +91,7 @@ def check_range(entries: Entries, where: Where) -> None:
     if bad.size:
         i = int(bad[0])
         raise FemtuneError(
-            "matrices.index/check-range",
+            "matrices.index/outside",
             where=_at(entries, i, where),
             values={"row": int(entries.row[i]) + 1, "column": int(entries.col[i]) + 1, "such entries": bad.size},
             n=n,
@@ -105,7 +105,7 @@ def _too_many_rows(entries: Entries, n: int, where: Where) -> FemtuneError:
         "matrices.index/too-many-rows",
         where=_at(entries, at, where) if len(entries.value) else where,
         n=n,
-        n_entries_value=len(entries.value),
+        n_entries=len(entries.value),
     )
 
 
@@ -125,7 +125,7 @@ def check_magnitude(entries: Entries, where: Where) -> None:
     if bad.size:
         i = int(bad[0])
         raise FemtuneError(
-            "matrices.huge/check-magnitude",
+            "matrices.huge/entry",
             where=_at(entries, i, where),
             values={**_entry(entries, i), "such entries": bad.size},
             largest=LARGEST,
@@ -150,7 +150,7 @@ def check_duplicates(entries: Entries, where: Where) -> None:
     if twice.size:
         first, second = int(order[twice[0]]), int(order[twice[0] + 1])
         raise FemtuneError(
-            "matrices.duplicate/check-duplicates",
+            "matrices.duplicate/entry",
             where=_at(entries, second, where),
             values={
                 **_entry(entries, second),
@@ -181,7 +181,7 @@ def _not_symmetric(A: sp.csr_array, entries: Entries, where: Where, D: sp.coo_ar
     k = int(np.argmax(gap))
     i, j = int(D.row[k]), int(D.col[k])
     some = int((gap > SYMMETRY).sum()) // 2
-    return FemtuneError("matrices.not-symmetric/not-symmetric", where=where, values={
+    return FemtuneError("matrices.not-symmetric/entries", where=where, values={
             "row": _named(entries, i), "column": _named(entries, j), "value": A[i, j], "its mirror": A[j, i],
             "pairs that differ": some,
         })  # fmt: skip
@@ -229,11 +229,11 @@ def matrix_from(entries: Entries, name: str, where: Where, held: Integers | None
     """
     if entries.size[0] != entries.size[1]:
         raise FemtuneError(
-            "matrices.not-square/matrix-from",
+            "matrices.not-square/entries",
             where=where,
             name=name,
-            entries_size=entries.size[0],
-            entries_size_2=entries.size[1],
+            rows=entries.size[0],
+            columns=entries.size[1],
         )
     check_range(entries, where)
     check_finite(entries, where)

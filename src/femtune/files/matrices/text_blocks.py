@@ -107,7 +107,7 @@ def _at_line(lines: LineBlock, i: int, line: bytes, columns: int, what: str) -> 
         "matrices.truncated/line" if last else "matrices.text/columns",
         where=Where(lines.file, lines.first + i),
         values={"line": f"'{line[:80].decode('latin-1')}'"},
-        columns=columns,
+        n_columns=columns,
         names=what,
     )
 
@@ -122,7 +122,7 @@ def check_whole_last_line(path: Path) -> None:
     if tail and not tail.endswith(b"\n"):
         line = tail.rpartition(b"\n")[2]
         raise FemtuneError(
-            "matrices.truncated/check-whole-last-line",
+            "matrices.truncated/last-line",
             where=Where(str(path), None, f"byte {end}"),
             values={"last line": f"'{line[:80].decode('latin-1')}'"},
         )
@@ -132,7 +132,9 @@ def whole(values: NDArray[np.float64], line: Callable[[int], Where], what: str) 
     """Numbers that must be whole, in 32 bits where they fit (error ``matrices.text``)."""
     bad = np.flatnonzero((values != np.rint(values)) | (np.abs(values) > 2**53))
     if bad.size:
-        raise FemtuneError("matrices.text/whole", where=line(int(bad[0])), values={what: values[bad[0]]}, subject=what)
+        raise FemtuneError(
+            "matrices.text/whole-number", where=line(int(bad[0])), values={what: values[bad[0]]}, column_name=what
+        )
     small = np.abs(values).max(initial=0.0) < 2**31
     return values.astype(np.int32 if small else np.int64)
 

@@ -62,7 +62,7 @@ def replicate(cards: Sequence[Card], cut: FieldLine, superelement: int) -> list[
 
 def _rule_above(parent: Card, cut: FieldLine) -> FieldLine:
     if not parent.replicated:
-        raise _error(cut, "deck.replication/rule-above")
+        raise _error(cut, "deck.replication/no-rule")
     rule = parent.lines[0]
     return split_line(rule, rule.body)
 
@@ -94,7 +94,7 @@ def _sum(before: str, step: str, cut: FieldLine) -> str:
         return str(whole + whole_step)
     real, real_step = parse_real(before), parse_real(step)
     if real is None or real_step is None:
-        raise _error(cut, "deck.replication/sum", step=step, before=before)
+        raise _error(cut, "deck.replication/increment", step=step, before=before)
     return format_real(float(Decimal(repr(real)) + Decimal(repr(real_step))), 16)
 
 
@@ -205,7 +205,7 @@ class _Assembly:
         asked, given = self.open[-1].tail[1:].upper(), cut.head[1:]
         self.open.append(cut)
         if asked and given and asked != given:
-            raise _continuation(cut, "deck.continuation/continue", asked=asked, given=given)
+            raise _continuation(cut, "deck.continuation/other-name", required=asked, found=given)
 
     def _cut_plain(self) -> None:
         """Cut up the card that is being read, to go on with lines that are not plain."""
@@ -235,7 +235,7 @@ class _Assembly:
             return
         self.superelement = int(begin[2])
         self.notices.append(
-            Notice("deck.superelement", where=Where(line.file, line.number, "BEGIN SUPER"), begin=begin[2])
+            Notice("deck.superelement", where=Where(line.file, line.number, "BEGIN SUPER"), number=begin[2])
         )
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
@@ -247,7 +247,7 @@ class _Assembly:
         tail = lines[-1].tail
         if _asks_for_continuation(tail):
             where = Where(lines[-1].source.file, lines[-1].source.number, lines[0].head)
-            self.notices.append(Notice("deck.dangling-continuation", where=where, tail=tail))
+            self.notices.append(Notice("deck.dangling-continuation", where=where, continuation_name=tail))
 
 
 def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:
@@ -277,7 +277,7 @@ def _asks_for_continuation(tail: str) -> bool:
 def _cut(lines: list[FieldLine]) -> FemtuneError:
     last = lines[-1]
     return FemtuneError(
-        "deck.truncated", where=Where(last.source.file, last.source.number, lines[0].head), tail=last.tail
+        "deck.truncated", where=Where(last.source.file, last.source.number, lines[0].head), continuation_name=last.tail
     )
 
 

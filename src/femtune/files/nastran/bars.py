@@ -131,13 +131,13 @@ def _offset_kinds(record: CardEntry) -> str:
     # decks of old programs have a flag there that tells a vector (1) from a grid point (2)
     kinds = "GGG" if kinds in ("1", "2") else kinds
     if len(kinds) != 3 or kinds[0] not in "GB" or set(kinds[1:]) - set("GO"):
-        raise record.error("deck.offset-frame", at="OFFT", kinds=kinds, record_name=record.name)
+        raise record.error("deck.offset-frame", at="OFFT", letters=kinds, record_name=record.name)
     return kinds
 
 
 def _check_no_warping(record: CardEntry) -> None:
     if record.name == "CBEAM" and (record.integer("SA", 0) or record.integer("SB", 0)):
-        raise record.error("deck.section/check-no-warping", at="SA")
+        raise record.error("deck.section/warping-points", at="SA")
 
 
 def orientation_vector(record: CardEntry, grids: Grids, a: int, basic: bool = False) -> Reals:
@@ -189,4 +189,4 @@ def check_line(record: CardEntry, line: Reals, v: Reals) -> None:
     if size == 0.0:
         raise record.error("deck.zero-length")
     if length(cross(line, v)) <= _PARALLEL * size * length(v):
-        raise record.error("deck.orientation/check-line")
+        raise record.error("deck.orientation/parallel")

@@ -59,15 +59,15 @@ def sort_stations(card: Card, first: int, starts: Sequence[int]) -> Stations:
         x = card.real(start - 1, 1.0)
         if not 0.0 < x <= 1.0 or x in found:
             raise card.error(
-                "deck.section/sort-stations-2",
+                "deck.section/repeated-station",
                 index=start - 1,
                 x=x,
                 card_name=card.name,
-                words="stands twice" if x in found else "lies off the beam",
+                problem="is given twice" if x in found else "is not on the beam",
             )
         found[x] = start
     if starts and 1.0 not in found:
-        raise card.error("deck.section/sort-stations", index=starts[0] - 1, card_name=card.name)
+        raise card.error("deck.section/no-end-station", index=starts[0] - 1, card_name=card.name)
     inner = sorted(x for x in found if x < 1.0)
     return Stations((0.0, *inner, 1.0), (first, *(found[x] for x in inner), found.get(1.0)))
 
@@ -144,7 +144,7 @@ def beam_section(
 def _check_station(record: CardEntry, value: Mapping[str, float], x: float) -> None:
     positive = min(value["A"], value["I1"], value["I2"]) > 0.0 and value["J"] >= 0.0
     if not positive or value["I1"] * value["I2"] <= value["I12"] * value["I12"]:
-        raise record.error("deck.section/check-station", x=x, record_name=record.name)
+        raise record.error("deck.section/station-values", x=x, record_name=record.name)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -287,7 +287,7 @@ def _shape(record: CardEntry) -> Shape:
     name = record.text("TYPE")
     if name not in SHAPES:
         raise record.error(
-            "deck.section/shape", at="TYPE", name=name, record_name=record.name, shapes=", ".join(SHAPES)
+            "deck.section/unknown-shape", at="TYPE", name=name, record_name=record.name, shapes=", ".join(SHAPES)
         )
     return SHAPES[name]
 
@@ -297,7 +297,7 @@ def _starts(own: CardEntry, shape: Shape) -> list[int]:
     card, at, starts = own.card, 8 + shape.n + 1, []
     while at < len(card.fields):
         if card.text(at, "YES") not in STATION_FLAGS:
-            raise card.error("deck.section/starts", index=at, card_name=card.name, n=shape.n)
+            raise card.error("deck.section/no-station-word", index=at, card_name=card.name, n=shape.n)
         starts.append(at + 2)
         at += 2 + shape.n + 1
     return starts
@@ -305,6 +305,6 @@ def _starts(own: CardEntry, shape: Shape) -> list[int]:
 
 def _check_dimensions(own: CardEntry, shape: Shape, dims: Sequence[float]) -> None:
     if not shape.valid(*dims):
-        raise own.error("deck.section/rule-of-shape", at="DIM1", rule=shape.rule)
+        raise own.error("deck.section/shape-rule", at="DIM1", rule=shape.rule)
     if max(dims) > _LARGEST or min(d for d in dims if d) < 1 / _LARGEST:
-        raise own.error("deck.section/check-dimensions", at="DIM1")
+        raise own.error("deck.section/too-large", at="DIM1")

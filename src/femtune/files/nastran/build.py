@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from femtune.errors import ErrorCollector, FemtuneError, Notice
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.fem.fields import FieldRef
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.files.nastran.bars import read_bars
@@ -104,6 +104,10 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
     damping = modal_damping(building, tables)
     building.notices += damping_notices(building)
     raise_distinct(building.errors)
+    if not structure.nodes.n_dofs:
+        # without points every parameter and every sensor would look wrong
+        where = Where(str(deck.files[0].file))
+        raise FemtuneError("deck.no-points", where=where, values={"cards": len(deck.cards)})
     notices = (*deck.notices, *building.notices)
     return BuiltModel(
         deck, structure, notices, cards, building.places, element_cards, method, reference, damping, tables

@@ -92,7 +92,7 @@ class Building:
 
 def duplicate(card: Card, what: str, first: Card) -> FemtuneError:
     """A number that was given before."""
-    return card.error("deck.duplicate-id", subject=what, place=first.where())
+    return card.error("deck.duplicate-id", defined=what, place=first.where())
 
 
 def listed_numbers(record: CardEntry, fields: Sequence[str]) -> list[int]:

@@ -50,9 +50,11 @@ def _flags(card: Card) -> dict[str, int]:
     flags = {card.text(at): at for at in range(1, max(len(card.fields), 2), 8)}
     wrong = [flag for flag in flags if flag and flag not in _FLAGS]
     if wrong:
-        raise card.error("deck.field-value/flags", index=flags[wrong[0]], wrong=wrong[0], flags=" ".join(_FLAGS))
+        raise card.error(
+            "deck.field-value/bush-flag", index=flags[wrong[0]], unknown_flag=wrong[0], flags=" ".join(_FLAGS)
+        )
     if "M" in flags and any(card.real(flags["M"] + i, 0.0) for i in range(1, 7)):
-        raise card.error("deck.section/flags", index=flags["M"])
+        raise card.error("deck.section/bush-mass", index=flags["M"])
     return flags
 
 
@@ -108,7 +110,7 @@ def _frame(record: CardEntry, grids: Grids, a: int, line: Reals, stiffness: Mapp
     if not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])
     if length(line) <= _COINCIDENT * max(1.0, length(grids.table.xyz[a])):
-        raise record.error("deck.orientation/frame", at="CID")
+        raise record.error("deck.orientation/bush", at="CID")
     v = _any_across(line) if _axial_only(record, stiffness) else orientation_vector(record, grids, a)
     check_line(record, line, v)
     return element_frame(line, v)

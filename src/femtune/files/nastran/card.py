@@ -240,7 +240,7 @@ class CardEntry:
         found = [self.real(name, 0.0) for name in names]
         for name, x in zip(names, found):
             if abs(x) > _LARGEST:
-                raise self.error("deck.field-value/reals", at=name)
+                raise self.error("deck.field-value/coordinate", at=name)
         return found
 
     def text(self, name: str, default: str = "") -> str:

@@ -179,7 +179,9 @@ class _CaseControlReading:
             return ()
         named = ", ".join(map(str, self.subcases))
         return (
-            Notice("deck.several-subcases", where=self.first_subcase.where, named=named, subcases=self.subcases[0]),
+            Notice(
+                "deck.several-subcases", where=self.first_subcase.where, subcases=named, first_subcase=self.subcases[0]
+            ),
         )
 
 

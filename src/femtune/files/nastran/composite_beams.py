@@ -75,24 +75,24 @@ def _lumps(record: CardEntry, material: Mapping[str, int], materials: Materials)
         line = CardEntry(record.card, _LUMP_FIELDS, start)
         fraction = line.real("C", 0.0)
         if fraction < 0.0:
-            raise line.error("deck.section/lumps-2", at="C")
+            raise line.error("deck.section/lump-fraction", at="C")
         own = material if line.blank("MID") else materials.get(line.integer("MID"), line)
         y, z = line.reals("Y", "Z")
         lumps += [Lump(s * y, t * z, fraction, own) for s, t in images if fraction]
     if len(lumps) > _MOST:
-        raise record.error("deck.section/lumps", n_lumps=len(lumps), most=_MOST)
+        raise record.error("deck.section/too-many-lumps", n_lumps=len(lumps), most=_MOST)
     return lumps
 
 
 def _check_finite(b: Building, record: CardEntry, made: Mapping[str, int]) -> None:
     if not all(math.isfinite(b.values.values[at]) for at in made.values()):
-        raise record.error("deck.section/check-finite")
+        raise record.error("deck.section/lumps-not-finite")
 
 
 def _images(record: CardEntry) -> tuple[tuple[int, int], ...]:
     option = record.integer("SYMOPT", 0)
     if not 0 <= option < len(_IMAGES):
-        raise record.error("deck.section/images", at="SYMOPT", option=option)
+        raise record.error("deck.section/symmetry-option", at="SYMOPT", option=option)
     return _IMAGES[option]
 
 

@@ -56,8 +56,8 @@ def read_unions(building: Building, card: str, known: set[int]) -> dict[int, lis
 
 def _bad_union(record: CardEntry, number: int, missing: list[int], card: str) -> FemtuneError:
     if missing:
-        return record.error("deck.missing-set/bad-union-2", card_text=card, number=number, missing=missing[0])
-    return record.error("deck.missing-set/bad-union", number=number, card_text=card)
+        return record.error("deck.missing-set/missing-part", union_card=card, number=number, missing=missing[0])
+    return record.error("deck.missing-set/number-of-union", number=number, union_card=card)
 
 
 def _nested(record: CardEntry, number: int, part: int) -> FemtuneError:
@@ -94,7 +94,7 @@ def listed_dofs(record: CardEntry, grids: Grids, components: str, start: int) ->
 def dofs_of_point(record: CardEntry, grids: Grids, number: int, components: str) -> set[int]:
     """g-set DOFs of components of a grid point or scalar point that a card names."""
     if number in grids.records and components == "0":
-        raise record.error("deck.field-value/dofs-of-point", number=number)
+        raise record.error("deck.field-value/components-of-point", number=number)
     return {grids.dof(number, int(c), record) for c in components}
 
 
@@ -116,9 +116,9 @@ def read_multipoint_sets(building: Building, grids: Grids) -> dict[int, Constrai
 def _equation(record: CardEntry, grids: Grids) -> ConstraintRows:
     terms = _terms(record, grids)
     if not terms or terms[0][1] == 0.0:
-        raise record.error("deck.field-value/equation")
+        raise record.error("deck.field-value/mpc-first-coefficient")
     if max(abs(a) for _, a in terms) > _LARGEST_RATIO * abs(terms[0][1]):
-        raise record.error("deck.field-value/equation-2")
+        raise record.error("deck.field-value/mpc-large-coefficient")
     dofs = np.array([dof for dof, _ in terms], dtype=np.int64)
     coefficients = np.array([a for _, a in terms])
     rows, owner = np.zeros(len(terms), np.int64), np.zeros(1, np.int64)
@@ -134,7 +134,7 @@ def _terms(record: CardEntry, grids: Grids) -> list[tuple[int, float]]:
             if number:
                 component = card.component(at + 1, "0")
                 if len(component) != 1:
-                    raise card.error("deck.field-value/terms", index=at + 1)
+                    raise card.error("deck.field-value/mpc-component", index=at + 1)
                 terms.append((grids.dof(number, int(component), record), card.real(at + 2, 0.0)))
     return terms
 
@@ -159,12 +159,12 @@ _USER_SET = re.compile(r"U[1-6]")
 _SYNONYMS = {"A": "ASET", "B": "BSET", "C": "CSET", "O": "OMIT", "Q": "QSET", "R": "SUPORT"}
 _KEPT = ("ASET", "BSET", "CSET", "QSET")
 
-_REDUCED = "the model is not reduced, all its DOFs are kept"
-_FOUND = "they are not held, rigid-body modes are found without them"
+_REDUCED = "the model is not reduced; all its DOFs are kept"
+_FOUND = "they are not constrained; rigid-body modes are found without SUPORT"
 _EFFECTS = {
     **dict.fromkeys((*_KEPT, "OMIT"), _REDUCED),
     **dict.fromkeys(("SUPORT", "SUPORT1"), _FOUND),
-    "USET": "a set of its own that changes nothing",
+    "USET": "the set has no effect",
 }
 
 
@@ -195,7 +195,7 @@ def _set_name(record: CardEntry) -> str:
     if given in _SYNONYMS:
         return _SYNONYMS[given]
     if not _USER_SET.fullmatch(given):
-        raise record.error("deck.field-value/set-name", at="SNAME", given=given, record_name=record.name)
+        raise record.error("deck.field-value/set-name", at="SNAME", set_name=given, record_name=record.name)
     return f"USET {given}"
 
 
@@ -217,7 +217,7 @@ def _pairs(card: Card, start: int) -> Iterable[tuple[int, str]]:
         if card.integer(at, 0):
             yield card.integer(at), card.component(at + 1, "0")
         elif not card.blank(at + 1) and card.text(at + 1) != "0":
-            raise card.error("deck.field-value/pairs", index=at)
+            raise card.error("deck.field-value/components-without-point", index=at)
 
 
 def _notice(name: str, count: int, record: CardEntry) -> Notice:
@@ -225,10 +225,10 @@ def _notice(name: str, count: int, record: CardEntry) -> Notice:
         "deck.dof-set",
         where=record.where,
         level="info",
-        name=name,
+        set_name=name,
         count=count,
-        words="s" if count != 1 else "",
-        effect_of=effect_of(name),
+        plural="s" if count != 1 else "",
+        effect=effect_of(name),
     )
 
 
@@ -245,5 +245,5 @@ def _overlaps(found: dict[str, set[int]], first: dict[str, CardEntry], grids: Gr
         if both:
             dof = grids.table.describe(min(both))
             yield Notice(
-                "deck.dof-set-overlap", where=first[name].where, component=dof.component, node=dof.node, name=name
+                "deck.dof-set-overlap", where=first[name].where, component=dof.component, node=dof.node, set_name=name
             )

@@ -14,9 +14,9 @@ from femtune.files.nastran.lines import parse_integer, parse_real
 UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP", "CK2", "CM2", "CB2",
     "CK42")  # fmt: skip
 
-_PROPORTIONAL = ": damping in proportion to mass and stiffness is not modelled"
+_PROPORTIONAL = ": damping proportional to mass and stiffness is not modelled"
 _WHY_IGNORED = {
-    "SNORM": ": shells that meet at a small angle share their normals, whatever angle it gives",
+    "SNORM": ": the angle up to which shells share a normal is fixed",
     **dict.fromkeys(("ALPHA1", "ALPHA2"), _PROPORTIONAL),
 }
 
@@ -58,7 +58,7 @@ def selected_equations(building: Building, number: int | None, known: Collection
         check_selected(building, "MPC", number, known)
         return number
     building.notices.append(
-        Notice("deck.missing-set/selected-equations", where=Where(str(building.deck.path), record="MPC"), number=number)
+        Notice("deck.missing-set/no-mpc-cards", where=Where(str(building.deck.path), record="MPC"), number=number)
     )
     return None
 
@@ -154,7 +154,7 @@ def ignored_params(deck: Deck) -> list[Notice]:
             level="info",
             name=name,
             given_value=given.value,
-            get=_WHY_IGNORED.get(name, ""),
+            reason=_WHY_IGNORED.get(name, ""),
         )
         for name, given in deck.params.items()
         if name not in UNDERSTOOD_PARAMS

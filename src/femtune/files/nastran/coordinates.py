@@ -154,4 +154,4 @@ def _unknown(cid: int, user: CardEntry, known: Mapping[int, CardEntry]) -> Femtu
 def _circular(chain: list[int], record: CardEntry) -> FemtuneError:
     shown = chain[chain.index(chain[-1]) :] if chain[-1] in chain[:-1] else chain[-10:]
     long = "" if chain[-1] in chain[:-1] else f" (more than {_MAX_CHAIN} systems long)"
-    return record.error("deck.circular-coordinates", long=long, str=" -> ".join(map(str, shown)))
+    return record.error("deck.circular-coordinates", length_of_chain=long, chain=" -> ".join(map(str, shown)))

@@ -55,7 +55,7 @@ def _large_losses(building: Building) -> list[Notice]:
         Notice(
             "deck.large-loss-factor",
             where=building.deck.cards[building.places[ref].card].where(),
-            ref=ref,
+            field=ref,
             value=value,
             more=more,
         )
@@ -72,7 +72,7 @@ def _is_large(value: float) -> bool:
 
 def _matrix_notices(deck: Deck) -> list[Notice]:
     return [
-        Notice("deck.damping-matrix", where=c.where, c_name=c.name, c_value=c.value)
+        Notice("deck.damping-matrix", where=c.where, command=c.name, matrix=c.value)
         for c in deck.case_control.others
         if c.name in _MATRICES
     ]
@@ -110,7 +110,7 @@ def modal_damping(building: Building, tables: Mapping[int, ModalDamping]) -> Mod
 def _table(record: CardEntry) -> ModalDamping:
     unit = record.text("TYPE", "G")
     if unit not in _UNITS:
-        raise record.error("deck.damping-table/table", at="TYPE", unit=unit)
+        raise record.error("deck.damping-table/unknown-type", at="TYPE", damping_type=unit)
     pairs = _pairs(record.card)
     try:
         return damping_table([x for x, _ in pairs], [y for _, y in pairs], _UNITS[unit], record.integer("FLAT", 0) == 1)

@@ -118,7 +118,7 @@ def _check_bulk_only(lines: _Lines) -> None:
     found = next((line for line in lines if _EXECUTIVE.match(line.text)), None)
     if found:
         raise FemtuneError(
-            "deck.truncated/check-bulk-only", where=Where(found.file, found.number, found.body.strip()[:20])
+            "deck.truncated/no-bulk-data", where=Where(found.file, found.number, found.body.strip()[:20])
         )
 
 
@@ -136,7 +136,11 @@ def _params(case_control: CaseControl, bulk: Bulk) -> tuple[dict[str, DeckParame
         if name in params and params[name].value != value:
             notices.append(
                 Notice(
-                    "deck.repeated-param", where=card.where(), name=name, value=value, params_value=params[name].value
+                    "deck.repeated-param",
+                    where=card.where(),
+                    name=name,
+                    used_value=value,
+                    unused_value=params[name].value,
                 )
             )
         params[name] = DeckParameter(value, card)
@@ -150,5 +154,5 @@ def _check_end(source: DeckSource, has_sections: bool) -> tuple[Notice, ...]:
     last = main.lines[-1]
     where = Where(main.file, last.number)
     if not last.ending:
-        raise FemtuneError("deck.truncated/check-end", where=where)
+        raise FemtuneError("deck.truncated/middle-of-line", where=where)
     return (Notice("deck.no-enddata", where=where),)

@@ -208,7 +208,7 @@ def _grid_records(building: Building) -> dict[int, CardEntry]:
 def _positive(record: CardEntry) -> int:
     number: int = record.integer("ID")
     if number <= 0:
-        raise record.error("deck.field-value/positive", at="ID")
+        raise record.error("deck.field-value/grid-number", at="ID")
     return number
 
 
@@ -247,7 +247,7 @@ def _scalar_points(building: Building, grids: Mapping[int, CardEntry]) -> NDArra
 def _spoint_numbers(record: CardEntry, grids: Mapping[int, CardEntry]) -> set[int]:
     numbers = set(listed_numbers(record, record.card.fields))
     if min(numbers, default=1) <= 0:
-        raise record.error("deck.field-value/spoint-numbers")
+        raise record.error("deck.field-value/spoint-number")
     both = sorted(numbers & set(grids))
     if both:
         raise duplicate(record.card, f"point {both[0]}", grids[both[0]].card)

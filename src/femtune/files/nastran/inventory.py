@@ -34,14 +34,14 @@ _NOT_NEEDED = frozenset(_NOT_NEEDED_NAMES.split()) - set(CATALOGUE)
 # Elements and constraints without which the modes would be wrong, beside all other cards of the form C…
 _ELEMENT_NAMES = "RJOINT RSPLINE RSSCON RBE2A RBE2GS RBE3D GENEL DMIAX"
 _ELEMENTS = frozenset(_ELEMENT_NAMES.split())
-_TEMPERATURE = "materials do not depend on temperature here; the values on the material card count"
-_SINGULAR = "degrees of freedom without stiffness are held all the same"
-_BY_FREQUENCY = "values do not depend on frequency or force here; those on the property card count"
+_TEMPERATURE = "materials do not depend on temperature here; those on the material card are used"
+_SINGULAR = "degrees of freedom without stiffness are constrained nevertheless"
+_BY_FREQUENCY = "values do not depend on frequency or force here; those on the property card are used"
 _REMARKS = {
     **dict.fromkeys(("PBUSHT", "PELAST", "PDAMPT"), _BY_FREQUENCY),
     **dict.fromkeys(("MATT1", "MATT2", "MATT3", "MATT8", "MATT9"), _TEMPERATURE),
     **dict.fromkeys(("SPCOFF", "SPCOFF1"), _SINGULAR),
-    "DMIG": "matrices that are read in count only where case control selects them",
+    "DMIG": "case control does not select these matrices",
 }
 _MATRIX_INPUT = ("K2PP", "M2PP")
 _ELEMENT_NAME = re.compile(r"C[A-Z]+[0-9]*")
@@ -86,7 +86,11 @@ def ignored_notices(counts: tuple[CardUse, ...]) -> list[Notice]:
     levels = {NOT_NEEDED: "info", IGNORED: "warning"}
     return [
         Notice(
-            "deck.ignored-cards", where=c.where, level=levels[c.use], cards=_cards(c), get=_REMARKS.get(c.name, c.use)
+            "deck.ignored-cards",
+            where=c.where,
+            level=levels[c.use],
+            cards=_cards(c),
+            reason=_REMARKS.get(c.name, c.use),
         )
         for c in counts
         if c.use in levels
@@ -99,14 +103,14 @@ def missing_error(count: CardUse) -> FemtuneError:
         "deck.unsupported-element",
         where=count.where,
         cards=_cards(count),
-        words="it" if count.count == 1 else "them",
+        it_or_them="it" if count.count == 1 else "them",
         count_name=count.name,
     )
 
 
 def missing_notice(count: CardUse) -> Notice:
     """The same as a warning, where missing elements are allowed."""
-    return Notice("deck.unsupported-element/missing-notice", where=count.where, cards=_cards(count))
+    return Notice("deck.unsupported-element/left-out", where=count.where, cards=_cards(count))
 
 
 def _cards(count: CardUse) -> str:

@@ -55,7 +55,7 @@ def read_plies(building: Building, record: CardEntry, pid: int, laws: PlaneLaws)
         before = plies[-1] if plies else None
         plies.append(_read(building, ply, pid, number, before, laws))
     if not plies:
-        raise record.error("deck.laminate/read-plies", record_name=record.name)
+        raise record.error("deck.laminate/no-plies", record_name=record.name)
     return plies
 
 
@@ -70,7 +70,7 @@ def _ply_records(record: CardEntry) -> Iterator[tuple[int, CardEntry]]:
         if record.name == "PCOMPG":
             number = record.card.integer(start)
             if number in seen:
-                raise record.card.error("deck.laminate/ply-records", index=start, number=number)
+                raise record.card.error("deck.laminate/repeated-ply", index=start, number=number)
         seen.add(number)
         yield number, CardEntry(record.card, tuple(f"{name}{number}" for name in names), start)
 
@@ -78,7 +78,7 @@ def _ply_records(record: CardEntry) -> Iterator[tuple[int, CardEntry]]:
 def _read(building: Building, ply: CardEntry, pid: int, number: int, before: Ply | None, laws: PlaneLaws) -> Ply:
     mid, thickness, theta, output = (f"{name}{number}" for name in ("MID", "T", "THETA", "SOUT"))
     if ply.text(output) not in ("", "YES", "NO"):
-        raise ply.error("deck.field-value/read", at=output)
+        raise ply.error("deck.field-value/ply-output", at=output)
     if before is None or not ply.blank(mid):
         named, source, at = ply.integer(mid), ply, mid
     else:
@@ -141,7 +141,7 @@ class Laminates:
         _check(record, option)
         plies = read_plies(self.building, record, pid, self.laws)
         if option == "SMCORE" and len(plies) < 2:
-            raise _refused(record, "LAM", "deck.laminate/section")
+            raise _refused(record, "LAM", "deck.laminate/sandwich")
         stack = [*plies, *reversed(plies)] if option == "SYM" else plies
         self._tell_of_damping(record, plies)
         return _Sums(self, record, pid, stack, option).section()
@@ -313,9 +313,9 @@ class _Sums:
 def _check(record: CardEntry, option: str) -> None:
     if option not in _OPTIONS:
         known = ", ".join(name for name in _OPTIONS if name)
-        raise _refused(record, "LAM", "deck.laminate/check", option=option, known=known)
+        raise _refused(record, "LAM", "deck.laminate/unknown-option", option=option, known=known)
     if option not in ("", "SYM") and not record.blank("Z0"):
-        raise _refused(record, "Z0", "deck.laminate/check-2", option=option)
+        raise _refused(record, "Z0", "deck.laminate/offset-with-option", option=option)
 
 
 def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneError:

@@ -77,7 +77,7 @@ def _too_many(line: SourceLine, head: str, found: int, allowed: int) -> FemtuneE
         where=Where(line.file, line.number, head),
         found=found,
         allowed=allowed,
-        allowed_2=allowed - 1,
+        before_continuation=allowed - 1,
     )
 
 

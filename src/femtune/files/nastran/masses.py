@@ -146,7 +146,7 @@ def _selected(building: Building) -> list[_MassEntry]:
     number = building.deck.case_control.nsm
     check_selected(building, "NSM", number, {*known, *unions})
     if number is None and records:
-        building.notices.append(Notice("deck.nonstructural-unused/selected", where=records[0].where))
+        building.notices.append(Notice("deck.nonstructural-unused/not-selected", where=records[0].where))
     wanted = unions.get(number, [number]) if number is not None else []
     found: list[_MassEntry] = []
     for record in records:
@@ -216,7 +216,7 @@ def _spread(entry: _MassEntry, elements: _Elements, rows: NDArray[np.int64], tim
     """Length or area over which a total is spread (1 where there is none)."""
     kinds = elements.area[rows]
     if kinds.any() and not kinds.all():
-        raise entry.record.error("deck.nonstructural-mass/spread")
+        raise entry.record.error("deck.nonstructural-mass/lines-and-areas")
     return float(times @ elements.size[rows]) or 1.0
 
 

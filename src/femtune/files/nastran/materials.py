@@ -110,7 +110,7 @@ def _negative_density(record: CardEntry) -> Notice:
         "deck.negative-density",
         where=record.where,
         record_name=record.name,
-        integer=record.integer("MID"),
+        mid=record.integer("MID"),
         density=density,
     )
 
@@ -122,9 +122,9 @@ def _check(record: CardEntry) -> None:
     for name in {"E", "G"} - blanks:
         smallest_allowed = record.real(name) > 0.0 if name == "E" else record.real(name) >= 0.0
         if not smallest_allowed:
-            raise record.error("deck.material/check-2", at=name, name=name)
+            raise record.error("deck.material/modulus-sign", at=name, name=name)
     if not record.blank("NU") and not -1.0 < record.real("NU") <= 0.5:
-        raise record.error("deck.material/check", at="NU")
+        raise record.error("deck.material/poisson-ratio", at="NU")
 
 
 # ----------------------------------------------------------------------------------------------------

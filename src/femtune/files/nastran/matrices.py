@@ -72,7 +72,7 @@ def dmig_matrix(deck: Deck, name: str | None) -> Dmig:
     cards = [card for card in deck.by_name("DMIG") if card.text(0) == wanted]
     headers = [card for card in cards if card.integer(1) == 0]
     if len(headers) > 1:
-        raise _error(headers[1], "matrices.dmig", wanted=wanted, place=headers[0].where())
+        raise _error(headers[1], "matrices.dmig", name=wanted, place=headers[0].where())
     header = _header(headers[0])
     return _entries(header, [card for card in cards if card.integer(1) != 0])
 
@@ -82,7 +82,7 @@ def _header(card: Card) -> DmigHeader:
     if form not in (1, 2, 6, 9) or kind not in (1, 2, 3, 4):
         raise _error(card, "matrices.dmig/header", form=form, kind=kind)
     if form not in (_SQUARE, _SYMMETRIC):
-        raise FemtuneError("matrices.not-square", where=card.where(), text=card.text(0), form=form)
+        raise FemtuneError("matrices.not-square", where=card.where(), name=card.text(0), form=form)
     return DmigHeader(card.text(0), form, kind, card.integer(5, 0) == 1, card.integer(7, None), card)
 
 
@@ -97,7 +97,7 @@ def _entries(header: DmigHeader, cards: list[Card]) -> Dmig:
                 value.append(_value(header, card, at + 2))
                 owners.append(card)
     if not value:
-        raise _error(header.card, "matrices.dmig/entries", header_name=header.name)
+        raise _error(header.card, "matrices.dmig/no-columns", header_name=header.name)
     _check_columns(header, col)
     return Dmig(header, np.array(row), np.array(col), np.array(value), tuple(owners))
 
@@ -118,10 +118,10 @@ def _check_columns(header: DmigHeader, col: list[tuple[int, int]]) -> None:
     if header.columns is not None and len(set(col)) > header.columns:
         raise _error(
             header.card,
-            "matrices.dmig/check-columns",
+            "matrices.dmig/column-count",
             header_name=header.name,
-            n_col=len(set(col)),
-            columns=header.columns,
+            n_columns=len(set(col)),
+            stated_columns=header.columns,
         )
 
 

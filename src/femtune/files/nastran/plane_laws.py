@@ -106,7 +106,7 @@ class PlaneLaws:
     def _check_name(self, mid: int, user: CardEntry, at: str) -> None:
         name = self.materials.find(mid, user, at).name
         if name not in _LAWS:
-            raise user.error("deck.material-type/check-name", at=at, mid=mid, name=name)
+            raise user.error("deck.material-type/for-shell", at=at, mid=mid, name=name)
 
     def rigid(self, mid: int, user: CardEntry, at: str) -> Entries:
         """Transverse shear law 11 12 22 of a shell that bends by a material and is rigid in transverse shear."""
@@ -161,9 +161,9 @@ def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> R
     at = laws.materials.isotropic(mid, user)
     values = laws.building.values.values
     if values[at["G"]] == 0.0:
-        raise record.error("deck.material/elastic", at="G")
+        raise record.error("deck.material/shell-shear-modulus", at="G")
     if not -1.0 < values[at["NU"]] < 1.0:
-        raise record.error("deck.material/elastic-2", at="G", listed=values[at["NU"]])
+        raise record.error("deck.material/shell-poisson-ratio", at="G", ratio=values[at["NU"]])
     return at
 
 
@@ -191,7 +191,7 @@ def _check_definite(laws: PlaneLaws, record: CardEntry, law: Entries, places: li
     values = np.array([laws.building.values.values[i] for i in law])[np.array(places)]
     size = np.abs(values).max()
     if size == 0.0 or np.linalg.eigvalsh(values / size)[0] <= _DEFINITE:
-        raise record.error("deck.material/check-definite", at="G11", record_name=record.name)
+        raise record.error("deck.material/plane-not-definite", at="G11", record_name=record.name)
 
 
 def _orthotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Entries, bool]:
@@ -208,9 +208,9 @@ def _orthotropic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) 
 def _check_orthotropic(record: CardEntry) -> None:
     for name in ("E1", "E2", "G12"):
         if record.real(name, 0.0 if name == "G12" else ...) <= 0.0:
-            raise record.error("deck.material/check-2", at=name, name=name)
+            raise record.error("deck.material/modulus-sign", at=name, name=name)
     if record.real("NU12") * record.real("NU12") * record.real("E2") >= record.real("E1"):
-        raise record.error("deck.material/check-orthotropic", at="NU12")
+        raise record.error("deck.material/orthotropic-ratio", at="NU12")
 
 
 def _orthotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Entries:
@@ -220,7 +220,7 @@ def _orthotropic_shear(laws: PlaneLaws, record: CardEntry, mid: int, user: CardE
     both = []
     for name in ("G1Z", "G2Z"):
         if record.real(name, 0.0) < 0.0:
-            raise record.error("deck.material/orthotropic-shear", at=name, name=name)
+            raise record.error("deck.material/transverse-shear", at=name, name=name)
         rigid = record.real(name, 0.0) == 0.0
         both.append(laws.stiffened(record, mid, shear) if rigid else laws.building.value(record, mid, name))
     return both[0], laws.none(record, mid), both[1]

@@ -66,7 +66,7 @@ def body_rows(record: CardEntry, grids: Grids) -> ConstraintRows:
     independent = _pairs(fields)
     dependent = _after_words(fields).get("UM", [])
     if not dependent:
-        raise record.error("deck.field-value/body-rows")
+        raise record.error("deck.field-value/rbe1-dependents")
     _check_points(record, grids, [n for n, _ in (*independent, *dependent)])
     return rigid_body_rows(grids.table, independent, dependent, record.integer("EID"))
 
@@ -90,7 +90,7 @@ def _group(record: CardEntry, fields: _Fields) -> WeightedPoints:
     at = fields.at
     numbers = _list_numbers(record, fields.until_real())
     if not numbers:
-        raise record.card.error("deck.field-value/group", index=at)
+        raise record.card.error("deck.field-value/weight-without-points", index=at)
     return WeightedPoints(weight, components, numbers)
 
 
@@ -110,7 +110,7 @@ def _after_words(fields: _Fields) -> dict[str, Pairs]:
         elif word == "ALPHA" or fields.card.is_real(at):
             fields.card.real(fields.take() if word == "ALPHA" else at)
         else:
-            raise fields.card.error("deck.field-value/after-words", index=at)
+            raise fields.card.error("deck.field-value/rbe3-word", index=at)
     return found
 
 
@@ -129,7 +129,7 @@ def _digits(card: Card, at: int) -> list[int]:
     """Components of a grid point; they must be there (error ``deck.field-value``)."""
     text = card.component(at)
     if text in ("", "0"):
-        raise card.error("deck.field-value/digits", index=at)
+        raise card.error("deck.field-value/no-components", index=at)
     return [int(c) for c in text]
 
 
@@ -175,7 +175,7 @@ def _expands(record: CardEntry) -> bool:
 def _spider(record: CardEntry, grids: Grids) -> ConstraintRows:
     components = _numbers(record.component("CM"))
     if not components or components == [0]:
-        raise record.error("deck.field-value/spider", at="CM")
+        raise record.error("deck.field-value/rbe2-components", at="CM")
     numbers = _dependents(record)
     for number in (record.integer("GN"), *numbers):
         grids.row(number, record)
@@ -189,7 +189,7 @@ def _dependents(record: CardEntry) -> list[int]:
         fields.pop()
     numbers = listed_numbers(record, fields)
     if not numbers:
-        raise record.error("deck.field-value/dependents")
+        raise record.error("deck.field-value/rbe2-dependents")
     return numbers
 
 
@@ -221,7 +221,7 @@ def _rod(record: CardEntry, grids: Grids) -> ConstraintRows:
     a, b = _points(record, grids, "GA", "GB")
     chosen = [(end, c) for end, name in enumerate(("CMA", "CMB")) for c in _of(record, name)]
     if len(chosen) != 1 or chosen[0][1] > 3:
-        raise record.error("deck.field-value/rod", at="CMA")
+        raise record.error("deck.field-value/rrod-component", at="CMA")
     return rigid_rod_rows(grids.table, (a, b), chosen[0], record.integer("EID"))
 
 

@@ -45,7 +45,9 @@ def _add(rows: BatchRows, record: CardEntry, building: Building, grids: Grids, p
     roles = {name: building.value(source, number, name) for name in CATALOGUE[source.name].values}
     ends = [_end(record, end, grids) for end in "12"]
     if ends[0][1] < 0 and ends[1][1] < 0:
-        raise record.error("deck.field-value/add", hint="fill G1 and C1" if "G1" in record.names else "fill S1")
+        raise record.error(
+            "deck.field-value/both-grounded", hint="fill in G1 and C1" if "G1" in record.names else "fill in S1"
+        )
     rows.add(eid, [row for row, _ in ends], [dof for _, dof in ends], roles, {})
 
 
@@ -59,7 +61,7 @@ def _end(record: CardEntry, end: str, grids: Grids) -> tuple[int, int]:
     component = record.component("C" + end, "0")
     grid = number in grids.records
     if len(component) != 1 or (grid and component == "0"):
-        raise record.error("deck.field-value/end", at="C" + end)
+        raise record.error("deck.field-value/scalar-end", at="C" + end)
     dof = grids.dof(number, int(component), record)
     return (grids.row(number, record) if grid else -1), dof
 
@@ -68,11 +70,11 @@ def _scalar_point(record: CardEntry, name: str, grids: Grids) -> int:
     number = record.integer(name, 0)
     if number in grids.records:
         raise record.error(
-            "deck.field-value/scalar-point",
+            "deck.field-value/not-a-scalar-point",
             at=name,
             record_name=record.name,
             number=number,
-            record_name_2=record.name[:-1],
+            general_name=record.name[:-1],
         )
     return grids.dof(number, 0, record) if number else -1
 
@@ -111,9 +113,9 @@ def _roles(building: Building, record: CardEntry, pid: int) -> Roles:
 def _check_linear(building: Building, record: CardEntry) -> None:
     """Mass is an error; springs and dampers that are not linear are left out with a notice."""
     if record.real("M", 0.0):
-        raise record.error("deck.section/check-linear", at="M")
+        raise record.error("deck.section/bush-one-dimensional-mass", at="M")
     if len(record.card.fields) > 8:
-        building.notices.append(Notice("deck.nonlinear-damper", where=record.where, text=record.card.text(0)))
+        building.notices.append(Notice("deck.nonlinear-damper", where=record.where, number=record.card.text(0)))
 
 
 def _add_damper(
@@ -135,10 +137,10 @@ def _axis(record: CardEntry, grids: Grids, a: int, b: int) -> NDArray[np.float64
     if record.name == "CBUSH1D" and not record.blank("CID"):
         return grids.systems.get(record.integer("CID"), record).frame(grids.table.xyz[a])[:, 0]
     if b < 0:
-        raise record.error("deck.orientation/axis", at="CID")
+        raise record.error("deck.orientation/bush-one-dimensional", at="CID")
     line = grids.table.xyz[b] - grids.table.xyz[a]
     if length(line) == 0.0:
-        raise record.error("deck.zero-length/axis")
+        raise record.error("deck.zero-length/damper")
     return np.asarray(line / length(line))
 
 
@@ -174,5 +176,5 @@ def _section(building: Building, record: CardEntry, number: int, materials: Mate
 def _add_rod(rows: BatchRows, record: CardEntry, roles: Roles, grids: Grids) -> None:
     a, b = grids.row(record.integer("G1"), record), grids.row(record.integer("G2"), record)
     if length(grids.table.xyz[b] - grids.table.xyz[a]) == 0.0:
-        raise record.error("deck.zero-length/add-rod")
+        raise record.error("deck.zero-length/rod")
     rows.add(record.integer("EID"), [a, b], grids.dofs(a) + grids.dofs(b), roles, {})

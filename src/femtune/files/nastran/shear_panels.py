@@ -34,10 +34,10 @@ def _section(building: Building, record: CardEntry, pid: int, materials: Materia
     if building.values.values[material["G"]] == 0.0:
         raise record.error("deck.shell-section", at="MID")
     if record.real("T") <= 0.0:
-        raise record.error("deck.shell-section/section", at="T")
+        raise record.error("deck.shell-section/shear-panel-thickness", at="T")
     for name in ("F1", "F2"):
         if record.real(name, 0.0) < 0.0:
-            raise record.error("deck.shell-section/section-2", at=name, name=name)
+            raise record.error("deck.shell-section/shear-panel-effectiveness", at=name, name=name)
     own = {role: building.value(record, pid, name) for role, name in _VALUES.items()}
     return {**material, **own}
 

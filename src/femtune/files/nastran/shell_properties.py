@@ -142,7 +142,7 @@ class ShellProperties:
         membrane, bending, coupling = (values[np.array(law.law)[_PLACES]] for law in laws if law)
         whole = np.block([[membrane, -coupling], [-coupling, bending * values[inertia] / 12.0]])
         if np.linalg.eigvalsh(whole / np.abs(whole).max())[0] < -_ROUNDING:
-            raise _refused(record, "MID4", "deck.shell-section/check-definite")
+            raise _refused(record, "MID4", "deck.shell-section/not-definite")
 
     def _none(self, record: CardEntry, pid: int) -> int:
         return self.building.values.add(FieldRef(record.name, pid, "none"), 0.0)
@@ -169,13 +169,13 @@ def _check(record: CardEntry) -> None:
     """Materials that are named in a way that is not modelled, and values that no plate has."""
     first, second, third, fourth = (record.integer(f"MID{i}", 0) for i in (1, 2, 3, 4))
     if second == -1:
-        raise _refused(record, "MID2", "deck.shell-section/check")
+        raise _refused(record, "MID2", "deck.shell-section/plane-strain")
     if not first and not second:
-        raise _refused(record, "MID1", "deck.shell-section/check-2")
+        raise _refused(record, "MID1", "deck.shell-section/no-material")
     if third and not second:
-        raise _refused(record, "MID3", "deck.shell-section/check-3")
+        raise _refused(record, "MID3", "deck.shell-section/shear-without-bending")
     if fourth and not (first and second):
-        raise _refused(record, "MID4", "deck.shell-section/check-4")
+        raise _refused(record, "MID4", "deck.shell-section/coupling-without-both")
     _check_values(record)
 
 
@@ -184,7 +184,7 @@ def _check_values(record: CardEntry) -> None:
     counted = {"T": True, "RI": record.integer("MID2", 0) > 0, "TS": record.integer("MID3", 0) > 0}
     for name, words in (("T", "thickness T"), ("RI", "inertia ratio 12I/T**3"), ("TS", "shear ratio TS/T")):
         if counted[name] and not record.blank(name) and record.real(name) <= 0.0:
-            raise _refused(record, name, "deck.shell-section/check-values", words=words)
+            raise _refused(record, name, "deck.shell-section/value-sign", quantity=words)
 
 
 def _refused(record: CardEntry, at: str, code: str, **facts: Any) -> FemtuneError:
@@ -254,12 +254,12 @@ class Thicknesses:
             return [], False
         given = [name for name in self.corners if not record.blank(name)]
         if given and section.layered:
-            raise record.error("deck.shell-section/given", at=given[0], names=self._names)
+            raise record.error("deck.shell-section/thickness-of-laminate", at=given[0], names=self._names)
         return given, self._relative(record)
 
     def _of_property(self, record: CardEntry, section: ShellSection) -> int:
         if section.thickness is None:
-            raise record.error("deck.shell-section/of-property", section_number=section.number, names=self._names)
+            raise record.error("deck.shell-section/no-thickness", section_number=section.number, names=self._names)
         return section.thickness
 
     @property
@@ -270,13 +270,13 @@ class Thicknesses:
         """TFLAG: 0 or blank for thicknesses, 1 for factors of the property's."""
         flag: int = record.integer("TFLAG", 0)
         if flag not in (0, 1):
-            raise record.error("deck.field-value/relative", at="TFLAG", record_name=record.name)
+            raise record.error("deck.field-value/thickness-flag", at="TFLAG", record_name=record.name)
         return flag == 1
 
     def _check(self, record: CardEntry, corners: dict[str, float], own: list[int], relative: bool) -> None:
         worst = min(corners, key=corners.__getitem__)
         if corners[worst] < 0.0 or max(corners.values()) == 0.0:
-            raise record.error("deck.shell-section/check-5", at=worst, names=self._names)
+            raise record.error("deck.shell-section/corner-thickness", at=worst, names=self._names)
         blank = 1.0 if relative else self.building.values.values[own[0]] if own else 0.0
         every = [*corners.values(), *[blank] * (len(self.corners) - len(corners))]
         if self.made_even and max(every) - min(every) > _MOST_DIFFERENCE * sum(every) / len(every):
@@ -293,7 +293,7 @@ class Thicknesses:
                 where=self.uneven[0],
                 n=n,
                 card=card,
-                words="s have" if n > 1 else " has",
+                plural="s" if n > 1 else "",
                 names=self._names,
             )
         ]

@@ -176,7 +176,7 @@ def _nodes(record: CardEntry, grids: Grids) -> list[int]:
     """Rows of the grid points in the node table, −1 for a mid-side one that is left out."""
     shape = _SHAPES[record.name]
     if record.name == "CQUAD4" and record.blank("G4"):
-        raise record.error("deck.shell-corners/nodes", at="G4")
+        raise record.error("deck.shell-corners/no-fourth-corner", at="G4")
     names = [f"G{i + 1}" for i in range(shape.nodes)]
     numbers = [record.integer(name, 0 if i >= shape.corners else ...) for i, name in enumerate(names)]
     for i, number in enumerate(numbers):

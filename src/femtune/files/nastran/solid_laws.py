@@ -103,7 +103,7 @@ class SolidLaws:
         """
         name = self.materials.find(mid, user).name
         if name not in _LAWS:
-            raise user.error("deck.material-type/get", at="MID", mid=mid, name=name)
+            raise user.error("deck.material-type/for-solid", at="MID", mid=mid, name=name)
         return self._library.get(mid, user)
 
     def _make(self, mid: int, user: CardEntry) -> SolidLaw:
@@ -143,12 +143,12 @@ def _isotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) ->
 def _check_isotropic(laws: SolidLaws, record: CardEntry, at: Roles) -> None:
     values = laws.building.values.values
     if values[at["G"]] == 0.0:
-        raise record.error("deck.material/check-isotropic", at="G")
+        raise record.error("deck.material/solid-shear-modulus", at="G")
     ratio = values[at["NU"]]
     if ratio >= _LARGEST_RATIO:
-        raise record.error("deck.material/check-isotropic-2", at="NU", ratio=ratio)
+        raise record.error("deck.material/incompressible", at="NU", ratio=ratio)
     if ratio <= -1.0:
-        raise record.error("deck.material/check-isotropic-3", at="G", ratio=ratio)
+        raise record.error("deck.material/solid-poisson-ratio", at="G", ratio=ratio)
 
 
 def _anisotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) -> tuple[Roles, bool]:
@@ -174,7 +174,7 @@ def _orthotropic(laws: SolidLaws, record: CardEntry, mid: int, user: CardEntry) 
     """MAT11: three moduli, three ratios νij (contraction along j under tension along i) and three shear moduli."""
     for name in (*_MODULI, *_SHEARS.values()):
         if record.real(name) <= 0.0:
-            raise record.error("deck.material/check-2", at=name, name=name)
+            raise record.error("deck.material/modulus-sign", at=name, name=name)
     at = [laws.building.value(record, mid, name) for name in (*_MODULI, *_RATIOS)]
     _check_ratios(record)
     law = {name: laws.derive(record, mid, name, rule, *at) for name, rule in _RULES.items()}
@@ -187,7 +187,7 @@ def _check_ratios(record: CardEntry) -> None:
     a, b, c = nu12 * nu12 * e2 / e1, nu13 * nu13 * e3 / e1, nu23 * nu23 * e3 / e2
     whole = 1.0 - a - b - c - 2.0 * nu12 * nu23 * nu13 * e3 / e1
     if max(a, b, c) >= 1.0 or whole <= _DEFINITE:
-        raise record.error("deck.material/check-ratios", at="NU12")
+        raise record.error("deck.material/orthotropic-solid-ratios", at="NU12")
 
 
 def _check_definite(laws: SolidLaws, record: CardEntry, roles: Roles) -> None:
@@ -199,7 +199,7 @@ def _check_definite(laws: SolidLaws, record: CardEntry, roles: Roles) -> None:
         scaled = law / np.sqrt(np.outer(diagonal, diagonal))
         if np.linalg.eigvalsh(scaled, UPLO="U")[0] > _DEFINITE:
             return
-    raise record.error("deck.material/check-definite-2", at=record.names[1], record_name=record.name)
+    raise record.error("deck.material/solid-not-definite", at=record.names[1], record_name=record.name)
 
 
 _LAWS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}

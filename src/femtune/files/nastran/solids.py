@@ -81,7 +81,7 @@ def _section(
     if axes > 0:
         grids.systems.get(axes, record)
     elif axes < _ELEMENT_AXES:
-        raise record.error("deck.solid-section/section", at="CORDM")
+        raise record.error("deck.solid-section/material-system", at="CORDM")
     # no value of a PSOLID counts, but writing back has to know which one an element refers to
     own = building.values.add(FieldRef(record.name, pid, "none"), 0.0)
     return SolidSection(pid, {**law.roles, "section": own}, law.isotropic, axes)
@@ -158,7 +158,7 @@ def _axes(record: CardEntry, section: SolidSection, nodes: Sequence[int], grids:
     if section.axes > 0:
         return grids.systems.get(section.axes, record).frame(corners.mean(axis=0))
     if record.name != "CHEXA":
-        raise record.error("deck.solid-section/axes", section_number=section.number, record_name=record.name)
+        raise record.error("deck.solid-section/element-axes", section_number=section.number, record_name=record.name)
     return element_axes(corners)
 
 

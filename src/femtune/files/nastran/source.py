@@ -173,7 +173,7 @@ def _quoted(source: SourceFile, number: int, rest: str, quote: str) -> tuple[str
         pieces.append(piece.strip())
         if closed:
             return "".join(pieces), index + 1
-    raise _unfinished(source, number, "deck.truncated/quoted")
+    raise _unfinished(source, number, "deck.truncated/no-closing-quote")
 
 
 def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
@@ -186,9 +186,9 @@ def _unquoted(source: SourceFile, number: int, rest: str) -> tuple[str, int]:
         if not piece.endswith(","):
             break
     else:
-        raise _unfinished(source, number, "deck.truncated/unquoted")
+        raise _unfinished(source, number, "deck.truncated/include-continued")
     if not "".join(pieces):
-        raise _unfinished(source, number, "deck.truncated/unquoted-2")
+        raise _unfinished(source, number, "deck.truncated/include-without-file")
     return "".join(pieces), index + 1
 
 

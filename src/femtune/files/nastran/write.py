@@ -238,7 +238,7 @@ def _elements(built: BuiltModel, region: str, regions: Mapping[str, Iterable[int
         raise FemtuneError(
             "write.unknown-region",
             region=region,
-            value=f"element {unknown[0]}, which does not exist" if unknown else "no elements",
+            problem=f"element {unknown[0]}, which does not exist" if unknown else "no elements",
         )
     return chosen
 
@@ -354,7 +354,7 @@ class _Copying:
         unused = [ref for refs in self.changed.values() for ref in refs if ref not in used]
         if unused:
             raise FemtuneError(
-                "write.unknown-region/finish", region=unused[0].region, replace=replace(unused[0], region="")
+                "write.unknown-region/card-not-used", region=unused[0].region, value_name=replace(unused[0], region="")
             )
         for copy in self.new:
             self._write(copy)
@@ -458,4 +458,4 @@ def _starts(card: str) -> tuple[int, ...]:
 
 
 def _no_field(ref: FieldRef) -> FemtuneError:
-    return FemtuneError("write.no-field", ref=ref)
+    return FemtuneError("write.no-field", value_name=ref)

@@ -48,7 +48,7 @@ def read_mat(path: Path, variable: str | None = None) -> RecordTable:
         zlib.error,
         matlab.MatReadError,
     ) as bad:
-        raise problem(path, "record.file/read-mat", first_line=_first_line(bad)) from bad
+        raise problem(path, "record.file/matlab", first_line=_first_line(bad)) from bad
     return _table(path, {k: v for k, v in arrays.items() if not k.startswith("__")}, variable)
 
 
@@ -66,7 +66,7 @@ def read_hdf5(path: Path, variable: str | None = None) -> RecordTable:
             file.visititems(keep)
             return _table(path, arrays, variable)
     except OSError as bad:
-        raise problem(path, "record.file/read-hdf5", first_line=_first_line(bad)) from bad
+        raise problem(path, "record.file/hdf5", first_line=_first_line(bad)) from bad
 
 
 def _first_line(bad: BaseException) -> str:
@@ -89,7 +89,7 @@ def _wanted(path: Path, arrays: Mapping[str, Any], variable: str | None) -> str:
     found = [name for name in tables if min(arrays[name].shape) > 0] or list(arrays)
     if len(found) != 1:
         shown = ", ".join(f"{name} {getattr(arrays[name], 'shape', '')}" for name in sorted(found)) or "none"
-        raise problem(path, "record.variable/wanted", values={"variables": shown}, n_found=len(found))
+        raise problem(path, "record.variable/several", values={"variables": shown}, n_found=len(found))
     return found[0]
 
 

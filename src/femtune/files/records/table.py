@@ -55,7 +55,7 @@ def as_columns(array: NDArray, path: object) -> Reals:
     """
     if array.dtype.kind not in "iufb" or array.ndim not in (1, 2) or not array.size:
         found = f"{array.ndim} dimensions {array.shape} of type {array.dtype}"
-        raise problem(path, "record.file/as-columns", values={"found": found})
+        raise problem(path, "record.file/array", values={"found": found})
     columns = np.atleast_2d(array.astype(float))
     return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
 

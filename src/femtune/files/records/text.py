@@ -39,7 +39,7 @@ def _lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = path.read_text(encoding="latin-1")
     if "\x00" in text:
-        raise problem(path, "record.file/lines")
+        raise problem(path, "record.file/binary")
     return text.splitlines()
 
 
@@ -79,7 +79,7 @@ def _first_row(lines: list[str], path: Path) -> int:
         fields = _fields(line, separator)
         if _numbers(fields, separator != ",") and any(f.strip() for f in fields):
             return i
-    raise problem(path, "record.file/first-row")
+    raise problem(path, "record.file/no-numbers")
 
 
 def _quick(rows: list[str], separator: str | None, comma: bool) -> np.ndarray | None:
@@ -101,14 +101,14 @@ def _strict(lines: list[str], first: int, separator: str | None, comma: bool, wi
             last = not any(later.strip() for later in lines[number:])
             code = "record.file/columns-of-line"
             if last:
-                code = "record.file/cut-line" if len(fields) < width else "record.file/columns-of-last-line"
+                code = "record.file/incomplete-last-line" if len(fields) < width else "record.file/columns-of-last-line"
             raise problem(path, code, number, values={"wanted": width, "found": len(fields)})
         row = [_number(f, comma) for f in fields]
         if None in row:
             bad = fields[row.index(None)].strip()[:30]
             hint = "leave a missing sample empty, or write nan"
             raise problem(
-                path, "record.file/strict", number, values={"column": row.index(None) + 1}, hint=hint, bad=bad
+                path, "record.file/not-a-number", number, values={"column": row.index(None) + 1}, hint=hint, text=bad
             )
         out.append(row)
     return np.array(out, dtype=float)

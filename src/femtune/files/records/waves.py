@@ -39,7 +39,7 @@ def read_uff_time(path: Path) -> tuple[RecordTable, tuple[UffChannel, ...]]:
     times = [f for f in functions if _is_time(f)]
     if not times:
         kinds = sorted({f.header.function_type for f in functions})
-        raise problem(path, "record.file/read-uff-time", values={"function_types": kinds})
+        raise problem(path, "record.file/no-time-records", values={"function_types": kinds})
     _check_clock(path, times)
     first = times[0]
     channels = tuple(_channel(f) for f in times)
@@ -63,7 +63,7 @@ def _check_clock(path: Path, times: Sequence[MeasuredFunction]) -> None:
     for other in times[1:]:
         if len(other.x) != len(first.x) or not np.allclose(other.x, first.x, rtol=1e-6, atol=0.0):
             one, two = f"{len(first.x)} samples", f"{len(other.x)} samples at {other.where}"
-            raise problem(path, "record.file/check-clock", values={"first": one, "other": two})
+            raise problem(path, "record.file/different-sampling", values={"first": one, "other": two})
 
 
 def _channel(function: MeasuredFunction) -> UffChannel:
@@ -92,7 +92,7 @@ def read_wav(path: Path) -> RecordTable:
             warnings.filterwarnings("error", message=".*prematurely.*")
             rate, data = wavfile.read(path)
     except (ValueError, EOFError, OSError, struct.error, LookupError, wavfile.WavFileWarning) as bad:
-        raise problem(path, "record.file/read-wav", bad=str(bad)[:120]) from bad
+        raise problem(path, "record.file/wav", problem=str(bad)[:120]) from bad
     values = np.atleast_2d(data.T).astype(float)
     if data.dtype.kind in "iu":
         middle = 128.0 if data.dtype == np.uint8 else 0.0

@@ -1,4 +1,4 @@
-"""[[configuration]] and [test]: states of the structure and the tests that belong to them."""
+"""[[configuration]] and [test]: configurations of the structure and their tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNCHANGED: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0
 
 
 class MassEntry(TomlTable):
-    """A mass that the state adds to a grid point."""
+    """A mass that the configuration adds to a grid point."""
 
     node: Number
     mass: NotNegative
@@ -36,7 +36,7 @@ class MassEntry(TomlTable):
 
     @property
     def inertia_matrix(self) -> tuple[Vector, ...]:
-        """(3, 3) about the centre of gravity, basic frame."""
+        """(3, 3) about the centre of gravity, basic coordinate system."""
         rows = [row if isinstance(row, tuple) else (row, row, row) for row in self.inertia]
         diagonal = not isinstance(self.inertia[0], tuple)
         matrix = [[float(x) * (i == j or not diagonal) for j, x in enumerate(row)] for i, row in enumerate(rows)]
@@ -44,7 +44,7 @@ class MassEntry(TomlTable):
 
 
 class LeaveOutEntry(TomlTable):
-    """A test mode that is left out, named by its label or by its frequency, and why."""
+    """A test mode that is left out, given by its label or its frequency, with the reason."""
 
     mode: Text | None = None
     hz: Positive | None = None
@@ -52,7 +52,7 @@ class LeaveOutEntry(TomlTable):
 
 
 class PairEntry(TomlTable):
-    """A pair fixed by hand: label of the test mode, number of the model mode from 1."""
+    """A prescribed mode pair: label of the test mode, number of the model mode from 1."""
 
     test: Text
     model: Annotated[int, Field(ge=1)]
@@ -79,7 +79,7 @@ class SingleTest(TestKeys):
 
 
 class ConfigurationEntry(TestKeys):
-    """[[configuration]]: overlays on the deck, and the test of that state."""
+    """[[configuration]]: changes of the deck, and the test of this configuration."""
 
     name: Text
     test: Text | None = None
@@ -95,7 +95,7 @@ class ConfigurationEntry(TestKeys):
 
 
 def switched_off(entry: ConfigurationEntry) -> frozenset[int]:
-    """Numbers of the elements that the state switches off."""
+    """Numbers of the elements that are absent in the configuration."""
     return off_list(entry.elements_off)
 
 
@@ -105,7 +105,7 @@ def supports(texts: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
 
 
 def only_configuration(test: SingleTest | None, name: str) -> ConfigurationEntry:
-    """The state of a study without [[configuration]]: the structure as it was read."""
+    """The configuration of a study without [[configuration]]: the structure of the deck."""
     if test is None:
         return ConfigurationEntry(name=name)
     shared = {name: getattr(test, name) for name in TestKeys.model_fields}

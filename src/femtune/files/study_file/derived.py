@@ -15,7 +15,7 @@ Data = dict[str, Any]
 
 
 class DerivedEntry(TomlTable):
-    """A quantity: the thickness of a slab of its stiffness, the rotation of a joint of its springs."""
+    """A quantity, such as the thickness of a slab computed from its stiffness."""
 
     name: Text
     expression: Expression
@@ -23,7 +23,7 @@ class DerivedEntry(TomlTable):
 
 
 def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    """Names of their own, and expressions of parameters that exist."""
+    """Names must be unique, and expressions must refer to existing parameters."""
     entries = list(tables(data, "derived"))
     yield from named_twice(entries, "parameter.duplicate/earlier", source)
     parameters = [p["name"] for _, p in tables(data, "parameter") if isinstance(p.get("name"), str)]
@@ -46,7 +46,7 @@ def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
 
 
 def _names_in(expression: object) -> tuple[str, ...]:
-    """Names in an expression that can be read; its own message says what is wrong with others."""
+    """Names in a valid expression; errors of other expressions have a separate message."""
     try:
         return parse_expression(expression).names if isinstance(expression, str) else ()
     except FemtuneError:

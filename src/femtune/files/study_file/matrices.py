@@ -1,4 +1,4 @@
-"""[model], [[matrix]] and [[variable]]: a model of matrices that another solver wrote, in place of a deck."""
+"""[model], [[matrix]] and [[variable]]: a model from matrices of another solver, instead of a deck."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class MatrixEntry(TomlTable):
 
 
 class VariableEntry(TomlTable):
-    """[[variable]]: what the sets of matrices depend on."""
+    """[[variable]]: a variable of the matrix sets."""
 
     name: Name
     nominal: float

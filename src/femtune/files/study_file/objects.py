@@ -1,7 +1,7 @@
-"""Tables of a study as objects of Python: parameters, configurations and residuals, in the words of the file.
+"""Tables of a study as Python objects: parameters, configurations and residuals, with the keys of the file.
 
-An object checks its keys and values when it is made; what they mean for a model is checked when the study is put
-together.
+The keys and values of an object are checked when it is created; references to the model are checked when the study is
+assembled.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from femtune.testdata import ModalTest
 
 
 def plain(value: Any) -> Any:
-    """A value as a TOML file would hold it: lists as tuples, numbers of numpy as numbers, paths as text."""
+    """A value as in a TOML file: lists as tuples, numpy numbers as numbers, paths as text."""
     if isinstance(value, BaseModel):
         kind = {"kind": value.kind} if hasattr(value, "kind") else {}
         return plain({**kind, **{name: getattr(value, name) for name in value.model_fields_set}})
@@ -52,7 +52,7 @@ def plain(value: Any) -> Any:
 
 
 class _Checked(TomlTable):
-    """A table that is made in Python: what is wrong with it is a FemtuneError."""
+    """A table that is created in Python: its errors are FemtuneErrors."""
 
     if not TYPE_CHECKING:
 
@@ -70,25 +70,25 @@ class _Checked(TomlTable):
 
 
 class Parameter(ParameterEntry, _Checked):
-    """What an update may change, how far, and which fields of the deck it moves: a [[parameter]] of a study.
+    """A parameter of the update: fields of the deck, bounds and prior; a [[parameter]] of a study.
 
     Parameters
     ----------
     name : a name that a tie can use: letters, digits and _
     fields : fields of the deck, "PBAR 1 I1", or "MAT1 E" for that of all MAT1
     lower, upper : bounds: of a factor on the values of the deck; with `absolute` of the value itself
-    nominal : start value; 1 for a factor, the value of the deck with `absolute`
-    absolute : the parameter is the value of the field, in units of the deck, and no factor
-    elements, region : which elements it moves, where not all that use the field: ``"201 THRU 208"``,
+    nominal : initial value; 1 for a factor, the value of the deck with `absolute`
+    absolute : the parameter is the value of the field, in units of the deck, instead of a factor
+    elements, region : elements for which the field is changed; default: all that use it: ``"201 THRU 208"``,
         ``{"properties": [3]}``
     sd, mean : prior standard deviation and mean
     prior, prior_name : catalogue that holds the prior, and the name of the entry
-    tie : an expression of other parameters that it follows, in place of bounds: "2.0*E"
-    unit : of its value, to be shown
+    tie : an expression of other parameters, instead of bounds: "2.0*E"
+    unit : unit shown in tables
 
     Raises
     ------
-    FemtuneError : ``study.field``, ``study.unknown-key``, ``study.type`` …, all that is wrong at once
+    FemtuneError : ``study.field``, ``study.unknown-key``, ``study.type`` …, all errors together
 
     Examples
     --------
@@ -125,15 +125,15 @@ class Parameter(ParameterEntry, _Checked):
 
 
 class Configuration(ConfigurationEntry, _Checked):
-    """The structure in one state, and the test that belongs to it: a [[configuration]] of a study.
+    """A configuration of the structure with its test: a [[configuration]] of a study.
 
     Parameters
     ----------
-    name : what it is called
-    test : a test that was read, or the path of its file; None where it was not tested
-    test_units : length-mass-s of a file that says none
+    name : unique name
+    test : a `ModalTest`, or the path of its file; None without a test
+    test_units : length-mass-s of the test, if its file does not state them
     masses : added masses: ``[{"node": 12, "mass": 0.5}]``
-    elements_off : elements that are switched off: "201 THRU 208"
+    elements_off : elements that are absent: "201 THRU 208"
     spc, mpc : sets of supports and of multipoint constraints, in place of those of the deck
     supports_added, supports_removed : ``["12:123"]``
     weighed_mass : of the structure in this state
@@ -142,7 +142,7 @@ class Configuration(ConfigurationEntry, _Checked):
 
     Raises
     ------
-    FemtuneError : ``study.*``, all that is wrong at once
+    FemtuneError : ``study.*``, all errors together
 
     Examples
     --------
@@ -170,11 +170,11 @@ class FrequencyResidual(FrequencyResidualEntry, _Checked):
 
     Parameters
     ----------
-    sd : standard deviation, relative: 0.01 is 1 %; "test" takes what the test states
-    covariance : in place of `sd`, (modes, modes) in Hz², or "test"
+    sd : standard deviation, relative: 0.01 is 1 %; "test": the value stated in the test
+    covariance : instead of `sd`, (modes, modes) in Hz², or "test"
     form : "frequency" or "eigenvalue"
-    modes : labels of test modes; all where None
-    configuration : name, where the study has several
+    modes : labels of test modes; None: all
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -192,11 +192,11 @@ class ShapeResidual(ShapeResidualEntry, _Checked):
     Parameters
     ----------
     sd : standard deviation of an entry of the scaled shape
-    covariance : in place of `sd`, (sensors, sensors)
+    covariance : instead of `sd`, (sensors, sensors)
     scaling : "unit-norm", "largest-entry", "scale-factor" or "mass"
-    sensors : labels, "12Z+"; all where None
+    sensors : labels, "12Z+"; None: all
     modes, configuration : as for `FrequencyResidual`
-    mass_scaled : True where the test's shapes are of unit modal mass though its file does not say so
+    mass_scaled : True if the test shapes have unit modal mass though its file does not say so
 
     Examples
     --------
@@ -209,7 +209,7 @@ class ShapeResidual(ShapeResidualEntry, _Checked):
 
 
 class StrainResidual(StrainResidualEntry, _Checked):
-    """Strain shapes: sensors of the test that are strain gauges, combinations of DOFs in the model.
+    """Strain mode shapes: the sensors are strain gauges, defined as linear combinations of model DOFs.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class StrainResidual(StrainResidualEntry, _Checked):
 
 
 class MacResidual(MacResidualEntry, _Checked):
-    """A function of the MAC of paired modes.
+    """A residual formed from the MAC of paired modes.
 
     Parameters
     ----------
@@ -265,11 +265,11 @@ class FlexibilityResidual(FlexibilityResidualEntry, _Checked):
 
 
 class DynamicResidual(DynamicResidualEntry, _Checked):
-    """Equation error of the measured modes: the force that is left where the model moves as the test.
+    """Equation error of the measured modes: the residual force of the model in the measured mode shape.
 
     Parameters
     ----------
-    sd : of a force, where the largest entry of the shape is one
+    sd : of a force, for a shape scaled to a largest entry of one
     modes, configuration : as for `FrequencyResidual`
 
     Examples
@@ -287,14 +287,14 @@ class FrfResidual(FrfResidualEntry, _Checked):
 
     Parameters
     ----------
-    outputs, inputs : labels of functions, all of the test where None
+    outputs, inputs : response and reference DOFs; None: all of the test
     from_hz, to_hz : band
     form : "log-complex", "log-magnitude" or "linear"
-    around : "band", or "resonances" for lines about those of the test
+    around : "band", or "resonances": lines around the resonances of the test
     sd, floor, averages : standard deviation of a function, in units of `form`
     method, ratio, ratios, residual_vectors, count, max_hz : how the model's functions are computed
     modes, most, bandwidths, lines, aligned, region_ratio : which lines are compared
-    configuration : name, where the study has several
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -307,14 +307,14 @@ class FrfResidual(FrfResidualEntry, _Checked):
 
 
 class AntiresonanceResidual(AntiresonanceResidualEntry, _Checked):
-    """Antiresonances of measured functions, relative.
+    """Antiresonance frequencies of measured FRFs, relative.
 
     Parameters
     ----------
-    sd : standard deviation, relative; "test" takes that with which each is found
+    sd : standard deviation, relative; "test": the standard deviation of each fit
     outputs, inputs, from_hz, to_hz, count, max_hz : as for `FrfResidual`
-    frequency_gate, mac_gate, depth, half_width, most_damping : which antiresonances are taken and paired
-    configuration : name, where the study has several
+    frequency_gate, mac_gate, depth, half_width, most_damping : criteria for detection and pairing
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -335,8 +335,8 @@ class StaticDisplacementResidual(DisplacementResidualEntry, _Checked):
     forces : force by DOF, ``{"5Z+": 100.0}``
     displacements : measured displacement by DOF
     sd : relative to the largest displacement
-    covariance : in place of `sd`
-    configuration : name, where the study has several
+    covariance : instead of `sd`
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -350,7 +350,7 @@ class StaticDisplacementResidual(DisplacementResidualEntry, _Checked):
 
 
 class StaticForceResidual(ForceResidualEntry, _Checked):
-    """Forces that measured static displacements need in the model, beside those that were applied.
+    """Residual forces of measured static displacements: applied forces minus those computed by the model.
 
     Parameters
     ----------
@@ -374,7 +374,7 @@ class MassResidual(MassResidualEntry, _Checked):
     ----------
     mass : in units of the study
     sd : relative
-    configuration : name, where the study has several
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -391,9 +391,9 @@ class CentreOfGravityResidual(CentreResidualEntry, _Checked):
 
     Parameters
     ----------
-    x, y, z : those that were measured, in the study's unit of length
+    x, y, z : measured coordinates, in the unit of length of the study
     sd : a length
-    configuration : name, where the study has several
+    configuration : name, if the study has several
 
     Examples
     --------
@@ -410,10 +410,10 @@ class InertiaResidual(InertiaResidualEntry, _Checked):
 
     Parameters
     ----------
-    ixx, iyy, izz, ixy, ixz, iyz : those that were measured, in the study's mass·length²
-    about : the point
+    ixx, iyy, izz, ixy, ixz, iyz : measured entries, in mass·length² of the study
+    about : reference point
     sd : relative to the largest entry
-    configuration : name, where the study has several
+    configuration : name, if the study has several
 
     Examples
     --------

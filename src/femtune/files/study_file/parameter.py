@@ -1,4 +1,4 @@
-"""[[parameter]]: what may change, how far, and which fields of the deck it moves."""
+"""[[parameter]]: free and tied parameters with their fields, bounds and priors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from femtune.parameters import parse_expression
 
 
 class NearTable(TomlTable):
-    """A ball about a point, a grid point, or the middle of an element (a joint)."""
+    """A sphere about a point, a grid point, or the middle of an element (a joint)."""
 
     distance: Positive
     point: Vector | None = None
@@ -36,7 +36,7 @@ class NearTable(TomlTable):
 
 
 class RegionTable(TomlTable):
-    """Conditions that hold together; an element lies where its centre lies."""
+    """Conditions that an element must satisfy together; the centre of an element is its position."""
 
     elements: Elements | None = None
     properties: Elements | None = None
@@ -66,12 +66,12 @@ class ParameterEntry(TomlTable):
 
     @property
     def free(self) -> bool:
-        """True where no tie binds it."""
+        """True for a parameter without a tie."""
         return self.tie is None
 
     @property
     def targets(self) -> tuple[FieldRef, ...]:
-        """The fields that it moves; number 0 stands for all cards of the name."""
+        """The fields that it changes; number 0 stands for all cards of the name."""
         return tuple(field_reference(text) for text in self.fields)
 
 
@@ -119,7 +119,7 @@ def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Pr
 
 
 def _names_in(tie: object) -> tuple[str, ...]:
-    """Names in a tie that can be read; the models say what is wrong with the others."""
+    """Names in a valid tie; errors of other ties are reported by the models."""
     try:
         return parse_expression(tie).names if isinstance(tie, str) else ()
     except FemtuneError:
@@ -127,7 +127,7 @@ def _names_in(tie: object) -> tuple[str, ...]:
 
 
 def _catalogue(place: Place, entry: Data, source: StudyLines) -> Problems:
-    """A prior from a catalogue stands alone, and is of the field itself."""
+    """A prior from a catalogue excludes `mean` and `sd`, and is that of the field value."""
     if "prior_name" in entry and "prior" not in entry:
         yield source.error((*place, "prior_name"), "parameter.prior/no-catalogue", {})
     if "prior" not in entry:
@@ -157,7 +157,7 @@ def _bounds(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 
 def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
-    """A prior that is narrower or wider than numbers beside the bounds can tell is none."""
+    """A prior whose width is out of numerical range relative to the bounds is an error."""
     lower, upper, sd = (number(entry, key) for key in ("lower", "upper", "sd"))
     if lower is None or upper is None or sd is None or not lower < upper or sd <= 0.0:
         return
@@ -167,7 +167,7 @@ def _prior_sd(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 
 def _start(entry: Data) -> float | None:
-    """The nominal value as far as the study tells: that of an absolute parameter may be the deck's."""
+    """The nominal value if the study states it; that of an absolute parameter may come from the deck."""
     if "nominal" in entry:
         return number(entry, "nominal")
     return None if entry.get("absolute") else 1.0

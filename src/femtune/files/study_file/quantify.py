@@ -1,4 +1,4 @@
-"""[select] and [quantify]: how parameters are chosen, and how their scatter is found from repeated tests."""
+"""[select] and [quantify]: selection of parameters, and their variability from repeated tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from femtune.files.study_file.kinds import Text, TomlTable
 
 
 class SelectTable(TomlTable):
-    """[select]: which measures are added to those that need no choice."""
+    """[select]: additional measures for the selection of parameters."""
 
     energies: Literal["none", "parameters", "properties", "elements"] = "none"
     localise: bool = False
@@ -18,12 +18,12 @@ class SelectTable(TomlTable):
 
 
 def _listed(value: object) -> object:
-    """One file may stand without brackets."""
+    """A single file may be given without brackets."""
     return (value,) if isinstance(value, str) else value
 
 
 class QuantifyTable(TomlTable):
-    """[quantify]: repeated tests of one configuration, and how mean and covariance follow from them."""
+    """[quantify]: repeated tests of one configuration, and the estimation of mean and covariance."""
 
     repeats: Annotated[tuple[Text, ...], BeforeValidator(_listed), Field(min_length=1)]
     columns: tuple[str, ...] = ()

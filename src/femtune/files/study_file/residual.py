@@ -54,7 +54,7 @@ class ResidualTable(TomlTable):
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
-        """Rules between the keys of a table, of plain data: what has a wrong type is left to the model."""
+        """Rules between the keys of a table, for plain data; wrong types are reported by the model."""
         both = [key for key in ("sd", "covariance") if key in given]
         if "covariance" in cls.model_fields and len(both) != 1:
             code = "residual.weights/both" if both else "residual.weights/neither"
@@ -128,7 +128,7 @@ class FrfResidualEntry(MeasuredFunctionsTable):
 
 
 class AntiresonanceResidualEntry(MeasuredFunctionsTable):
-    """Antiresonances; "test" takes the scatter with which each is found."""
+    """Antiresonances; "test" takes the standard deviation of each fit."""
 
     kind: Literal["antiresonance"]
     sd: FrequencySd = 0.01
@@ -227,7 +227,7 @@ class DisplacementResidualEntry(ResidualTable):
 
 
 class ForceResidualEntry(ResidualTable):
-    """Forces that measured displacements need in the model; `sd` is of a force."""
+    """Residual forces of measured displacements; `sd` is of a force."""
 
     kind: Literal["static-force"]
     name: Text
@@ -237,7 +237,7 @@ class ForceResidualEntry(ResidualTable):
 
 
 class MassResidualEntry(ResidualTable):
-    """Weighed mass; `sd` is relative."""
+    """Measured mass; `sd` is relative."""
 
     kind: Literal["mass"]
     mass: Positive
@@ -297,7 +297,7 @@ TABLES: Mapping[str, type[ResidualTable]] = {
 
 
 class ResidualsTable(TomlTable):
-    """[residuals]: what the update compares in all configurations with modes, and how their scatter is known."""
+    """[residuals]: residuals of all configurations with modes, and their standard deviations."""
 
     frequency_sd: FrequencySd = 0.01
     shape_sd: Spread = 0.0

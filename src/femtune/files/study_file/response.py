@@ -21,7 +21,7 @@ MOST_LINES = 1_000_000
 
 
 class ResponseTable(TomlTable):
-    """[response]: which FRFs, on which lines, by which way, with which damping."""
+    """[response]: FRFs, frequency lines, method and damping."""
 
     kind: Literal["receptance", "mobility", "accelerance"] = "accelerance"
     outputs: Labels | None = None
@@ -40,7 +40,7 @@ class ResponseTable(TomlTable):
 
 
 class LoadEntry(TomlTable):
-    """[[load]]: forces whose static displacements are wanted."""
+    """[[load]]: forces whose static displacements are computed."""
 
     name: Text
     forces: Annotated[dict[DofLabel, float], Field(min_length=1)]

@@ -1,4 +1,4 @@
-"""[[stage]]: one part of a bottom-up study; stages run one after another, in the order of the file."""
+"""[[stage]]: a stage of a bottom-up update; stages run in the order of the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Names = Annotated[tuple[Text, ...], Field(min_length=1)]
 
 
 class StageEntry(TomlTable):
-    """What moves, what it is compared with, and from where else it starts."""
+    """Parameters, residuals and further initial values of a stage."""
 
     name: Text
     parameters: Names

@@ -1,4 +1,4 @@
-"""Tables of a study file that say how the steps are done; docs/study-file.md explains every key."""
+"""Tables of a study file with the options of the steps; docs/study-file.md explains every key."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DEFAULT_MODE_COUNT = 10
 
 
 class StudyTable(TomlTable):
-    """[study]: what it is about."""
+    """[study]: title, deck and units."""
 
     title: Text
     deck: Text | None = None
@@ -37,12 +37,12 @@ class StudyTable(TomlTable):
 
     @property
     def unit_system(self) -> UnitSystem:
-        """The system of the deck and of every number in the study."""
+        """The units of the deck and of all values in the study."""
         return unit_system(self.units)
 
 
 class ModesTable(TomlTable):
-    """[modes]: how many modes are computed; by number or up to a frequency, never both."""
+    """[modes]: number of modes, or highest frequency."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = None
     max_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
@@ -61,7 +61,7 @@ def _numbers(value: object) -> object:
 
 
 class SensorsTable(TomlTable):
-    """[sensors]: how the nodes of a test find the grid points of the model."""
+    """[sensors]: assignment of test nodes to grid points of the model."""
 
     tolerance: Positive | None = None
     by_id: bool = False
@@ -103,7 +103,7 @@ class RigidFloorEntry(TomlTable):
 
 
 class CorrelateTable(TomlTable):
-    """[correlate]: which modes may be paired, and which are compared as one subspace."""
+    """[correlate]: criteria for mode pairing and for close modes."""
 
     frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
@@ -111,7 +111,7 @@ class CorrelateTable(TomlTable):
 
 
 class CorrelationEntry(TomlTable):
-    """An entry of [update] correlations: two parameters that the prior ties loosely."""
+    """An entry of [update] correlations: a prior correlation of two parameters."""
 
     one: Text
     other: Text
@@ -119,7 +119,7 @@ class CorrelationEntry(TomlTable):
 
 
 class UpdateTable(TomlTable):
-    """[update]: when the iteration ends, and what is added where the data do not suffice."""
+    """[update]: search, convergence and regularisation."""
 
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
@@ -144,13 +144,13 @@ class ReductionTable(TomlTable):
 
 
 class WriteTable(TomlTable):
-    """[write]: how values go back into the deck."""
+    """[write]: options for writing the updated deck."""
 
     wide: bool = False
     split: bool = False
 
 
 class OutputTable(TomlTable):
-    """[output]: the run folder, beside the study file where it is not absolute."""
+    """[output]: the run folder; a relative path refers to the folder of the study file."""
 
     folder: Text = "run"

@@ -1,4 +1,4 @@
-"""StudyFile: the whole of a study file, checked."""
+"""StudyFile: the checked content of a study file."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What a study was given as objects, in place of files.
+    """Python objects that were given to a study instead of files.
 
     Parameters
     ----------
     model : the deck or the matrices, read
     tests : by the name under which the study has them as files
-    residuals : further comparisons, of classes that the study file has no word for
-    text : what stands for the study file; None where there is one
-    units_known : False for a deck alone, which tells none
+    residuals : further comparisons, of classes that have no key in the study file
+    text : text in place of a study file; None if there is a file
+    units_known : False for a deck, which does not state its units
     """
 
     model: BuiltModel | None = None
@@ -60,7 +60,7 @@ class Given:
 
 
 class StudyFile(TomlTable):
-    """A study: attributes are the tables of the file, in its words.
+    """A study: the attributes are the tables of the file.
 
     Files named inside are relative to the study file; `path_of` says where they are.
     """
@@ -110,7 +110,7 @@ class StudyFile(TomlTable):
 
     @property
     def configurations(self) -> tuple[ConfigurationEntry, ...]:
-        """All states: those of the file, or the only one, with the test of [test].
+        """All configurations: those of the file, or the only one, with the test of [test].
 
         That is called "as the deck", or "as imported" where the model is made of matrices.
         """
@@ -118,7 +118,7 @@ class StudyFile(TomlTable):
 
     @property
     def comparisons(self) -> tuple[Comparison, ...]:
-        """All that is compared: what [residuals] says, and every [[residual]]."""
+        """All residuals: those of [residuals], and every [[residual]]."""
         tables = (Comparison(entry, ("residual", i)) for i, entry in enumerate(self.residual))
         return (*self.residuals.comparisons(alone=not self.residual), *tables)
 
@@ -129,7 +129,7 @@ class StudyFile(TomlTable):
 
     @property
     def source_name(self) -> str:
-        """What the model is made of, as the study names it: the deck, or the file of the first matrix."""
+        """Name of the model in the study: the deck, or the file of the first matrix."""
         return self.study.deck or self.matrix[0].file
 
     @property

@@ -1,4 +1,4 @@
-"""[validate], [[hold_out]] and [checks]: what is kept from the update, and by which numbers it is judged."""
+"""[validate], [[hold_out]] and [checks]: data held out of the update, and acceptance criteria."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class HoldOutEntry(TomlTable):
-    """[[hold_out]]: modes and sensors of a configuration's test that the update does not see."""
+    """[[hold_out]]: modes and sensors of a test that the update does not use."""
 
     configuration: Text | None = None
     modes: tuple[Text, ...] = ()
@@ -25,7 +25,7 @@ class HoldOutEntry(TomlTable):
 
 
 class ValidateTable(TomlTable):
-    """[validate]: criteria of a standard or own ones, and the scatter of the tests that they judge."""
+    """[validate]: criteria of a standard or of the user, and the standard deviations of the test."""
 
     profile: Literal["all", "NASA", "MIL", "ECSS", "own"] = "all"
     frequency_error: Fraction | None = None
@@ -38,13 +38,13 @@ class ValidateTable(TomlTable):
 
     @property
     def own_limits(self) -> dict[str, float]:
-        """Own numbers by key."""
+        """User-defined limits by key."""
         found = {name: getattr(self, name) for name in OWN_LIMITS}
         return {name: value for name, value in found.items() if value is not None}
 
 
 class ChecksTable(TomlTable):
-    """[checks]: what is asked of the model before it is updated."""
+    """[checks]: checks of the model before the update."""
 
     refinement: bool = False
     mesh_error: Fraction = 0.02
@@ -66,7 +66,7 @@ _WHAT = ("modes", "above_hz", "below_hz", "sensors")
 
 
 def validation_rules(data: Data, source: StudyLines) -> Problems:
-    """Own criteria have numbers; what is held out exists and belongs to the update."""
+    """User-defined criteria require limits; held-out data must exist and belong to the update."""
     validate = table(data, "validate")
     if validate.get("profile") == "own" and not any(key in validate for key in OWN_LIMITS):
         yield source.error(("validate", "profile"), "study.no-criteria", {})

@@ -46,7 +46,7 @@ def as_int(text: str, data_set: DataSet, i: int, *, blank: int | None = None) ->
     if not stripped and blank is not None:
         return blank
     if not re.fullmatch(r"[+-]?\d{1,10}", stripped, re.ASCII) or abs(int(stripped)) >= 2**31:
-        raise data_set.error("uff.value/as-int", i, stripped=stripped[:30])
+        raise data_set.error("uff.value/integer", i, text=stripped[:30])
     return int(stripped)
 
 
@@ -61,7 +61,7 @@ def line_at(data_set: DataSet, i: int) -> str:
     """Text line `i`, which must be there (error ``uff.truncated``)."""
     if i >= len(data_set.lines):
         raise data_set.error(
-            "uff.truncated/line-at",
+            "uff.truncated/too-few-lines",
             max(len(data_set.lines) - 1, 0),
             values={"lines expected": f"at least {i + 1}", "lines found": len(data_set.lines)},
             data_set_number=data_set.number,
@@ -109,7 +109,7 @@ def through_pyuff(data_set: DataSet) -> dict[str, Any]:
         except Exception as problem:
             raise _unreadable(data_set, str(problem)) from problem
     if not isinstance(values, dict):
-        raise _unreadable(data_set, f"it sees the data sets {types} in it")
+        raise _unreadable(data_set, f"pyuff finds the data sets {types} in it")
     return values
 
 

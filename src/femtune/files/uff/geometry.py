@@ -77,17 +77,17 @@ def _refuse_other(
     old = known[0]
     same = old.kind == new.kind and np.allclose(old.rows, new.rows) and np.allclose(old.origin, new.origin)
     if not same:
-        raise data_set.error("uff.coordinate-system", new_number=new.number)
+        raise data_set.error("uff.coordinate-system", number=new.number)
 
 
 def _from_2420(data_set: DataSet) -> list[UffCoordinateSystem]:
     records = max(len(data_set.lines) - 2, 0)
-    check_count(data_set, "six lines a coordinate system", 6 * -(-records // 6), records)
+    check_count(data_set, "lines (six per coordinate system)", 6 * -(-records // 6), records)
     values = through_pyuff(data_set)
     matrices = values["CS_matrices"]
     for name in ("CS_sys_labels", "CS_types"):
-        check_count(data_set, "matrices of its systems", records // 6, len(values[name]))
-    check_count(data_set, "matrices of its systems", records // 6, len(matrices))
+        check_count(data_set, "matrices of coordinate systems", records // 6, len(values[name]))
+    check_count(data_set, "matrices of coordinate systems", records // 6, len(matrices))
     labels = [node_number(number, data_set) for number in values["CS_sys_labels"]]
     return [
         _read_system(data_set, label, kind, np.asarray(matrix[:3]), np.asarray(matrix[3]))
@@ -97,13 +97,13 @@ def _from_2420(data_set: DataSet) -> list[UffCoordinateSystem]:
 
 def _from_18(data_set: DataSet, known: Mapping[int, tuple[UffCoordinateSystem, DataSet]]) -> list[UffCoordinateSystem]:
     count = len(data_set.lines) // 4
-    check_count(data_set, "four lines a coordinate system", 4 * -(-len(data_set.lines) // 4), len(data_set.lines))
+    check_count(data_set, "lines (four per coordinate system)", 4 * -(-len(data_set.lines) // 4), len(data_set.lines))
     for i in range(0, len(data_set.lines), 4):
         for text in fixed(data_set.lines[i], [10] * 5):
             as_int(text, data_set, i)
     values = through_pyuff(data_set)
     for name in ("cs_num", "cs_type", "ref_cs_num", "method", "ref_o", "x_point", "xz_point"):
-        check_count(data_set, "parameters of its systems", count, len(values[name]))
+        check_count(data_set, "parameters of coordinate systems", count, len(values[name]))
     found: dict[int, UffCoordinateSystem] = {number: one for number, (one, _) in known.items()}
     made = []
     for k in range(count):
@@ -120,7 +120,7 @@ def _by_points(
     base = found.get(reference, GLOBAL if reference == 0 else None)
     if base is None or values["method"][k] != 1 or base.kind != CARTESIAN:
         how = f"(reference {reference}, method {values['method'][k]:g})"
-        raise data_set.error("uff.coordinate-system/by-points", number=number, how=how)
+        raise data_set.error("uff.coordinate-system/unsupported", number=number, definition=how)
     origin, on_x, on_xz = (base.to_global(values[name][k]) for name in ("ref_o", "x_point", "xz_point"))
     x = _unit(on_x - origin)
     y = _unit(np.cross(on_xz - origin, x))
@@ -137,12 +137,12 @@ def _read_system(
     data_set: DataSet, number: int, kind: int, rows: NDArray[np.float64], origin: NDArray[np.float64]
 ) -> UffCoordinateSystem:
     if kind not in (CARTESIAN, CYLINDRICAL, SPHERICAL):
-        raise data_set.error("uff.coordinate-system/read-system", number=number, kind=kind)
+        raise data_set.error("uff.coordinate-system/unknown-kind", number=number, kind=kind)
     # Single-precision exporters leave 1e-6; a left-handed or skew triad would spoil every shape silently.
     if not (np.abs(rows @ rows.T - np.eye(3)).max() < 1e-4 and np.linalg.det(rows) > 0):
-        raise data_set.error("uff.coordinate-system/read-system-2", number=number)
+        raise data_set.error("uff.coordinate-system/axes", number=number)
     if not np.isfinite(origin).all():
-        raise data_set.error("uff.coordinate-system/read-system-3", number=number)
+        raise data_set.error("uff.coordinate-system/origin", number=number)
     left, _, right = np.linalg.svd(rows)
     return UffCoordinateSystem(number, kind, left @ right, origin)
 
@@ -196,7 +196,7 @@ def _nodes(data_set: DataSet) -> list[_Node]:
     values = through_pyuff(data_set)
     names = ("node_nums", "def_cs", "disp_cs", "x", "y", "z")
     for name in names:
-        check_count(data_set, "nodes of its lines", count, len(values[name]))
+        check_count(data_set, "nodes of trace lines", count, len(values[name]))
     rows = zip(*(values[name] for name in names))
     return [
         _Node(
@@ -219,7 +219,7 @@ def _check_15(data_set: DataSet) -> int:
 
 def _check_2411(data_set: DataSet) -> int:
     count = -(-len(data_set.lines) // 2)
-    check_count(data_set, "two lines a node", 2 * count, len(data_set.lines), len(data_set.lines) - 1)
+    check_count(data_set, "lines (two per node)", 2 * count, len(data_set.lines), len(data_set.lines) - 1)
     for i in range(0, len(data_set.lines), 2):
         _whole_line(data_set, i, data_set.lines[i], 4, 0)
         _whole_line(data_set, i + 1, data_set.lines[i + 1], 0, 3)
@@ -273,10 +273,10 @@ def _system(
     if number in systems:
         found = systems[number][0]
         if found.kind == SPHERICAL:
-            raise node.data_set.error("uff.coordinate-system/system-2", node_number=node.number, number=number)
+            raise node.data_set.error("uff.coordinate-system/spherical", node_number=node.number, number=number)
         return found
     if number not in (0, 1):
-        raise node.data_set.error("uff.coordinate-system/system", node_number=node.number, number=number)
+        raise node.data_set.error("uff.coordinate-system/undefined", node_number=node.number, number=number)
     return GLOBAL
 
 

@@ -117,7 +117,7 @@ def read_header(data_set: DataSet) -> FunctionHeader:
 def _check_header(data_set: DataSet, header: FunctionHeader, spacing: int) -> None:
     if header.value_type not in _REAL + _COMPLEX or spacing not in (0, 1) or header.points < 1:
         values = {"type": header.value_type, "points": header.points, "spacing": spacing}
-        raise data_set.error("uff.value/check-header", 6, values=values)
+        raise data_set.error("uff.value/function-header", 6, values=values)
 
 
 def _wanted(header: FunctionHeader) -> int:
@@ -143,7 +143,7 @@ def _stored(data_set: DataSet, header: FunctionHeader) -> int:
 def _check_points(data_set: DataSet, header: FunctionHeader, wanted: int, found: int, i: int) -> None:
     each = wanted // header.points
     check_count(data_set, "points", header.points, found // each, i)
-    check_count(data_set, "numbers", wanted, found, i)
+    check_count(data_set, "values", wanted, found, i)
 
 
 def _columns(header: FunctionHeader) -> list[int]:
@@ -163,7 +163,7 @@ def _numbers(data_set: DataSet, header: FunctionHeader) -> list[float]:
         texts = fixed(with_e_exponents(line), columns)
         numbers += _line_numbers(data_set, i, [text for text in texts if text] if i == last else texts)
         if len(line) > sum(columns):
-            check_count(data_set, "columns of a line", sum(columns), len(line), i)
+            check_count(data_set, "columns in a line", sum(columns), len(line), i)
     return numbers
 
 
@@ -179,12 +179,12 @@ def _line_numbers(data_set: DataSet, i: int, texts: list[str]) -> list[float]:
 
 def _stored_binary(data_set: DataSet, header: FunctionHeader, wanted: int) -> int:
     if as_int(data_set.head[13:19], data_set, 0) != 2 or data_set.head[7:13].strip() not in ("1", "2"):
-        raise data_set.error("uff.value/stored-binary")
+        raise data_set.error("uff.value/binary-format")
     check_count(data_set, "header lines", _HEADER_LINES, len(data_set.lines), 0)
     size = 4 if header.value_type in _SINGLE else 8
     found, rest = divmod(len(data_set.payload), size)
     if found < wanted or data_set.payload[size * wanted :].strip(b"\x00\r\n") or (rest and found == wanted):
-        check_count(data_set, "bytes of its points", size * wanted, len(data_set.payload), 6)
+        check_count(data_set, "bytes for its points", size * wanted, len(data_set.payload), 6)
     return found
 
 
@@ -197,7 +197,7 @@ def _function(data_set: DataSet, header: FunctionHeader, stored: int) -> Measure
     x, values = x[: header.points], values[: header.points]
     if not (np.isfinite(x).all() and np.isfinite(values).all()):
         bad = int(np.flatnonzero(~np.isfinite(x) | ~np.isfinite(values))[0])
-        raise data_set.error("uff.value/function", bad=bad + 1)
+        raise data_set.error("uff.value/function-point", point=bad + 1)
     return MeasuredFunction(header, x, values, data_set.where())
 
 
@@ -260,7 +260,7 @@ def _why_no_frf(function: MeasuredFunction) -> str:
 
 def _unused(unused: dict[str, list[MeasuredFunction]]) -> Iterable[Notice]:
     for why, functions in unused.items():
-        yield Notice("uff.not-an-frf", where=functions[0].where, n_functions=len(functions), why=why)
+        yield Notice("uff.not-an-frf", where=functions[0].where, n_functions=len(functions), reason=why)
 
 
 def _untyped(functions: Sequence[MeasuredFunction]) -> Iterable[Notice]:

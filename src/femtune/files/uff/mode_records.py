@@ -91,8 +91,8 @@ def _no_mode(data_set: DataSet) -> Notice | None:
         facts: dict[str, Any] = {"characteristic": characteristic, "data_type": specific}
         return Notice("uff.not-a-mode/values", where=data_set.where(), **facts)
     if data_type not in (2, 5):
-        raise data_set.error("uff.value/why-no-mode", 5, data_type=data_type)
-    check_count(data_set, "values a node of its characteristic", _VALUES_OF[characteristic], per_node, 5)
+        raise data_set.error("uff.value/mode-data-type", 5, data_type=data_type)
+    check_count(data_set, "values per node", _VALUES_OF[characteristic], per_node, 5)
     return None
 
 
@@ -100,7 +100,7 @@ def _record(data_set: DataSet) -> ModeRecord:
     _, analysis, _, specific, data_type, per_node = _parameters(data_set)
     n_integers, n_reals = (as_int(text, data_set, 6) for text in fixed(line_at(data_set, 6), [10, 10]))
     if not (2 <= n_integers <= 6 and 1 <= n_reals <= 12):
-        raise data_set.error("uff.value/record", 6, n_integers=n_integers, n_reals=n_reals)
+        raise data_set.error("uff.value/mode-record", 6, n_integers=n_integers, n_reals=n_reals)
     mode_number = as_int(line_at(data_set, 6)[30:40], data_set, 6)
     reals, i = _floats(data_set, 7, n_reals)
     freq_hz, damping, mass = _normal(data_set, reals) if analysis == _NORMAL else _pole(data_set, reals)
@@ -119,7 +119,7 @@ def _floats(data_set: DataSet, i: int, count: int) -> tuple[list[float], int]:
         columns = -(-len(line) // 13)
         found += [as_float(text, data_set, i) for text in fixed(line, [13] * columns)]
         wanted = min(count, 6 * -(-len(found) // 6)) if found else count
-        check_count(data_set, "numbers of a record", wanted, len(found), i)
+        check_count(data_set, "values in a record", wanted, len(found), i)
         i += 1
     return found, i
 
@@ -128,7 +128,7 @@ def _normal(data_set: DataSet, reals: Sequence[float]) -> tuple[float, float, fl
     """Frequency, damping ratio (viscous, or half the hysteretic loss factor), modal mass."""
     freq_hz, mass, viscous, hysteretic = (*reals, 0.0, 0.0, 0.0)[:4]
     if freq_hz < 0 or mass < 0:
-        raise data_set.error("uff.value/normal", 7)
+        raise data_set.error("uff.value/mode-sign", 7)
     damping = viscous if viscous else hysteretic / 2
     return freq_hz, damping if damping else math.nan, mass
 
@@ -149,7 +149,7 @@ def _values(data_set: DataSet, i: int, per_node: int, is_complex: bool) -> tuple
         rows.append(row)
     repeated = {node for node in nodes if node <= 0 or nodes.count(node) > 1} if _has_repeats(nodes) else set()
     if repeated:
-        raise data_set.error("uff.duplicate-node/values", repeated=sorted(repeated)[:5])
+        raise data_set.error("uff.duplicate-node/in-mode", repeated=sorted(repeated)[:5])
     table = np.array(rows, dtype=float).reshape(len(nodes), -1)
     return tuple(nodes), table[:, 0::2] + 1j * table[:, 1::2] if is_complex else table
 
@@ -220,7 +220,7 @@ def _dropped(table: NDArray, first: ModeRecord) -> tuple[Notice, ...]:
     count = int((~(table != 0).any(axis=2)).sum())
     if not count:
         return ()
-    return (Notice("uff.not-measured", where=first.where, level="info", count=count, table_size=table[:, :, 0].size),)
+    return (Notice("uff.not-measured", where=first.where, level="info", count=count, n_components=table[:, :, 0].size),)
 
 
 def _damping_notice(damping: NDArray[np.float64], first: ModeRecord) -> tuple[Notice, ...]:

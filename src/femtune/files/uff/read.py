@@ -25,9 +25,9 @@ READ = (15, 18, 55, 58, 82, 151, 164, 2411, 2412, 2420)
 """The data sets that are understood."""
 
 _REASONS = {
-    1858: "qualifiers of functions: what femtune needs stands in data set 58",
-    2400: "names of a finite element model: not test data",
-    2414: "results of an analysis: not test data",
+    1858: "qualifiers of functions; data set 58 has all that is needed",
+    2400: "names of a finite element model, not test data",
+    2414: "results of an analysis, not test data",
     2429: "groups of nodes and elements",
     2467: "groups of nodes and elements",
 }

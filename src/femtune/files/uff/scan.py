@@ -155,7 +155,7 @@ def _with(start: DataSet, lines: list[str], payload: bytes = b"") -> DataSet:
 def _cut(part: DataSet, missing: str, values: dict[str, Any]) -> FemtuneError:
     last = max(len(part.lines) - 1, 0)
     return part.error(
-        "uff.truncated/cut",
+        "uff.truncated/inside-data-set",
         last,
         values={**values, **_declared(part)},
         data_set=part.number,
@@ -219,11 +219,11 @@ def _close_binary(reader: _UffReader, whole: DataSet) -> None:
     if not _is_delimiter(line := reader.take()):
         if b"\n" not in reader.data[reader.position - 1 :] and b"    -1".startswith(line[:6]):
             raise _cut(whole, "its closing delimiter", {"expected": "'    -1'", "found": repr(line[:6])})
-        raise whole.error("uff.binary-length/close-binary", values={"bytes declared": length})
+        raise whole.error("uff.binary-length/no-delimiter", values={"bytes declared": length})
 
 
 def _binary_lengths(start: DataSet) -> tuple[int, int]:
     texts = [start.head[a:b].strip() for a, b in _BINARY_FIELDS]
     if not all(text.isdecimal() for text in texts) or int(texts[2]) > 100:
-        raise start.error("uff.syntax/binary-lengths", values={"found": repr(start.head[:60])})
+        raise start.error("uff.syntax/binary-header", values={"found": repr(start.head[:60])})
     return int(texts[2]), int(texts[3])

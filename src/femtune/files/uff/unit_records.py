@@ -47,7 +47,7 @@ def file_unit_system(
     for other_set, other in systems[1:]:
         _check_same(other_set, other, system, "another data set 164 of this file")
     if file_units is not None:
-        _check_same(data_set, system, file_units, f"the study, which says {file_units.name}")
+        _check_same(data_set, system, file_units, f"the stated units of the file, {file_units.name}")
     return system, tuple(_code_notices(data_set, system))
 
 
@@ -62,7 +62,7 @@ def _system(data_set: DataSet) -> UnitSystem:
     length, force = values["length"], values["force"]
     if not all(math.isfinite(factor) and 1e-12 < factor < 1e12 for factor in (length, force)):
         found = {"length": length, "force": force}
-        raise data_set.error("uff.value/system", 1, values=found)
+        raise data_set.error("uff.value/unit-factor", 1, values=found)
     # "divide by the factor to get SI": one unit of length is 1/length metres.
     name = f"{values['units_description']} of data set 164".strip()
     return UnitSystem(name, 1.0 / length, length / force)
@@ -72,17 +72,17 @@ def _differ(a: float, b: float) -> bool:
     return abs(a / b - 1.0) > _TOLERANCE
 
 
-def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, who: str) -> None:
+def _check_same(data_set: DataSet, found: UnitSystem, other: UnitSystem, other_statement: str) -> None:
     if _differ(found.length, other.length) or _differ(found.force, other.force):
         raise data_set.error(
-            "uff.units-contradict/check-same",
+            "uff.units-contradict/data-set",
             values={
                 "length in data set 164": f"{found.length:.6g} m",
                 "length otherwise": f"{other.length:.6g} m",
                 "force in data set 164": f"{found.force:.6g} N",
                 "force otherwise": f"{other.force:.6g} N",
             },
-            who=who,
+            other_statement=other_statement,
         )
 
 

@@ -40,25 +40,40 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
     lines = [*units_set(several[0]), *geometry_sets(several[0].geometry)]
     for test in several:
         lines += _modes(test, title_lines)
+    _write(Path(path), lines)
+
+
+def _write(path: Path, lines: Sequence[str]) -> None:
+    """Write the file; a file of another kind is not replaced."""
     try:
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    except OSError as problem:
-        raise FemtuneError("uff.cannot-write", where=Where(str(path)), strerror=problem.strerror) from problem
+        if path.is_file() and not _is_universal(path):
+            raise FemtuneError("uff.cannot-write/other-file", where=Where(str(path)))
+        write_whole(path, ("\n".join(lines) + "\n").encode())
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise FemtuneError("uff.cannot-write", where=Where(str(path)), reason=reason) from problem
+
+
+def _is_universal(path: Path) -> bool:
+    """Whether a file may be replaced by a Universal File: it is one, or empty."""
+    with path.open("rb") as file:
+        start = file.read(400).split()
+    return not start or start[0] == b"-1"
 
 
 def _check(tests: Sequence[ModalTest], title_lines: Sequence[str]) -> None:
     if not tests or any(test.modes is None or not len(test.modes) for test in tests):
-        raise FemtuneError("uff.cannot-write/check")
+        raise FemtuneError("uff.cannot-write/no-modes")
     for text in (*title_lines, *(test.name for test in tests)):
         if len(text) > 80 or not text.isprintable():
-            raise FemtuneError("uff.cannot-write/check-4", text=text[:90])
+            raise FemtuneError("uff.cannot-write/id-line", text=text[:90])
     if len(title_lines) > 4:
-        raise FemtuneError("uff.cannot-write/check-2")
+        raise FemtuneError("uff.cannot-write/title-lines-of-modes")
     for test in tests[1:]:
         if test.units != tests[0].units or not _same(test.geometry, tests[0].geometry):
-            raise FemtuneError("uff.cannot-write/check-5", test_name=test.name, tests_name=tests[0].name)
+            raise FemtuneError("uff.cannot-write/tests-differ", test_name=test.name, first_test_name=tests[0].name)
     if len({test.name for test in tests}) < len(tests):
-        raise FemtuneError("uff.cannot-write/check-3")
+        raise FemtuneError("uff.cannot-write/same-test-name")
     for test in tests:
         _check_modes(test)
 
@@ -72,18 +87,18 @@ def _check_modes(test: ModalTest) -> None:
     modes = test.modes
     assert modes is not None
     if any(dof.component == 0 for dof in modes.dofs):
-        raise FemtuneError("uff.cannot-write/check-modes")
+        raise FemtuneError("uff.cannot-write/scalar-point")
     numbers = set(modes.labels)
     if len(numbers) < len(modes) or not all(label.isdecimal() and int(label) > 0 for label in numbers):
-        raise FemtuneError("uff.cannot-write/check-modes-2", labels=", ".join(modes.labels))
+        raise FemtuneError("uff.cannot-write/mode-labels", labels=", ".join(modes.labels))
     if modes.damping_ratio is not None and not (np.abs(modes.damping_ratio) < 1).all():
-        raise FemtuneError("uff.cannot-write/check-modes-3")
+        raise FemtuneError("uff.cannot-write/damping-ratio")
     partly = np.isnan(modes.shapes).any(axis=1)
     zero = ~(modes.shapes != 0).any(axis=1)
     for rows, why in ((partly, "has missing entries (NaN)"), (zero, "is zero in every mode")):
         if rows.any():
             first = modes.dofs[int(np.flatnonzero(rows)[0])]
-            raise FemtuneError("uff.cannot-write/check-modes-4", first=first, why=why)
+            raise FemtuneError("uff.cannot-write/lost-entry", dof=first, problem=why)
 
 
 def data_set(number: int, lines: Iterable[str]) -> Iterator[str]:
@@ -235,11 +250,7 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
     titles += ["NONE"] * (5 - len(titles))
     for i, j in _pairs(test.frfs):
         lines += data_set(58, _function(test.frfs, i, j, test.units, titles))
-    try:
-        write_whole(Path(path), ("\n".join(lines) + "\n").encode())
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or problem
-        raise FemtuneError("uff.cannot-write/write-uff-frfs", where=Where(str(path)), reason=reason) from problem
+    _write(Path(path), lines)
     return Path(path)
 
 
@@ -251,22 +262,22 @@ def _pairs(frfs: FrfSet) -> list[tuple[int, int]]:
 def _check_frfs(test: ModalTest, title_lines: Sequence[str]) -> None:
     frfs = test.frfs
     if frfs is None or not _pairs(frfs):
-        raise FemtuneError("uff.cannot-write/check-frfs")
+        raise FemtuneError("uff.cannot-write/no-frfs")
     for text in (*title_lines, test.name):
         if len(text) > 80 or not text.isprintable():
-            raise FemtuneError("uff.cannot-write/check-4", text=text[:90])
+            raise FemtuneError("uff.cannot-write/id-line", text=text[:90])
     if len(title_lines) > 4:
-        raise FemtuneError("uff.cannot-write/check-frfs-2")
+        raise FemtuneError("uff.cannot-write/title-lines-of-frfs")
     for i, j in _pairs(frfs):
         if np.isnan(frfs.values[i, j]).any():
             raise FemtuneError(
-                "uff.cannot-write/check-frfs-5", references=frfs.references[j], responses=frfs.responses[i]
+                "uff.cannot-write/missing-values", reference=frfs.references[j], response=frfs.responses[i]
             )
     if max(int(d.node) for d in (*frfs.responses, *frfs.references)) >= _MOST_NODE:
-        raise FemtuneError("uff.cannot-write/check-frfs-3")
+        raise FemtuneError("uff.cannot-write/node-number")
     texts = [_abscissa(f) for f in frfs.freq_hz]
     if len({float(text) for text in texts}) < len(texts):
-        raise FemtuneError("uff.cannot-write/check-frfs-4")
+        raise FemtuneError("uff.cannot-write/close-lines")
 
 
 def _function(frfs: FrfSet, i: int, j: int, units: UnitSystem, titles: Sequence[str]) -> Iterator[str]:

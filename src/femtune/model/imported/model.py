@@ -77,7 +77,7 @@ def _of_kind(nodes: NodeTable, assembled: Sequence[AssembledMatrix], kind: Matri
     least = _ROUNDING * diagonals.max(initial=0.0)
     bare = np.any([touched(m, least) for m in mine], axis=0) & (diagonals == 0.0)
     if bare.any():
-        raise FemtuneError("matrices.no-diagonal", values={"DOFs": _names(nodes, bare)}, bare=bare.sum(), kind=kind)
+        raise FemtuneError("matrices.no-diagonal", values={"DOFs": _names(nodes, bare)}, count=bare.sum(), kind=kind)
     return np.asarray(np.any([touched(m) for m in mine], axis=0))
 
 
@@ -229,7 +229,7 @@ def _of_empty(nodes: NodeTable, empty: NDArray[np.int64]) -> list[Notice]:
     if not empty.size:
         return []
     shown = ", ".join(str(nodes.describe(int(i)))[:-1] for i in empty[:6]) + (" …" if empty.size > 6 else "")
-    return [Notice("matrices.empty-rows", level="info", empty_size=empty.size, shown=shown)]
+    return [Notice("matrices.empty-rows", level="info", n_empty=empty.size, dofs=shown)]
 
 
 def _assembled(

@@ -140,7 +140,7 @@ class Polynomial:
             where=where,
             level="info",
             name=self.name,
-            names=names,
+            variables=names,
             sets=sets,
             deviation=self.deviation,
         )
@@ -180,7 +180,7 @@ def _points(name: str, sets: Sequence[MatrixSet], used: Sequence[Variable], wher
     _, first, count = np.unique(points, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():
         at = dict(zip((v.name for v in used), points[first[int(np.argmax(count > 1))]]))
-        raise _sets(name, "matrices.sets/points", where, at)
+        raise _sets(name, "matrices.sets/same-point", where, at)
     return points
 
 
@@ -190,7 +190,7 @@ def _scales(
     low, high = points.min(axis=0), points.max(axis=0)
     for v, a, b in zip(used, low, high):
         if a == b:
-            raise _sets(name, "matrices.sets/scales", where, {v.name: a}, v_name=v.name)
+            raise _sets(name, "matrices.sets/one-value", where, {v.name: a}, variable=v.name)
     return tuple((float(a + b) / 2, float(b - a) / 2) for a, b in zip(low, high))
 
 
@@ -207,16 +207,16 @@ def _check_count(
     if len(sets) <= len(powers):
         raise _sets(
             name,
-            "matrices.sets/check-count",
+            "matrices.sets/too-few",
             where,
             {"degrees": ", ".join(f"{v.name}: {v.degree}" for v in used), "sets wanted": len(powers) + 1},
             n_sets=len(sets),
-            n_powers=len(powers),
-            n_powers_2=len(powers) + 1 - len(sets),
+            n_coefficients=len(powers),
+            n_missing=len(powers) + 1 - len(sets),
         )
     moved = np.array([[s.at.get(v.name, v.nominal) != v.nominal for v in used] for s in sets])
     if len(used) > 1 and not moved.all(axis=1).any():
-        raise _sets(name, "matrices.sets/check-count-2", where, {})
+        raise _sets(name, "matrices.sets/no-joint-change", where, {})
 
 
 def _vandermonde(points: Reals, scales: Sequence[tuple[float, float]], powers: Sequence[Powers]) -> Reals:
@@ -229,7 +229,7 @@ def _nodes(name: str, V: Reals, where: Where) -> NDArray[np.int64]:
     _, R, order = scipy.linalg.qr(V.T, mode="economic", pivoting=True)
     pivots = np.abs(np.diag(R))
     if pivots[-1] < _SINGULAR * pivots[0]:
-        raise _sets(name, "matrices.sets/nodes", where, {"rank": int((pivots > 1e-10).sum())})
+        raise _sets(name, "matrices.sets/not-determined", where, {"rank": int((pivots > 1e-10).sum())})
     return np.sort(order[: V.shape[1]])
 
 
@@ -311,7 +311,7 @@ def _not_in_soft(
     name: str, checked: MatrixSet, deviation: float, soft: float, limit: float, where: Where
 ) -> FemtuneError:
     return FemtuneError(
-        "matrices.not-polynomial/not-in-soft",
+        "matrices.not-polynomial/soft-motions",
         where=where if str(where) else checked.where,
         values={
             "checked at": ", ".join(f"{k} = {v:g}" for k, v in checked.at.items()),

@@ -242,7 +242,7 @@ def fixed_interface_modes(parts: Partition, factor: Factor | None, count: int) -
         return _dense(K, M, count)
     inverse = spla.LinearOperator(K.shape, matvec=factor.solve, dtype=np.float64)
     start = factor.solve(M @ np.random.default_rng(4).standard_normal(size))
-    _, shapes = spla.eigsh(K, k=count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=0.0)
+    _, shapes = spla.eigsh(K, k=count, M=M, sigma=0.0, OPinv=inverse, v0=start)
     return np.asarray(shapes)
 
 

@@ -26,9 +26,9 @@ class TrainingStatus(Enum):
     """How the training of a reduced model ended; the best model so far is kept."""
 
     CONVERGED = "the estimate is below the tolerance at all candidates"
-    SOLUTIONS = "all the full solutions that were allowed are used; the estimate is above the tolerance somewhere"
-    ORDER = "the basis has the order that was allowed; the estimate is above the tolerance somewhere"
-    UNFINISHED = "the training goes on"
+    SOLUTIONS = "the limit of full solutions was reached; the estimate exceeds the tolerance at some candidates"
+    ORDER = "the largest order was reached; the estimate exceeds the tolerance at some candidates"
+    UNFINISHED = "the training is not finished"
 
     @property
     def ok(self) -> bool:

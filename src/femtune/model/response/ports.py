@@ -136,7 +136,7 @@ def _check(configured: ConfiguredModel, what: str, names: tuple[str, ...], rows:
     if held:
         raise FemtuneError(
             "response.held-port",
-            values={f"{what}s that are held": ", ".join(held[:6]) + (" …" if len(held) > 6 else "")},
+            values={f"constrained {what}s": ", ".join(held[:6]) + (" …" if len(held) > 6 else "")},
             configuration=configured.configuration.name,
             port=what,
             name=held[0],

@@ -128,7 +128,7 @@ def _one_by_one(Z: NDArray, forces: Reals) -> NDArray:
 
 
 _WORST_CONDITION = 1e7
-_MASSLESS, _NO_MASS, _PENCIL_LOST, _UNTOUCHED, _PENCIL_TINY = 1e-13, 1e-10, 1e-12, 1e-9, 1e-300
+_MASSLESS, _NO_MASS, _PENCIL_LOST, _UNTOUCHED, _PENCIL_TINY = 1e-11, 1e-10, 1e-12, 1e-9, 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,10 +203,14 @@ def _origin(k: Reals, m: Reals) -> float:
 def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArray, NDArray]:
     """θ and Y of (B + sA)⁻¹A, and the columns of (B + sA)⁻¹ that belong to forces."""
     values, vectors = la.eigh(M)
-    heavy = vectors[:, values > _MASSLESS * values.max(initial=0.0)]
-    m = heavy.T @ M @ heavy
-    Z = la.inv(K + s * C + s * s * M)
+    # beside the stiffness, since modes are scaled to mass 1 and residual vectors to stiffness 1
+    inertia, stiff = s * s * values, np.abs(np.einsum("ij,ik,kj->j", vectors, K, vectors))
+    heavy = vectors[:, inertia > _MASSLESS * (stiff + inertia)]
     half = M @ heavy
+    # what next to no mass leaves in M would cost the eigenvalues digits
+    M = half @ heavy.T
+    m = heavy.T @ half
+    Z = la.inv(K + s * C + s * s * M)
     # rows q: (B + sA)(q, v) = (f, g) with v = heavyᵀq − m⁻¹g/s², and g = s·halfᵀq₀ from A
     top = np.hstack([Z @ (C + s * M), s * Z @ half])
     bottom = heavy.T @ top - np.hstack([heavy.T / s, np.zeros_like(m)])
@@ -216,5 +220,5 @@ def _inverted(K: NDArray, C: Reals, M: Reals, s: float) -> tuple[NDArray, NDArra
 
 def _left(Y: NDArray, forces: NDArray) -> NDArray:
     if np.linalg.cond(Y) > _WORST_CONDITION:
-        raise FemtuneError("response.defective/left")
+        raise FemtuneError("response.defective/left-eigenvector")
     return np.asarray(la.solve(Y, forces))

@@ -95,11 +95,11 @@ def _check_balance(modes: EigenSolution, rigid: NDArray, ports: Ports, loads: ND
         name = modes.point.configured.configuration.name
         raise FemtuneError(
             "response.static-free",
-            values={"motions that are not held": ", ".join(rigid_names(modes))},
+            values={"unconstrained motions": ", ".join(rigid_names(modes))},
             name=name,
-            input_names=ports.input_names[bad[0]],
+            load=ports.input_names[bad[0]],
         )
 
 
 def _inaccurate(point: ModelPoint) -> FemtuneError:
-    return FemtuneError("response.static-inaccurate", configuration_name=point.configured.configuration.name)
+    return FemtuneError("response.static-inaccurate", configuration=point.configured.configuration.name)

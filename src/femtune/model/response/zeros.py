@@ -153,5 +153,5 @@ def _gradient(point: ModelPoint, mu: float, x: Reals, y: Reals, slope: float, co
 
 def _lost(point: ModelPoint, mu: float) -> FemtuneError:
     return FemtuneError(
-        "response.zero-lost", configuration_name=point.configured.configuration.name, sqrt=np.sqrt(mu) / (2 * np.pi)
+        "response.zero-lost", configuration=point.configured.configuration.name, freq_hz=np.sqrt(mu) / (2 * np.pi)
     )

@@ -24,7 +24,7 @@ def library() -> Any:
     except ModuleNotFoundError:
         return "scikit-sparse is not installed"
     except Exception as broken:
-        return f"scikit-sparse is installed but does not load: {broken}"
+        return f"scikit-sparse is installed but cannot be loaded: {broken}"
     return module if hasattr(module, "analyze") else "this scikit-sparse is not of the series 0.4"
 
 

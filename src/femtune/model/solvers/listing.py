@@ -77,7 +77,7 @@ def _pardiso() -> tuple[str, str]:
     version = _version("mkl")
     if pardiso.library() is not None:
         return "", version
-    return "its library is installed but does not load" if version else "the package mkl is not installed", ""
+    return "its library is installed but cannot be loaded" if version else "the package mkl is not installed", ""
 
 
 def _python_mumps() -> tuple[str, str]:
@@ -120,7 +120,7 @@ def solver_table(solvers: tuple[SolverFacts, ...]) -> str:
 
 
 def _paragraph(facts: SolverFacts) -> str:
-    state = f"at hand, version {facts.version}" if facts.at_hand else f"not at hand: {facts.why_not}"
+    state = f"available, version {facts.version}" if facts.at_hand else f"not available: {facts.why_not}"
     unit = "process" if facts.distributed else "thread"
     can = {
         "counts eigenvalues (inertia)": facts.inertia,

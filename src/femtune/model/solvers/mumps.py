@@ -32,7 +32,7 @@ def library() -> Any:
     except ModuleNotFoundError:
         return "python-mumps is not installed"
     except Exception as broken:
-        return f"python-mumps is installed but does not load: {broken}"
+        return f"python-mumps is installed but cannot be loaded: {broken}"
     return module if hasattr(module, "Context") else "the module 'mumps' here is not that of python-mumps"
 
 

@@ -64,7 +64,7 @@ def singular_values_svg(values: Sequence[float], rank: int) -> str:
         axes.xaxis.set_major_formatter(lambda x, _: short(x))
         axes.xaxis.set_minor_formatter("")
         axes.set_xlim(floor, 3.0 * max([*positive, 1.0]))
-        axes.set_xlabel("singular value (dashed, 1: the data know as much as the prior)")
+        axes.set_xlabel("singular value (dashed line at 1: data as informative as the prior)")
         axes.set_ylabel("combination")
 
     return draw_svg(6.4, 0.9 + 0.2 * len(values), draw)
@@ -72,7 +72,7 @@ def singular_values_svg(values: Sequence[float], rank: int) -> str:
 
 def _singular(axes: Axes, i: int, number: float | None, floor: float) -> None:
     if number is None or number <= 0:
-        axes.text(1.15 * floor, i, "undetermined: the data say nothing", va="center", fontsize=7, color=ORANGE)
+        axes.text(1.15 * floor, i, "undetermined by the data", va="center", fontsize=7, color=ORANGE)
         return
     axes.barh(i, number - floor, left=floor, height=0.62, color=BLUE if number >= 1.0 else PALE)
     axes.text(1.08 * number, i, short(number), va="center", fontsize=7)
@@ -124,7 +124,7 @@ def error_sums_svg(labels: Sequence[str], before: Sequence[float], after: Sequen
 
 
 # ----------------------------------------------------------------------------------------------------
-# Errors of predicted frequencies beside what scatter gives, and beside the limit that is asked for.
+# Errors of predicted frequencies with their standard deviations and the required limit.
 
 
 if TYPE_CHECKING:

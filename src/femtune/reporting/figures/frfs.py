@@ -22,7 +22,7 @@ _MOST_POINTS = 1500
 """Of a curve in a picture; where lines are more, the highest and the lowest of neighbours are kept."""
 _DECADES = 1e-6
 _CUT = -165.0
-"""Phases begin here: scatter must not throw those about ±180° to and fro."""
+"""Lowest phase: noise must not make phases about ±180° jump."""
 _LOOKS: dict[str, dict[str, Any]] = {
     # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
     "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},

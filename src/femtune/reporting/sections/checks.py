@@ -42,12 +42,12 @@ def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
         measured = NONE if c.measured is None else f"{short(c.measured)} %"
         key = (c.check, f"≤ {short(c.limit)} %", measured, c.verdict, c.sentence)
         joined.setdefault(key, []).append(c.configuration)
-    heads = columns("Configuration", "Check", ">Required", ">Found", "Verdict", "In words")
+    heads = columns("Configuration", "Check", ">Required", ">Found", "Verdict", "Explanation")
     rows = tuple(
         row(", ".join(names), check, limit, measured, verdict_cell(verdict), sentence)
         for (check, limit, measured, verdict, sentence), names in joined.items()
     )
-    note = "An update cannot mend these: their errors end in its parameters."
+    note = "Updating cannot correct these errors; it would absorb them into the parameters."
     return [Table("Mass and mesh before the update", heads, rows, note)] if rows else []
 
 
@@ -112,7 +112,7 @@ def checks(source: ReportSource) -> list[Block]:
     """Everything that was checked about the model before it was trusted."""
     model = source.results.model
     if model is None:
-        return [Paragraph("Not run: the model was not built.")]
+        return [Paragraph("The model was not built.")]
     return [
         _mass(model),
         *model_check_table(source.results.model_checks),
@@ -123,9 +123,9 @@ def checks(source: ReportSource) -> list[Block]:
         *sturm(source),
         *([] if source.results.study.imported else _cards(model)),
         *_held(model),
-        Heading("Notices while reading"),
+        Heading("Notices of the deck reader"),
         *(AlertBox(n.level, n.code, n.sentence, n.where) for n in model.notices),
-        *([] if model.notices else [Paragraph("There were none.")]),
+        *([] if model.notices else [Paragraph("There are no notices.")]),
     ]
 
 
@@ -135,7 +135,7 @@ def _mass(model: ModelFacts) -> Block:
         ">Grids",
         ">Free DOFs",
         ">Mass",
-        ">Weighed",
+        ">Measured mass",
         ">Difference %",
         ">Centre x",
         ">y",
@@ -151,7 +151,7 @@ def _mass_row(c: ModelConfiguration) -> tuple[Cell, ...]:
         str(c.grids),
         str(c.free_dofs),
         value(c.mass),
-        value(c.weighed_mass, "not weighed"),
+        value(c.weighed_mass, "not measured"),
         signed_percent(c.mass_difference_percent),
         *([NONE] * 3 if c.centre_of_gravity is None else map(short, c.centre_of_gravity)),
         ": ".join(filter(None, support_words(c))) if not c.supports else "; ".join(c.supports),
@@ -172,12 +172,15 @@ def _inertia(model: ModelFacts) -> list[Block]:
 
 def rigid_body_table(configurations: Sequence[ModelConfiguration]) -> Table:
     """Relative energies of the rigid motions with the verdict."""
-    heads = columns("Configuration", *(f">{m}" for m in _MOTIONS), "Verdict", "In words")
+    heads = columns("Configuration", *(f">{m}" for m in _MOTIONS), "Verdict", "Explanation")
     rows = [
         row(c.configuration, *_energies(c), c.rigid_body_check.verdict, c.rigid_body_check.sentence)
         for c in configurations
     ]
-    note = "Strain energy of six rigid motions of the model without supports, relative to its parts; zero is perfect."
+    note = (
+        "Strain energy of the six rigid-body motions of the model without supports, relative to the magnitudes of its "
+        "terms; ideally zero."
+    )
     return Table("Rigid-body check", heads, tuple(rows), note)
 
 
@@ -200,10 +203,10 @@ def grounding_elements(configurations: Sequence[ModelConfiguration]) -> list[Tab
     ]
     heads = columns("Configuration", "Element", "Rigid motion", ">Relative energy")
     note = (
-        "Elements that strain when the model without supports moves as a rigid body, largest first, ten at the most. "
-        "Their strain energy is relative to the sum of the magnitudes of its parts (no unit)."
+        "Elements that are strained when the model without supports moves as a rigid body: the ten with the largest "
+        "strain energy, relative to the sum of the magnitudes of its terms (no unit)."
     )
-    return [Table("Elements that tie the model to the ground", heads, tuple(rows), note)] if rows else []
+    return [Table("Elements that constrain the model to ground", heads, tuple(rows), note)] if rows else []
 
 
 def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
@@ -211,17 +214,18 @@ def grounding_dofs(configurations: Sequence[ModelConfiguration]) -> list[Table]:
     rows = [row(c.configuration, g.dof, short(g.force)) for c in configurations for g in c.rigid_body_check.worst_dofs]
     heads = columns("Configuration", "DOF", ">Relative force")
     note = (
-        "Forces and moments left over in the worst of six rigid motions, relative to the sum of the magnitudes that "
-        f"cancel there (no unit). Zero is perfect; above {short(STRAIN_FREE)} the motion is not free; ten at the most."
+        "Residual forces and moments in the worst of the six rigid-body motions, relative to the sum of the magnitudes "
+        "of the terms (no unit); the ten largest are listed. Ideally they are zero; above "
+        f"{short(STRAIN_FREE)} the model is constrained."
     )
-    return [Table("Where rigid motions meet forces", heads, tuple(rows), note)] if rows else []
+    return [Table("Residual forces in rigid-body motions", heads, tuple(rows), note)] if rows else []
 
 
 def cards(model: ModelFacts) -> list[Block]:
     """Cards that were read, in one sentence, and a table of those that were ignored."""
     used = ", ".join(f"{c.name} {c.count}" for c in model.cards_read) or "none"
     ignored = [row(c.name, str(c.count), f"{c.first_file}:{c.first_line}", c.reason) for c in model.cards_ignored]
-    heads = columns("Card", ">Count", "First at", "Reason")
+    heads = columns("Card", ">Count", "First occurrence", "Reason")
     return [Paragraph(f"Read: {used}."), table_or_none("Cards ignored", heads, ignored, "No card was ignored.")]
 
 
@@ -240,20 +244,21 @@ def _cards(model: ModelFacts) -> list[Block]:
         Heading("Cards"),
         *cards(model),
         *named_sets(model),
-        table_or_none("PARAM", columns("Name", "Value", "Effect", "Remark"), params, "The deck has no PARAM."),
+        table_or_none("PARAM", columns("Name", "Value", "Effect", "Remark"), params, "The deck has no PARAM entry."),
     ]  # fmt: skip
 
 
 def _held(model: ModelFacts) -> list[Block]:
     lines = [f"{c.configuration}, {line}" for c in model.configurations for line in held_lines(c)]
-    return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines)) if lines else Paragraph("None was held.")]
+    found = Listing(tuple(lines)) if lines else Paragraph("AUTOSPC constrained no DOF.")
+    return [Heading("DOFs constrained by AUTOSPC"), found]
 
 
 def support_words(c: ModelConfiguration) -> tuple[str, str]:
     """How the model is held, in a word, and by what."""
     check = c.rigid_body_check
     if c.supports:
-        return "held", "; ".join(c.supports)
+        return "constrained", "; ".join(c.supports)
     if check.grounded and check.verdict == "not tested":
-        return "in the matrices", "held DOFs were left out of them"
-    return ("none", "something ties the model to the ground all the same") if check.grounded else ("free", "")
+        return "in the matrices", "the constrained DOFs were removed from the matrices"
+    return ("none", "but the rigid-body check shows a constraint to ground") if check.grounded else ("free", "")

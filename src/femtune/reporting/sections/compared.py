@@ -28,12 +28,12 @@ def compared(source: ReportSource) -> list[Block]:
         Heading("Sensors"),
         *(_unmatched(names, s) for names, s in _alike(source)),
         *(_matched(names, s, source.results.study.units) for names, s in _alike(source)),
-        *([] if source.results.sensors else [Paragraph("Sensors were not matched: not run.")]),
+        *([] if source.results.sensors else [Paragraph("The sensors were not matched.")]),
     ]
 
 
 def _configurations(source: ReportSource) -> Block:
-    heads = columns("Configuration", "Test file", ">Sensors matched", ">unmatched", ">Pairs", ">Left out", "Overlay")
+    heads = columns("Configuration", "Test file", ">Sensors matched", ">Not matched", ">Pairs", ">Left out", "Overlay")
     return Table("Configurations", heads, tuple(_configuration(source, c) for c in source.results.study.configurations))
 
 
@@ -49,7 +49,7 @@ def _configuration(source: ReportSource, name: str) -> tuple:
         str(len(sensors.unmatched)) if sensors else NONE,
         _pairs(source, name),
         str(len(compared.left_out)) if compared else NONE,
-        "; ".join(overlay) or "none: the model as it is",
+        "; ".join(overlay) or "none",
     )
 
 
@@ -61,7 +61,7 @@ def _without_modes(source: ReportSource, name: str) -> str:
     """What else was compared in a configuration of which no modes were."""
     update = source.results.update
     kinds = dict.fromkeys(c.kind for c in (update.comparisons if update else ()) if c.configuration == name)
-    return f"no modes, but {listed(kinds)}" if kinds else "not compared"
+    return f"no modes; {listed(kinds)}" if kinds else "not compared"
 
 
 def _notes(source: ReportSource) -> list[Block]:
@@ -74,7 +74,7 @@ def _notes(source: ReportSource) -> list[Block]:
 def _left_out(source: ReportSource) -> Block:
     rows = [row(", ".join(m.configurations), ", ".join(m.labels), m.reason) for m in source.left_out()]
     heads = columns("Configurations", "Test modes", "Reason")
-    return table_or_none("Modes left out by the study", heads, rows, "The study leaves no mode out.")
+    return table_or_none("Modes left out by the study", heads, rows, "The study does not leave out any mode.")
 
 
 def _alike(source: ReportSource) -> list[tuple[str, SensorResults]]:
@@ -118,6 +118,6 @@ def _typeset(direction: str) -> str:
 
 def _unmatched(names: str, sensors: SensorResults) -> Block:
     rows = [row(s.test_dof, s.reason) for s in sensors.unmatched]
-    title = f"{names}: sensors left aside"
+    title = f"{names}: sensors that were not matched"
     none = f"{names}: every sensor was matched."
     return table_or_none(title, columns("Measured DOF", "Reason"), rows, none)

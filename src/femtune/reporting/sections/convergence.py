@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 _UNFOLDED = 12
 """Comparisons that are shown at once."""
 _NOTE = (
-    "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to what is compared. Root mean square: of the residuals r, in units "
-    "of the standard deviations that the study states; about 1 where only the test's scatter is left."
+    "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to the measured values. Root mean square: of the residuals r, in "
+    "units of the standard deviations that the study states; it is about 1 if only measurement noise is left."
 )
 
 
@@ -55,7 +55,7 @@ def _comparisons(update: UpdateResults) -> list[Block]:
     """Every comparison by itself, unfolded where they are few."""
     heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
     rows = tuple(_comparison(c) for c in update.comparisons)
-    return [Table("Every comparison", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+    return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
 
 
 def _comparison(c: ComparisonResults) -> tuple[Cell, ...]:
@@ -78,7 +78,7 @@ def convergence(source: ReportSource) -> list[Block]:
     update = source.results.update
     if update is None:
         return [Paragraph("The update was not run.")]
-    history = [_table(update)] if update.history else [Paragraph("No history was kept.")]
+    history = [_table(update)] if update.history else [Paragraph("The history of the iterations was not stored.")]
     return [
         Paragraph(f"Outcome: {update.message} ({update.status})."),
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
@@ -103,11 +103,11 @@ def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
         between,
         sorted({e.iteration for e in update.pairing_events}),
     )
-    caption = "Weighted mean error, and each parameter between its bounds. Dotted lines: the pairing changed."
+    caption = "Weighted mean error, and the parameters relative to their bounds. Dotted lines: the pairing changed."
     first, last = update.history[0], update.history[-1]
     alt = (
         f"Weighted mean error from {percent(first.objective_percent)} % to {percent(last.objective_percent)} % "
-        f"in {counted(last.iteration, 'iteration')}, and the parameters between their bounds"
+        f"in {counted(last.iteration, 'iteration')}, and the parameters relative to their bounds"
     )
     return Figure(draw, caption, alt, wide=True)
 

@@ -135,8 +135,8 @@ def dropped_sensors(comparison: CorrelationResults) -> list[Block]:
     if not names:
         return []
     one = len(names) == 1
-    words = f"{'it repeats' if one else 'they repeat'} the others, as sensors on a rigid body do"
-    return [Paragraph(f"Cross-orthogonality leaves out {listed(names)}: {words}.", tone="muted")]
+    words = f"{'it is' if one else 'they are'} linearly dependent on the others, as on a rigid body"
+    return [Paragraph(f"Cross-orthogonality is computed without {listed(names)}: {words}.", tone="muted")]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -162,7 +162,7 @@ def _comac_of(source: ReportSource, name: str) -> Figure | Paragraph:
     before, after = _values(source.before(name)), _values(source.after(name))
     last = after or before
     if not last:
-        return Paragraph(f"{name}, COMAC: not tested (it takes shapes of at least two paired modes).")
+        return Paragraph(f"{name}, COMAC: not tested (at least two paired modes with shapes are required).")
     worst = sorted(last, key=lambda dof: last[dof])[:_SHOWN]
     dofs = [dof for dof in last if dof in set(worst)]
     draw = partial(comac_svg, dofs, [before.get(d) for d in dofs], [after.get(d) for d in dofs])
@@ -238,9 +238,9 @@ def _notes(rows: list[_Row]) -> list[str]:
 
 def others(name: str, comparison: CorrelationResults, rigid: int, higher: int) -> list[str]:
     """A sentence on the modes that are not listed one by one; [] where all are."""
-    parts = [counted(rigid, "rigid-body motion")] if rigid else []
+    parts = [counted(rigid, "rigid-body mode")] if rigid else []
     parts += [f"{counted(higher, 'mode')} above {freq(highest_hz(comparison))} Hz"] if higher else []
-    return [f"{name}: besides, {' and '.join(parts)} without a partner."] if parts else []
+    return [f"{name}: in addition, {' and '.join(parts)} without a partner."] if parts else []
 
 
 def _model_rows(comparisons: list[CorrelationResults]) -> list[_Row]:
@@ -279,7 +279,7 @@ def model_mode_remark(mac: NDArray[Any] | None, comparison: CorrelationResults, 
         if alike:
             return _resembles([f"{label} (MAC {unit_fraction(like[label])})" for label in alike])
     reasons = {m.model_number: m.reason for m in comparison.unpaired_model}
-    return reasons[number] or "no test mode answers for it"
+    return reasons[number] or "no test mode was paired with it"
 
 
 def _resembles(labels: list[str]) -> str:

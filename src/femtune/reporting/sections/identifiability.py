@@ -45,7 +45,7 @@ def measures(found: SelectionMeasures | None) -> list[Block]:
         return []
     words = [Listing(found.sentences)] if found.sentences else []
     return [
-        Heading("Which parameters to choose"),
+        Heading("Selection of parameters"),
         *words,
         choice_table(found),
         *alike_table(found),
@@ -55,19 +55,22 @@ def measures(found: SelectionMeasures | None) -> list[Block]:
 
 def choice_table(found: SelectionMeasures) -> Table:
     """Order of the projection, and what the data know of each."""
-    heads = columns("Parameter", ">Order", ">Left %", "Chosen", ">σ alone", ">σ together", ">D-order", ">A-order")
+    heads = columns(
+        "Parameter", ">Order", ">Residual left %", "Chosen", ">σ alone", ">σ together", ">D-order", ">A-order"
+    )
     order = {s.parameter: i for i, s in enumerate(found.subset)}
     rows = []
     for p in sorted(found.information, key=lambda p: order.get(p.parameter, len(order))):
         at = order.get(p.parameter)
         step = None if at is None else found.subset[at]
-        taken = (NONE, NONE, "no effect of its own") if step is None or at is None else (
+        taken = (NONE, NONE, "no independent effect") if step is None or at is None else (
             str(at + 1), percent(step.left_percent), "yes" if step.chosen else "no")  # fmt: skip
         sds = short(p.sd_alone), short(p.sd_together)
         rows.append(row(p.parameter, *taken, *sds, str(p.d_rank), str(p.a_rank)))
     note = (
-        "Order: by what each adds to explaining the residual (orthogonal projection); chosen: by more than chance. "
-        "σ in units of the prior's: with all other parameters known, and with all unknown; – where others replace it."
+        "Order: rank by contribution to the reduction of the residual (orthogonal projection). Chosen: this reduction "
+        "is significant. σ alone, σ together: standard deviation relative to the prior if all other parameters are "
+        "known, and if all are unknown (– if other parameters have the same effect)."
     )
     return Table("Choice of parameters", heads, tuple(rows), note)
 
@@ -78,8 +81,8 @@ def alike_table(found: SelectionMeasures) -> list[Block]:
     rows += [row(", ".join(d.parameters), NONE, short(d.condition_index, "∞")) for d in found.dependences]
     heads = columns("Parameters", ">Cosine", ">Condition index")
     index = short(found.collinearity_index, "∞")
-    note = f"Collinearity index of all: {index} (1: all independent; above 15: not all at once)."
-    return [Table("Parameters that are alike", heads, tuple(rows), note)] if rows else []
+    note = f"Collinearity index of all: {index} (1: all independent; above 15: the data cannot determine all of them)."
+    return [Table("Parameters with similar effects", heads, tuple(rows), note)] if rows else []
 
 
 def energy_tables(found: SelectionMeasures) -> list[Block]:
@@ -87,15 +90,16 @@ def energy_tables(found: SelectionMeasures) -> list[Block]:
     shown = found.energies[:_MOST_MODES]
     more = len(found.energies) - len(shown)
     tables: list[Block] = [_energy(mode) for mode in shown]
-    return [*tables, *([Listing((f"{more} more modes in the results.",))] if more > 0 else [])]
+    return [*tables, *([Listing((f"The results contain {more} more modes.",))] if more > 0 else [])]
 
 
 def _energy(mode: ModeEnergies) -> Table:
-    heads = columns("Group", ">Strain energy %", ">Kinetic energy %", ">Contradiction %")
+    heads = columns("Group", ">Strain energy %", ">Kinetic energy %", ">Residual energy %")
     title = f"Energies: {mode.configuration}, mode {mode.test_label} ({freq(mode.freq_hz)} Hz)"
     note = ""
     if mode.contradiction_percent is not None:
-        note = f"Size of the contradiction: {short(mode.contradiction_percent)} % of the expanded mode."
+        share = short(mode.contradiction_percent)
+        note = f"√(residual energy / strain energy of the expanded mode): {share} %."
     return Table(title, heads, tuple(map(_group, mode.groups)), note)
 
 
@@ -110,8 +114,8 @@ def _group(g: GroupEnergy) -> tuple[Cell, ...]:
 _MOST, _A_PAGE = 60, 30
 _TABLE_COLUMNS, _TABLE_ROWS = 12, 40
 _CAPTION = (
-    "Scaled sensitivities: change of each residual over one prior standard deviation of a parameter. Residuals of "
-    "several numbers, such as a shape, are shown by the root of their sum of squares."
+    "Scaled sensitivities: change of each residual for a change of one prior standard deviation of a parameter. "
+    "Residuals with several values, such as a shape, are shown by the root sum of squares."
 )
 
 
@@ -124,7 +128,7 @@ def sensitivities(source: ReportSource, selection: SelectionResults) -> list[Blo
     strongest = np.sort(np.argsort(-np.linalg.norm(joined, axis=1), kind="stable")[:_MOST])
     limit = float(np.abs(joined).max()) or 1.0
     parts = [strongest[i : i + _A_PAGE] for i in range(0, len(strongest), _A_PAGE)]
-    some = f" The {_MOST} strongest of {len(joined)}." if len(joined) > _MOST else ""
+    some = f" The {_MOST} largest of {len(joined)} are shown." if len(joined) > _MOST else ""
     captions = [*[""] * (len(parts) - 1), _CAPTION + some]
     names = selection.column_labels
     return [
@@ -199,11 +203,11 @@ def identifiability(source: ReportSource) -> list[Block]:
 def _lead(selection: SelectionResults) -> str:
     k, open_, weak = len(selection.column_labels), len(selection.undetermined), len(selection.weakly_determined)
     if not open_:
-        head = f"The data say something about all {k} combinations of the {counted(k, 'free parameter')}"
+        head = f"The data determine all {k} combinations of the {counted(k, 'free parameter')}"
     else:
         head = (
             f"The data determine {selection.rank} of {k} combinations of parameters; {counted(open_, 'combination')} "
-            f"{'stays' if open_ == 1 else 'stay'} undetermined: the update cannot choose there, the prior does"
+            f"{'is' if open_ == 1 else 'are'} undetermined by the data and remain at the prior"
         )
     return f"{head}; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined."
 
@@ -226,7 +230,7 @@ def _own_words(selection: SelectionResults) -> list[str]:
 def parameter_table(selection: SelectionResults) -> Table:
     """How much the data narrow each parameter."""
     heads = columns("Parameter", ">Posterior σ / prior σ", "Verdict")
-    note = "0: the data alone decide. 1: the data add nothing to the prior."
+    note = "Ratio 0: determined by the data alone. Ratio 1: the data add no information to the prior."
     return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
 
 
@@ -245,7 +249,7 @@ def _singular(selection: SelectionResults) -> list[Block]:
     last = value(selection.singular_values[0])
     caption = (
         f"Singular values of the scaled Jacobian; the largest is {last}, "
-        f"values below {short(selection.rank_threshold)} count as zero."
+        f"values below {short(selection.rank_threshold)} are treated as zero."
     )
     alt = f"Singular values of the scaled Jacobian: {listed(map(short, selection.singular_values))}"
     return [Figure(draw, caption, alt, wide=True)]
@@ -262,7 +266,7 @@ def _combinations(selection: SelectionResults) -> list[Block]:
     draw = partial(combinations_svg, titles, labels, coefficients)
     more = f" The first {_PANELS} of {len(found)}." if len(found) > _PANELS else ""
     alt = "; ".join(f"{title}: {_shares(c)}" for title, c in shown)
-    caption = f"Combinations of parameters that the data determine badly.{more}"
+    caption = f"Combinations of parameters that the data determine weakly or not at all.{more}"
     return [Figure(draw, caption, f"Coefficients by parameter. {alt}")]
 
 
@@ -281,7 +285,10 @@ def _correlation(source: ReportSource, selection: SelectionResults) -> list[Bloc
         return [Paragraph("Correlation of the parameters: not tested.")]
     labels = selection.column_labels
     draw = partial(matrix_svg, MatrixPicture(values, labels, labels, "", "", signed=True))
-    caption = "Correlation of the parameters after the update. Near ±1: only a combination of the two is determined."
+    caption = (
+        "Correlation of the parameters after the update. If a value is near ±1, only a combination of the two "
+        "parameters is determined."
+    )
     alt = f"Correlation matrix of the parameters{_strongest(values, labels)}"
     return [Figure(draw, caption, alt, max(values.shape) > SIDE_BY_SIDE)]
 

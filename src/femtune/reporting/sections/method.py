@@ -18,9 +18,7 @@ def method(source: ReportSource) -> list[Block]:
     """Solver, regularisation, residuals; publications with their BibTeX."""
     update = source.results.update
     cited = _citations(source)
-    listing: list[Block] = (
-        [Listing(tuple(c.text for c in cited))] if cited else [Paragraph("No citation was registered.")]
-    )
+    listing: list[Block] = [Listing(tuple(c.text for c in cited))] if cited else [Paragraph("There are no citations.")]
     bibtex = [Details("BibTeX", "\n\n".join(c.bibtex for c in cited))] if cited else []
     return [Paragraph(_sentence(update) if update else "The update was not run."), *listing, *bibtex]
 

@@ -77,7 +77,7 @@ def simplified(kept: ModeShapes | None) -> list[Block]:
 
 
 def _why(kept: ModeShapes | None) -> str:
-    return (kept.reason if kept else "") or "no shapes were kept"
+    return (kept.reason if kept else "") or "the shapes were not stored"
 
 
 def parts_of(frame: Wireframe) -> int:
@@ -131,14 +131,14 @@ def mode_shapes(source: ReportSource) -> list[Block]:
     """A heading and pictures for each configuration."""
     names = [c for c in source.results.study.configurations if source.before(c)]
     blocks = [block for name in names for block in _configuration(source, name)]
-    return blocks or [Paragraph("Mode shapes: not tested, modes were not compared.")]
+    return blocks or [Paragraph("Mode shapes: not available because modes were not compared.")]
 
 
 def _configuration(source: ReportSource, name: str) -> list[Block]:
     kept = _last_kept(source, name)
     comparison = source.at(name, kept.stage) if kept else None
     if kept is None or comparison is None:
-        return [Heading(name), Paragraph("No shapes were kept for drawing: not run.")]
+        return [Heading(name), Paragraph("The shapes were not stored.")]
     if kept.reason:
         return [Heading(name), Paragraph(f"Not drawn: {kept.reason}.")]
     drawn = _drawn(source, kept, comparison)

@@ -38,7 +38,7 @@ def modes(source: ReportSource) -> list[Block]:
     """One table a configuration: before and after; then all modes without a partner."""
     names = [c for c in source.results.study.configurations if source.before(c)]
     if not names:
-        return [Paragraph("Modes were not compared: not run.")]
+        return [Paragraph("Modes were not compared.")]
     scale = max([abs(p.freq_error_percent) for c in source.results.correlations for p in c.pairs], default=1.0) or 1.0
     tables = [block for name in names for block in _configuration(source, name, scale)]
     return [*tables, *source.after_notes, *unpaired_test(source, names), *unpaired_model(source, names)]
@@ -130,7 +130,7 @@ def pair_remark(pairs: Sequence[ModePairRecord | None]) -> str:
     found = [p for p in pairs if p]
     numbers = {p.model_number for p in found}
     words = [
-        "pair fixed by hand" if any(p.fixed_by_hand for p in found) else "",
+        "pair given in the study" if any(p.fixed_by_hand for p in found) else "",
         f"close modes, cluster {found[-1].cluster}" if found and found[-1].cluster is not None else "",
         "pairing changed" if len(numbers) > 1 else "",
     ]
@@ -146,8 +146,8 @@ def _cluster(c: ClusterRecord) -> str:
     tail = f"; {c.sentence.removesuffix('.')}" if c.sentence else ""
     test, model = _named("test", c.test_labels), _named("model", [str(n) for n in c.model_numbers])
     return (
-        f"Cluster {c.cluster}: {test} and {model} are close and were compared as subspaces: "
-        f"largest angle between the two subspaces {short(c.angle_deg)}°{tail}."
+        f"Cluster {c.cluster}: {test} and {model} are closely spaced and were compared as subspaces: "
+        f"the largest angle between the two subspaces is {short(c.angle_deg)}°{tail}."
     )
 
 
@@ -159,6 +159,7 @@ def _named(whose: str, labels: Sequence[str]) -> str:
 # Was a mode missed: eigenvalues counted by the signs of the pivots beside those that were found.
 
 
+_STURM = "Completeness of the modes (Sturm sequence check)"
 _VERSIONS: dict[ModelVersion, str] = {"before": "before", "after": "after", "after as written": "written deck"}
 
 
@@ -166,10 +167,12 @@ def sturm(source: ReportSource) -> list[Block]:
     """A table of numbers, and one sentence on what they say."""
     found = source.results.modes
     if not found:
-        return [Paragraph("Modes were not solved: not run.")]
-    heads = columns("Configuration", "Model", ">Modes", ">Rigid-body", ">Shift Hz", ">Found below it", ">Counted")
+        return [Paragraph("Modes were not computed.")]
+    heads = columns(
+        "Configuration", "Model", ">Modes", ">Rigid-body", ">Shift Hz", ">Modes below shift", ">Sturm count"
+    )
     return [
-        Table("Was a mode missed? (Sturm count)", heads, tuple(map(_count_row, found)), _sentence(found)),
+        Table(_STURM, heads, tuple(map(_count_row, found)), _sentence(found)),
         *solved_by(found),
     ]
 
@@ -177,7 +180,7 @@ def sturm(source: ReportSource) -> list[Block]:
 def solved_by(found: Sequence[ModelModes]) -> list[Block]:
     """Who solved the modes, a line; [] in results of before it was kept."""
     names = dict.fromkeys(m.solver for m in found if m.solver)
-    return [Paragraph(f"Solved by: {'; '.join(names)}.", "muted")] if names else []
+    return [Paragraph(f"Eigen-solver: {'; '.join(names)}.", "muted")] if names else []
 
 
 def _count_row(m: ModelModes) -> tuple[Cell, ...]:
@@ -200,7 +203,7 @@ def _sentence(found: tuple[ModelModes, ...]) -> str:
         f"The counts differ in {listed(missed)}: a mode may have been missed." if missed else "",
         f"Not tested in {listed(untested)}{f': {why}' if why else ''}." if untested else "",
     ]
-    good = "No mode was missed: the signs of the pivots count as many eigenvalues below each shift as were found."
+    good = "No mode was missed: the Sturm count agrees with the number of modes below each shift."
     return " ".join(p for p in parts if p) or good
 
 
@@ -217,13 +220,13 @@ _SHOWN = 5e-5
 """Parts below this are no more than a dash: a table of zeros hides what matters."""
 _NOTE = (
     "Modal effective mass: the part of the structure's mass (X, Y, Z) and inertia about its centre of gravity (RX, RY, "
-    "RZ) that a mode moves when the supports move as a rigid body, in %. A dash is less than .005 %. What all modes "
-    "listed leave to 100 % belongs to higher modes, and to mass on the supports themselves."
+    "RZ) that a mode moves when the supports move as a rigid body, in %. A dash is less than 0.005 %. The "
+    "remainder to 100 % belongs to higher modes and to mass on constrained DOFs."
 )
 
 _FREE = (
-    "The structure is free: its rigid-body motions carry all of its mass, and the modal effective mass of the other "
-    "modes is nothing."
+    "The structure is unconstrained: its rigid-body modes have the total effective mass, and the modal effective mass "
+    "of the other modes is zero."
 )
 
 
@@ -231,11 +234,11 @@ def natural_modes(source: ReportSource) -> list[Block]:
     """A table each configuration; then the sentences on missed modes."""
     found = source.results.modes
     if not found:
-        return [Paragraph("Modes were not solved: not run.")]
+        return [Paragraph("Modes were not computed.")]
     units = _units(source.results.study.units)
     tables = [block for m in found for block in _natural_modes_of(m, len(found) > 1, units)]
     note = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
-    return [*tables, *note, Heading("Was a mode missed?"), Listing(tuple(map(_sturm, found))), *solved_by(found)]
+    return [*tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, found))), *solved_by(found)]
 
 
 def _units(units: str) -> tuple[str, str]:

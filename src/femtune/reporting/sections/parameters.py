@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
     """A table of them; nothing where the study defines none."""
-    heads = columns("Quantity", "Unit", ">At the start", ">Updated", ">± σ", "Expression")
+    heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", "Expression")
     return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
 
 
 def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
     spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
-    nominal, updated = ("no value" if v is None else value(v) for v in (found.nominal, found.value))
+    nominal, updated = ("not finite" if v is None else value(v) for v in (found.nominal, found.value))
     return row(found.name, found.unit or NONE, nominal, updated, spread, found.expression)
 
 
@@ -77,7 +77,7 @@ def _table(facts: tuple[ParameterFacts, ...], results: dict[str, ParameterResult
         ">Change %",
         ">Bounds",
         ">Prior σ",
-        "Fields, or tie",
+        "Fields or tie",
     )  # fmt: skip
     return Table("Values", heads, tuple(_row(f, results.get(f.name)) for f in facts))
 
@@ -109,7 +109,7 @@ def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
     if result is None or result.interval_95 is None:
         return NONE
     low, high = result.interval_95
-    # few data left over to estimate a scatter from: Student's t then says less than the bounds did
+    # with few degrees of freedom Student's t interval can be wider than the bounds
     if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
         return "wider than the bounds"
     return " … ".join(value(end) for end in result.interval_95)
@@ -119,7 +119,7 @@ def _fields(fact: ParameterFacts) -> str:
     named = _named(fact.fields)
     if fact.tie:
         return f"tied: {fact.tie}" + (f"; {named}" if named else "")
-    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field of the model"
+    return named + (f", in {fact.elements} elements" if fact.elements is not None else "") or "no field in the model"
 
 
 def _named(fields: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""How the parameters scatter over repeated tests: table, forward check and ellipses; nothing without repeats."""
+"""Variability of the parameters over repeated tests: tables, forward check and ellipses."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from femtune.reporting.numbers import counted, freq, listed, short, signed_perce
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.quantify import QuantifyResults, ScatteringOutput, ScatteringParameter
+    from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
 
 METHODS = {
-    "second-order": "(39) with the curvature of the frequencies",
-    "perturbation": "(39), linear about the mean",
-    "cross-covariance": "(40), by a cloud and its covariance with the parameters",
-    "output-difference": "(41), by a cloud and the difference of the covariances",
+    "second-order": "second-order perturbation, equation (39)",
+    "perturbation": "linear perturbation about the mean, equation (39)",
+    "cross-covariance": "sampling, with the covariance of outputs and parameters, equation (40)",
+    "output-difference": "sampling, with the difference of the output covariances, equation (41)",
 }
 _MOST_SHOWN = 24
 
@@ -30,12 +30,12 @@ def quantify(source: ReportSource) -> list[Block]:
     found = source.results.quantify
     if found is None:
         return [
-            Paragraph("Not tested: the study names no repeated tests, so nothing here says how parameters scatter.")
+            Paragraph("Not tested: the study has no repeated tests; the variability of the parameters is not known.")
         ]
-    return [*scatter_blocks(found), *_pictures(source, found)]
+    return [*variability_blocks(found), *_pictures(source, found)]
 
 
-def scatter_blocks(found: QuantifyResults) -> list[Block]:
+def variability_blocks(found: QuantifyResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
     first, *others = found.sentences
     rest = [Listing(tuple(others))] if others else []
@@ -44,29 +44,35 @@ def scatter_blocks(found: QuantifyResults) -> list[Block]:
 
 def _how(found: QuantifyResults) -> str:
     return (
-        f"{counted(found.repeats, 'repeat')} of {found.configuration}; moments of the repeats: {found.estimate}. "
-        f"Method: {METHODS[found.method]}; {counted(found.solutions, 'model solution')}. Forward check: "
-        f"{found.samples} samples of a Latin hypercube."
+        f"{counted(found.repeats, 'repeat')} of {found.configuration}; mean and covariance of the repeats: "
+        f"{found.estimate}. Method: {METHODS[found.method]}; {counted(found.solutions, 'model solution')}. "
+        f"Forward check: {found.samples} samples of a Latin hypercube."
     )
 
 
 def parameter_table(found: QuantifyResults) -> Table:
-    """Mean, scatter and correlations."""
+    """Mean, standard deviation and correlations."""
     shown = found.parameters[:_MOST_SHOWN]
     few = len(shown) <= 8
     heads = columns(
-        "Parameter", ">Start", ">Mean", ">σ", ">σ / mean", ">Distance", *(f">corr. {p.parameter}" for p in shown if few)
+        "Parameter",
+        ">Initial",
+        ">Mean",
+        ">σ",
+        ">σ / mean",
+        ">Distance",
+        *(f">corr. {p.parameter}" for p in shown if few),
     )
     note = (
-        "σ is that of single structures or assemblies, not of the mean. Distance: 1 − cos of the parameter's effects "
+        "σ is the standard deviation of single structures or assemblies, not of the mean. Distance: 1 − cosine "
+        "between the effects of the parameter and the measured covariance; it is near 0 for parameters that vary."
     )
-    note += "from the measured covariance, near 0 where it scatters."
     if len(found.parameters) > len(shown):
         note += f" And {counted(len(found.parameters) - len(shown), 'more parameter')} in the results."
-    return Table("Scatter of the parameters", heads, tuple(_parameter(p, few) for p in shown), note)
+    return Table("Variability of the parameters", heads, tuple(_parameter(p, few) for p in shown), note)
 
 
-def _parameter(p: ScatteringParameter, few: bool) -> tuple[Cell, ...]:
+def _parameter(p: QuantifiedParameter, few: bool) -> tuple[Cell, ...]:
     correlations = [f"{c:+.2f}" for c in p.correlation] if few else []
     mean = Cell(value(p.mean), tone="poor") if p.outside_bounds else Cell(value(p.mean))
     ratio = signed_percent(100.0 * p.sd / abs(p.mean)).lstrip("+") if p.mean else "–"
@@ -75,15 +81,15 @@ def _parameter(p: ScatteringParameter, few: bool) -> tuple[Cell, ...]:
 
 def output_table(found: QuantifyResults) -> Table:
     """Measured moments beside those of the cloud."""
-    heads = columns("Mode", ">Repeats", ">Measured mean Hz", ">Cloud mean Hz", ">Measured σ Hz", ">Cloud σ Hz")
+    heads = columns("Mode", ">Repeats", ">Measured mean Hz", ">Model mean Hz", ">Measured σ Hz", ">Model σ Hz")
     note = (
-        f"Covariances differ by {short(found.covariance_error_percent)} %; chance alone makes "
-        f"{short(found.chance_error_percent)} % between the repeats and the truth."
+        f"The covariances of measurement and model differ by {short(found.covariance_error_percent)} %. The expected "
+        f"sampling error of the measured covariance is {short(found.chance_error_percent)} %."
     )
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
 
 
-def _output(o: ScatteringOutput) -> tuple[Cell, ...]:
+def _output(o: QuantifiedOutput) -> tuple[Cell, ...]:
     means = freq(o.measured_mean_hz), freq(o.model_mean_hz)
     return row(o.label, str(o.repeats), *means, short(o.measured_sd_hz), short(o.model_sd_hz))
 
@@ -101,7 +107,7 @@ def _pictures(source: ReportSource, found: QuantifyResults) -> list[Block]:
             Cloud("updated parameters", cloud, cloud.mean(axis=0), np.atleast_2d(np.cov(cloud.T))),
         )
         labels = [f"mode {o.label}, Hz" for o in found.outputs]
-        caption = "Measured frequencies and the cloud of the updated parameters; ellipses hold 95 %."
+        caption = "Measured frequencies, and samples of the updated model; the ellipses contain 95 %."
         spreads = [f"mode {o.label}: {short(o.measured_sd_hz)} and {short(o.model_sd_hz)} Hz" for o in found.outputs]
         alt = f"{caption} Standard deviations: {listed(spreads)}"
         out.append(Figure(partial(clouds_svg, labels, clouds), caption, alt, wide=True))

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 _NOTE = (
-    "The phase collinearity is 1 where all points move in phase; the less, the more complex the mode. The difference "
-    "is (complex − real)/real."
+    "The phase collinearity is 1 if all points move in phase, and lower for complex modes. The difference is "
+    "(complex − real)/real."
 )
 _NEARLY_REAL = 0.95
 
@@ -44,7 +44,8 @@ def pole_blocks(found: list[ResponseResults]) -> list[Block]:
         if r.poles:
             blocks.append(_table(r, name))
         else:
-            blocks.append(Paragraph(f"{name or r.configuration}: no complex modes, {r.poles_reason}.", "muted"))
+            words = f"{name or r.configuration}: no complex modes are listed: {r.poles_reason}."
+            blocks.append(Paragraph(words, "muted"))
     return blocks
 
 
@@ -98,7 +99,7 @@ def _load_table(name: str, named: bool, versions: list[StaticResults], unit: str
         row(d.output, *(value(s.displacements[i].value, NONE) for s in versions))
         for i, d in enumerate(last.displacements)
     )
-    relief = " The structure is free: motion relative to its rigid motion, loads balanced by inertia."
+    relief = " The structure is unconstrained: inertia relief is applied, and displacements exclude rigid-body motion."
     note = f"Forces: {', '.join(last.forces)}." + (relief if last.inertia_relief else "")
     return Table(f"{name}: {last.load}" if named else last.load, heads, rows, note)
 
@@ -107,13 +108,13 @@ _PANELS = 6
 _FOLDED = 16
 _ROUNDING = 1e-12
 """Functions below this part of the largest are not drawn: they are zero but for rounding."""
-_CAPTION = "Magnitude (logarithmic) and phase over frequency. Phases are those of motion over force, e^{iωt}."
+_CAPTION = "Magnitude (logarithmic) and phase over frequency. The phase is that of motion over force, for e^{iωt}."
 
 
 def responses(source: ReportSource) -> list[Block]:
     """All of it for the report of a run."""
     if not source.results.responses:
-        return [Paragraph("Responses: not run; a study with [response] or [[load]] has them here.", "muted")]
+        return [Paragraph("Responses were not computed; the study has neither [response] nor [[load]].", "muted")]
     parts = (("Complex modes", complex_modes(source)), ("Static loads", static_loads(source)))
     more = [block for title, blocks in parts if blocks for block in (Heading(title), *blocks)]
     return [*frequency_responses(source), *more]
@@ -123,7 +124,7 @@ def frequency_responses(source: ReportSource) -> list[Block]:
     """Alerts, pictures and the table of all functions, each configuration by itself."""
     names = list(dict.fromkeys(r.configuration for r in source.results.responses))
     blocks = [b for name in names for b in _configuration(source, name, len(names) > 1)]
-    return blocks or [Paragraph("Frequency responses: not run, the study has no [response].", "muted")]
+    return blocks or [Paragraph("Frequency responses were not computed; the study has no [response].", "muted")]
 
 
 def responses_of(source: ReportSource, name: str) -> list[ResponseResults]:
@@ -235,7 +236,7 @@ def frf_table(found: Sequence[ResponseResults], order: Sequence[int], *, folded:
     unit = f" {frfs[-1].unit}," if frfs[-1].unit else ""
     note = f"Largest magnitudes,{unit} rotations in rad." if unit else "Largest magnitudes, in units of the model."
     if measured:
-        note += " FRAC, the frequency response assurance criterion, is 1 for functions of the same shape."
+        note += " FRAC, the frequency response assurance criterion, is 1 for proportional functions."
     return Table("All functions", tuple(heads), rows, note, folded)
 
 

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from femtune.results.stages import StageErrorSum, StageResults, StageRun
 
 _NOTE = (
-    "σ holds the share of parameters that rested in the stage and are not known exactly; σ of the data alone is "
-    "without it. Misfit: residuals beside what noise and these parameters explain, about 1 for a right model."
+    "σ includes the uncertainty of the parameters that were fixed in the stage; σ of the data excludes it. Misfit: "
+    "residuals relative to what noise and these parameters explain; it is about 1 for a correct model."
 )
-_SEEDS = "The first run starts from what earlier stages believe, the others from the seeds of the study."
+_SEEDS = "The first run starts from the results of earlier stages, the others from the seeds of the study."
 
 
 def stages(found: tuple[StageResults, ...]) -> list[Block]:
@@ -76,15 +76,15 @@ def _runs(stage: StageResults) -> Block:
     agree = sum(run.agrees for run in stage.runs)
     heads = columns("Start", *(f">{p.name}" for p in stage.parameters), ">½ rᵀr", ">Steps", "End")
     rows = tuple(row(*_run(run)) for run in stage.runs)
-    note = f"{agree} of {counted(len(stage.runs), 'run')} end in the same optimum. {_SEEDS}"
-    return Table(f"{stage.name}: from several starts", heads, rows, note)
+    note = f"{agree} of {counted(len(stage.runs), 'run')} reached the same optimum. {_SEEDS}"
+    return Table(f"{stage.name}: several initial points", heads, rows, note)
 
 
 def _run(run: StageRun) -> list[str | Cell]:
     ends = [f"{value(a)} → {value(b)}" for a, b in zip(run.start, run.values)]
-    start = f"seed {run.seed}" if run.seed else "belief"
+    start = f"seed {run.seed}" if run.seed else "earlier stages"
     objective = short(run.objective) if run.objective is not None else NONE
-    end = "the same optimum" if run.agrees else run.message
+    end = "same optimum" if run.agrees else run.message
     return [start, *ends, objective, str(run.iterations), Cell(end, tone="" if run.agrees else "poor")]
 
 
@@ -95,7 +95,7 @@ def _figure(stage: StageResults, kind: str) -> Block:
         error_sums_svg, [_label(s, stage) for s in sums], [s.before for s in sums], [s.after for s in sums],
         f"{stage.name}: {kind}",
     )  # fmt: skip
-    caption = f"{stage.name}: error sums of {kind} residuals before and after the stage, by mode, and of all."
+    caption = f"{stage.name}: error sums of {kind} residuals before and after the stage, by mode and in total."
     alt = f"Sum of {kind} errors from {short(before)} to {short(after)} in {counted(len(sums), 'pair')} of bars"
     return Figure(draw, caption, alt)
 

@@ -39,16 +39,17 @@ def _picture(update: UpdateResults, found: StartsResults, facts: Sequence[Parame
     counts, good = [len(o.starts) for o in shown], [o.as_good for o in shown]
     draw = partial(optima_svg, names, spots, counts, good, heights)
     caption = (
-        "Each optimum as a line through its parameters between their bounds, as wide as many starts ended there. "
-        "Dark: the best and those as good within the noise; grey: worse ones. Dots: where the starts set out."
+        "Each line is an optimum, drawn through its parameters between their bounds; the width shows how many initial "
+        "points led to it. Dark: the best optimum, and optima that are equally good within the noise. Grey: worse "
+        "optima. Dots: initial points."
     )
-    alt = f"{len(found.optima)} optima of {len(found.starts)} starts, by parameter between the bounds"
+    alt = f"{len(found.optima)} optima from {len(found.starts)} initial points, by parameter between the bounds"
     return [Figure(draw, caption, alt, wide=True)]
 
 
 def _table(update: UpdateResults, found: StartsResults) -> Block:
     names = update.history_parameters[:6]
-    heads = columns(">Optimum", ">Starts", ">Objective", "As good", *(f">{name}" for name in names))
+    heads = columns(">Optimum", ">Initial points", ">Objective", "Equally good", *(f">{name}" for name in names))
     rows = [
         row(
             str(i),
@@ -78,8 +79,9 @@ def weight_choice(update: UpdateResults, facts: Sequence[ParameterFacts]) -> lis
         weight_path_svg, [p.weight for p in choice.path], *norms, update.history_parameters, relative, choice.weight
     )
     caption = (
-        "Left: norm of the side constraint over norm of the residuals as the weight rises, the L-curve. Right: what "
-        "the linear model of the first iteration gives for each weight, as change of the start value, without bounds."
+        "Left: L-curve, the norm of the side constraint over the norm of the residuals for increasing weight. Right: "
+        "change of the parameters from their initial values for each weight, by the linear model of the first "
+        "iteration, without bounds."
     )
     alt = "L-curve, and paths of the parameters over the weight of the side constraint"
     return [Paragraph(f"Weight of the regularisation: {choice.sentence}.{at}"), Figure(draw, caption, alt, wide=True)]
@@ -99,8 +101,8 @@ def _relative(
 
 
 _COST = (
-    "Full solutions: for the training, and where each search ended. Those of the comparison before the update and of "
-    "what was written, and the derivatives at the end, come on top."
+    "Full solutions: for the training, and at the end of each search. Solutions for the comparison before the update "
+    "and for the written deck, and for the final derivatives, are not included."
 )
 
 
@@ -129,9 +131,9 @@ def reduced_models(reduction: ReductionResults | None) -> list[Block]:
 def _verdict(reduction: ReductionResults) -> str:
     tolerance = f"{short(reduction.tolerance_percent)} %"
     if reduction.certified:
-        return f"The search ran on reduced models; the full model agrees with them at the end within {tolerance}."
+        return f"The search used reduced models; at the final point they agree with the full model within {tolerance}."
     return (
-        f"The search ran on reduced models, and the full model still differs from them at the end by more than "
-        f"{tolerance}: residuals and frequencies above are the full model's, but the values may not be its optimum. "
-        "Allow more full solutions."
+        "The search used reduced models; at the final point they differ from the full model by more than "
+        f"{tolerance}. The residuals and frequencies above are those of the full model, but the parameters may not be "
+        "its optimum. Allow more full solutions."
     )

@@ -47,7 +47,7 @@ def summary(source: ReportSource) -> list[Block]:
     grave = [a for a in source.results.alerts if a.level in _ORDER]
     alerts = sorted(grave, key=lambda a: _ORDER.index(a.level))
     blocks += [AlertBox(a.level, a.code, a.sentence, a.where) for a in alerts]
-    return blocks if blocks else [Paragraph("Nothing has been compared yet.")]
+    return blocks if blocks else [Paragraph("Nothing has been compared.")]
 
 
 def _objective(source: ReportSource) -> tuple[KeyNumber, ...]:
@@ -65,13 +65,13 @@ def _meaning(source: ReportSource, before: Scores, after: Scores | None) -> Para
     update = source.results.update
     counts = listed(counted(c.count, f"{c.kind} residual") for c in update.residual_counts) if update else ""
     fitted = (
-        f"The weighted mean error is what the update lessens, over all that it fits{f' ({counts})' if counts else ''}. "
+        f"The weighted mean error is the objective of the update, over all residuals{counts and f' ({counts})'}. "
         if update
         else ""
     )
     modes = f"{before.pairs} before, {after.pairs} after" if after else str(before.pairs)
     return Paragraph(
-        f"{fitted}Frequency errors and MAC: over all paired modes ({modes}), unweighted; the mean is of magnitudes.",
+        f"{fitted}Frequency errors and MAC refer to all paired modes ({modes}), unweighted; means are of magnitudes.",
         "muted",
     )
 
@@ -121,7 +121,7 @@ def model_summary(source: ReportSource) -> list[Block]:
     """Numbers of each configuration, and the warnings of the reader."""
     model = source.results.model
     if model is None:
-        return [Paragraph("Not run: the model was not built.")]
+        return [Paragraph("The model was not built.")]
     several = len(model.configurations) > 1
     blocks: list[Block] = []
     for c in model.configurations:
@@ -154,5 +154,5 @@ def _held(c: ModelConfiguration) -> list[str]:
 def _modes(m: ModelModes) -> KeyNumber:
     elastic = m.freq_hz[m.rigid_body_modes :]
     first = with_unit(freq(elastic[0]), "Hz") if elastic else NONE
-    rigid = f", {m.rigid_body_modes} of them rigid-body motions" if m.rigid_body_modes else ""
-    return KeyNumber("First elastic mode", first, remark=f"{len(m.freq_hz)} modes solved{rigid}")
+    rigid = f", {m.rigid_body_modes} of them rigid-body modes" if m.rigid_body_modes else ""
+    return KeyNumber("First elastic mode", first, remark=f"{len(m.freq_hz)} modes computed{rigid}")

@@ -1,4 +1,4 @@
-"""On data that the update did not use: verdicts, predictions beside their scatter, and what was not tested."""
+"""Validation on data that the update did not use: verdicts, predictions, and what was not tested."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def validation(source: ReportSource) -> list[Block]:
     """Verdicts, predictions beside measurements, held-out sensors, then the list of what nobody looked at."""
     found = source.results.validation
     if found is None:
-        return [Paragraph("Not tested: no validation was run, so nothing here says how well the model predicts.")]
+        return [Paragraph("Not tested: no validation was run, so that the quality of predictions is not known.")]
     return [
         *validation_verdicts(found),
         *_picture(found),
@@ -71,7 +71,7 @@ def validation(source: ReportSource) -> list[Block]:
 
 
 def _listing(lines: list[str]) -> Block:
-    return Listing(tuple(lines)) if lines else Paragraph("Nothing is listed.")
+    return Listing(tuple(lines)) if lines else Paragraph("There are no entries.")
 
 
 def outcome_sentence(found: ValidationResults) -> str:
@@ -94,7 +94,7 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
     heads = columns("Configuration", "Data", "Criterion", ">Required", ">Measured", "Verdict", "Decided by")
     rows = tuple(_verdict_row(v) for v in found.verdicts if v.verdict != NOT_TESTED)
     noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
-    misses: list[Block] = [Heading("What noise explains of the misses"), Listing(noise)] if noise else []
+    misses: list[Block] = [Heading("Can measurement noise explain the failures?"), Listing(noise)] if noise else []
     tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
     return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", tone), Table("", heads, rows), *misses]
 
@@ -121,11 +121,11 @@ def _picture(found: ValidationResults) -> list[Block]:
     limits = [v.required for v in found.verdicts if v.criterion.startswith("frequency error")]
     limit = min(limits, default=None)
     caption = (
-        "Errors of predicted frequencies (model − test)/test: grey ring before the update, blue dot after it; the "
-        "bar is ± 2 σ of what the scatter of test and parameters gives around zero"
-        + (f", the orange lines are the strictest limit asked for ({value(limit)} %)." if limit else ".")
+        "Errors of predicted frequencies, (model − test)/test. Grey ring: before the update. Blue dot: after the "
+        "update. Bar: ± 2 σ about zero, from the uncertainty of test and parameters."
+        + (f" Orange lines: the strictest limit of the criteria ({value(limit)} %)." if limit else "")
     )
-    alt = f"Errors of {counted(len(modes), 'predicted frequency', 'predicted frequencies')} beside their scatter"
+    alt = f"Errors of {counted(len(modes), 'predicted frequency', 'predicted frequencies')} with their uncertainty"
     return [Figure(lambda: predictions_svg(modes, limit), caption, alt)]
 
 
@@ -139,12 +139,12 @@ def _predicted(p: Prediction) -> PredictedMode:
 def prediction_blocks(found: ValidationResults, known_reasons: list[str]) -> list[Block]:
     """All measured modes that the update did not use: a table each configuration and kind of data."""
     if not found.predictions:
-        return [Paragraph("No measured mode was held out: how well the model predicts was not tested.")]
+        return [Paragraph("No measured mode was held out, so that the quality of predictions was not tested.")]
     groups: dict[str, list[Prediction]] = {}
     for p in found.predictions:
         groups.setdefault(f"{p.configuration}: {p.data or 'left out'}", []).append(p)
     tables = [_predictions(title, rows, known_reasons) for title, rows in groups.items()]
-    note = "z is the error in units of the σ of test and parameters together; beyond 2 scatter is not the reason."
+    note = "z is the error divided by the σ of test and parameters; uncertainty does not explain errors beyond |z| = 2."
     known = any(p.z is not None for p in found.predictions)
     return [Heading("Measured modes that the update did not use"), *tables, *([Paragraph(note, "muted")] * known)]
 
@@ -164,7 +164,7 @@ def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
     return row(
         p.test_label,
         freq(p.test_freq_hz),
-        str(p.model_number) if p.model_number is not None else "none answers",
+        str(p.model_number) if p.model_number is not None else "no similar mode",
         freq(p.model_freq_hz),
         signed_percent(p.before_freq_error_percent),
         signed_percent(p.freq_error_percent),
@@ -179,7 +179,7 @@ def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
 def _remark(p: Prediction, known_reasons: list[str]) -> str:
     """The study's reason for leaving a mode out stands in the table of modes left out."""
     if p.data:
-        return "" if p.paired else "no pair, only the most alike"
+        return "" if p.paired else "not paired; the most similar mode is shown"
     return "left out by the study" if p.remark in known_reasons else p.remark
 
 
@@ -187,14 +187,14 @@ def sensor_blocks(found: ValidationResults) -> list[Block]:
     """Shapes at the sensors that were held out."""
     if not found.held_out_sensors:
         return []
-    heads = columns("Configuration", "Shape of", ">Error %", ">Noise gives %")
+    heads = columns("Configuration", "Shape of", ">Error %", ">Expected noise %")
     rows = tuple(
         row(s.configuration, s.test_label, short(s.error_percent), short(s.noise_percent)) for s in found.shapes
     )
     names = ", ".join(found.held_out_sensors[:8])
     more = len(found.held_out_sensors) - 8
     note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
-    note += "The error is test − model, root mean square, over that of the shape; the scale is of the sensors used."
+    note += "The error is the RMS of test − model relative to that of the shape; it is scaled at the used sensors."
     return [Table("Shapes at held-out sensors", heads, rows, note)]
 
 
@@ -221,8 +221,8 @@ def goodness(source: ReportSource) -> list[Block]:
     if len(found.by_kind) > 1:
         rows.append(row("all", short(found.chi_square), str(found.degrees_of_freedom), _chance(found.p_value)))
     note = (
-        "p is the chance of a chi-square as large by noise of the stated standard deviations alone; of the residuals "
-        "what no parameters could remove is looked at."
+        "p is the probability of at least this chi-square if the residuals are noise with the stated standard "
+        "deviations. The test uses the part of the residuals that the parameters cannot change."
     )
     return [*goodness_sentence(source), Table("Are the residuals noise?", heads, tuple(rows), note)]
 
@@ -253,7 +253,7 @@ def _table(source: ReportSource, version: ModelVersion) -> Block | None:
         if c.stage == version
         for criterion in tested(c.criteria)
     ]
-    heads: tuple[Column, ...] = columns("Configuration", "Criterion", ">Asked", ">Measured", "Verdict", "Remark")
+    heads: tuple[Column, ...] = columns("Configuration", "Criterion", ">Required", ">Measured", "Verdict", "Remark")
     return Table(VERSION_WORDS[version].capitalize(), heads, tuple(rows)) if rows else None
 
 

@@ -21,13 +21,13 @@ def write_back(source: ReportSource) -> list[Block]:
     found = source.results.write_back
     no_deck = [a.sentence for a in source.results.alerts if a.code == "write.no-deck"]
     if found is None and no_deck:
-        return [Paragraph(f"Not written: {no_deck[0]}; they stand in the section about the parameters.")]
+        return [Paragraph(f"Not written: {no_deck[0]}; the updated values are in the section on the parameters.")]
     if found is None:
-        return [Paragraph("Not run: no updated deck was written.")]
-    heads = columns("Card", "Field", "Place", "Old text", "New text", ">Value", ">As written", "Parameter")
+        return [Paragraph("No updated deck was written.")]
+    heads = columns("Card", "Field", "File and line", "Old text", "New text", ">Value", ">As written", "Parameter")
     written = listed(found.files) or "no file"
     return [
-        Paragraph(f"Written: {written}. Apart from what is listed here it is the user's deck."),
+        Paragraph(f"Written: {written}. All other cards are copied from the original deck without change."),
         table_or_none("Changed fields", heads, map(_row, found.edits), "No field was changed."),
         *_new_cards(found.new_cards),
         *_repointed(found.repointed),
@@ -64,7 +64,7 @@ def _new_cards(cards: Iterable[NewCardFacts]) -> list[Block]:
 
 def _repointed(groups: Iterable[RepointedElements]) -> list[Block]:
     rows = tuple(row(_refer(g), g.field, g.before or "(blank)", g.after, _numbers(g.elements)) for g in groups)
-    heads = columns("Elements", "Field", "Before", "Now", "Their numbers")
+    heads = columns("Elements", "Field", "Before", "After", "Element IDs")
     return [Table("Elements that refer to a new card", heads, rows)] if rows else []
 
 

@@ -131,14 +131,14 @@ def _entry(number: float, framed: bool) -> Cell:
 
 def _comac(c: CorrelationResults) -> Block:
     if not c.comac:
-        return Paragraph("COMAC: not tested (it takes shapes of at least two paired modes).", "muted")
+        return Paragraph("COMAC: not tested (at least two paired modes with shapes are required).", "muted")
     lowest = sorted(c.comac, key=lambda entry: entry.comac)[:_COMAC]
     words = listed(f"{unit_fraction(entry.comac)} at {entry.dof}" for entry in lowest)
     return Paragraph(f"COMAC, lowest of {len(c.comac)} DOFs: {words}.")
 
 
 def _criteria(c: CorrelationResults) -> list[Block]:
-    heads = columns("Criterion", ">Asked", ">Measured", "Verdict", "Remark")
+    heads = columns("Criterion", ">Required", ">Measured", "Verdict", "Remark")
     rows = tuple(criterion_cells(criterion) for criterion in tested(c.criteria))
     table: list[Block] = [Table("Criteria", heads, rows)] if rows else []
     missing = [

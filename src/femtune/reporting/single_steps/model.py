@@ -57,7 +57,7 @@ def damping_blocks(facts: ModelFacts) -> list[Block]:
     blocks: list[Block] = [Paragraph(line) for line in lines]
     if damping.fields:
         return [*blocks, _table(damping.fields)]
-    return blocks or [Paragraph("Damping: the deck describes none.", "muted")]
+    return blocks or [Paragraph("Damping: the deck defines none.", "muted")]
 
 
 def _overall(damping: DampingFacts) -> str:
@@ -203,12 +203,12 @@ def _configuration(subject: Subject, c: ModelConfiguration) -> list[Block]:
 
 def _facts(c: ModelConfiguration) -> list[KeyNumber]:
     return [
-        KeyNumber("Overlay", "; ".join(c.overlay) or "none: the model as it is"),
+        KeyNumber("Overlay", "; ".join(c.overlay) or "none"),
         KeyNumber("Grids", str(c.grids)),
         KeyNumber("Free DOFs", str(c.free_dofs)),
         KeyNumber("Supports", _supports(c)),
         *([KeyNumber("Constraints", "; ".join(c.constraints))] if c.constraints else []),
-        *([KeyNumber("Held by AUTOSPC", counted(len(c.held_dofs), "DOF"))] if c.held_dofs else []),
+        *([KeyNumber("AUTOSPC", f"{counted(len(c.held_dofs), 'DOF')} constrained")] if c.held_dofs else []),
     ]
 
 
@@ -218,10 +218,10 @@ def _supports(c: ModelConfiguration) -> str:
 
 
 def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
-    weighed = "not weighed"
+    weighed = "not measured"
     if c.weighed_mass is not None:
         difference = signed_percent(c.mass_difference_percent)
-        weighed = f"weighed {with_unit(value(c.weighed_mass), subject.mass_unit)}, difference {difference} %"
+        weighed = f"measured {with_unit(value(c.weighed_mass), subject.mass_unit)}, difference {difference} %"
     return [
         KeyNumber("Mass", f"{with_unit(value(c.mass), subject.mass_unit)}, {weighed}"),
         KeyNumber("Centre of gravity", _centre(subject, c)),
@@ -230,7 +230,7 @@ def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
 
 def _centre(subject: Subject, c: ModelConfiguration) -> str:
     if c.inertia is None or c.centre_of_gravity is None:
-        return "not known: no coordinates"
+        return "not known (no coordinates)"
     # the radius of gyration is the length beside which a coordinate is rounding
     radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass > 0.0 else 0.0
     return with_unit(", ".join(_clean(v, radius) for v in c.centre_of_gravity), subject.length_unit)
@@ -257,7 +257,7 @@ def _rigid_body(c: ModelConfiguration) -> list[Block]:
     if check.verdict == "pass":
         return blocks
     energies = [without_column(rigid_body_table([c]), "Verdict")] if check.verdict == "fail" else []
-    tables = [*(without_column(e, "In words") for e in energies), *grounding_elements([c]), *grounding_dofs([c])]
+    tables = [*(without_column(e, "Explanation") for e in energies), *grounding_elements([c]), *grounding_dofs([c])]
     return blocks + [_beginning(without_column(table, "Configuration")) for table in tables]
 
 
@@ -270,7 +270,7 @@ def _beginning(table: Table) -> Table:
 
 def _held(c: ModelConfiguration) -> list[Block]:
     lines = held_lines(c)
-    return [Heading("DOFs held by AUTOSPC"), Listing(tuple(lines))] if lines else []
+    return [Heading("DOFs constrained by AUTOSPC"), Listing(tuple(lines))] if lines else []
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ def selection_document(subject: Subject, selection: SelectionResults) -> Documen
         Section("sensitivities", "Sensitivities", tuple(_sensitivities(selection))),
         Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
         Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
-        Section("model", "The model before it is updated", tuple(model_check_table(selection.model_checks))),
+        Section("model", "Checks of the model before the update", tuple(model_check_table(selection.model_checks))),
         Section("combinations", "Undetermined and weak combinations", tuple(_combinations(selection))),
     )
     return subject.document(first, level, sections)
@@ -52,7 +52,7 @@ def _singular_values(selection: SelectionResults) -> Block:
     if not selection.singular_values:
         return Paragraph("Singular values: not tested.", "muted")
     words = ", ".join(map(short, selection.singular_values))
-    threshold = f"below {short(selection.rank_threshold)} counts as undetermined"
+    threshold = f"below {short(selection.rank_threshold)} is treated as undetermined"
     return Paragraph(f"Singular values of the scaled Jacobian: {words}; {threshold}.")
 
 
@@ -60,7 +60,7 @@ def _combinations(selection: SelectionResults) -> list[Block]:
     rows = [_row("undetermined", c) for c in selection.undetermined]
     rows += [_row("weak", c) for c in selection.weakly_determined]
     heads = columns("", ">Singular value", ">Posterior σ / prior σ", "Combination")
-    note = f"{counted(selection.rank, 'combination')} of {len(selection.column_labels)} determined by the data."
+    note = f"{counted(selection.rank, 'combination')} of {len(selection.column_labels)} are determined by the data."
     return [Table("", heads, tuple(rows), note)] if rows else []
 
 

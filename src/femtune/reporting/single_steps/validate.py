@@ -1,4 +1,4 @@
-"""How parameters scatter: verdict, tables."""
+"""Variability of the parameters, and validation: verdict, tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED
-from femtune.reporting.sections.quantify import output_table, parameter_table, scatter_blocks
+from femtune.reporting.sections.quantify import output_table, parameter_table, variability_blocks
 from femtune.reporting.sections.validation import (
     outcome_sentence,
     prediction_blocks,
@@ -27,11 +27,11 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
     """The verdict is the first sentence."""
     first, *_ = found.sentences
     level: Level = "info" if found.ok and found.agrees else "warning"
-    words = tuple(b for b in scatter_blocks(found)[1:] if isinstance(b, Listing))
-    how = scatter_blocks(found)[-3]
+    words = tuple(b for b in variability_blocks(found)[1:] if isinstance(b, Listing))
+    how = variability_blocks(found)[-3]
     sections = (
-        Section("words", "How far it can be trusted", words),
-        Section("parameters", "Scatter of the parameters", (how, parameter_table(found))),
+        Section("words", "Reliability", words),
+        Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
         Section("outputs", "Forward check", (output_table(found),)),
     )
     return subject.document(first, level, sections)
@@ -41,7 +41,7 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
 # The updated model on data that the update did not use.
 
 
-_NOTHING = "nothing was kept from the update, so that how well the model predicts was not tested"
+_NOTHING = "no data were held out of the update, so that the quality of predictions was not tested"
 
 
 def validation_document(subject: Subject, results: Results) -> Document:

@@ -146,7 +146,7 @@ def _named(asked: Asked, labels: Sequence[str] | None, measured: DofSet, key: st
 def _known(known: dict[tuple[int, str], Dof], dof: Dof, where: Where) -> Dof:
     if (dof.node, dof.direction) not in known:
         raise FemtuneError(
-            "dof.missing/known", where=where, hint=did_you_mean(str(dof), map(str, known.values())), dof=dof
+            "dof.missing/in-frfs", where=where, hint=did_you_mean(str(dof), map(str, known.values())), dof=dof
         )
     return known[dof.node, dof.direction]
 

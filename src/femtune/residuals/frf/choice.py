@@ -1,4 +1,4 @@
-"""An FRF residual from a test's functions: lines, scatter, and the functions that cannot be compared."""
+"""An FRF residual from a test's functions: lines, standard deviations, and functions that cannot be compared."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def frf_residual(
     model : at the start, solved unless the way is "direct" without modal damping
     measured : NaN where a function or a line was not measured
     lines : which are compared; all above 0 Hz where nothing is said
-    scatter, way : `FrfScatter()` and `ModelWay()` where nothing is said
+    scatter, way : default: `FrfScatter()` and `ModelWay()`
     places : where the functions were driven and seen; the model's DOFs of their labels where nothing is said
 
     Raises

@@ -1,7 +1,8 @@
 """Antiresonances of measured FRFs: a polynomial of ω² through the lines about each deep minimum, and its root.
 
 Near a zero H is smooth, where near a pole it is not; the root μ = ω₀²(1 + iη) of the fitted polynomial lies between the
-lines and beside the real axis by what damps the motion. The scatter of the fit gives that of ω₀.
+lines and beside the real axis by what damps the motion. The standard deviation of ω₀ follows from the residuals of the
+fit.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Antiresonance:
     Parameters
     ----------
     response, reference : which function
-    freq_hz, sd_hz : of the zero, and its standard deviation from the scatter of the fit
+    freq_hz, sd_hz : of the zero, and its standard deviation from the residuals of the fit
     damping : Im μ/Re μ, a loss factor
     motion : (responses,) what all responses to this reference measure at this frequency, as receptance
     """

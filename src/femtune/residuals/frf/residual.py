@@ -99,7 +99,7 @@ def _rows(nodes: NodeTable, dofs: DofSet) -> sp.csr_array:
 
 @dataclass(frozen=True, eq=False)
 class FrfResidual(Residual):
-    """H_model against H_test at some lines of some functions, weighted by the scatter of each value.
+    """H_model against H_test at some lines of some functions, weighted by the standard deviation of each value.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def _only(sets: tuple[FrfSet, ...], path: str) -> FrfSet:
 def found_from_frfs(
     frfs: FrfSet, file: IdentifyFile, geometry: WireFrame = NO_GEOMETRY, sd: NDArray[np.float64] | None = None
 ) -> Found:
-    """Modes of functions, with every pole, the fit and the state-space model; `sd` is the functions' scatter."""
+    """Modes of functions, with every pole, the fit and the state-space model; `sd` is that of the functions."""
     table = file.identify
     methods = tuple(m for m in table.methods or FRF_METHODS if m in FRF_METHODS)
     asked = InputKnown(
@@ -119,7 +119,7 @@ def has_forces(record: TimeSeries) -> bool:
 
 
 def found_from_forces(record: TimeSeries, file: IdentifyFile) -> Found:
-    """Modes of the functions that the record gives, weighed by their scatter.
+    """Modes of the functions that the record gives, weighted by their standard deviations.
 
     Raises
     ------

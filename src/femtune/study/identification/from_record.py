@@ -123,7 +123,7 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
 def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
     first = several[names[0], 0]
     if not len(first.modes):
-        raise FemtuneError("identify.no-modes/first", names=names[0])
+        raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
     return Found(first.modes, first.table, first.candidates, by_method, _NO_CURVE)
 

@@ -23,43 +23,43 @@ class IdentifiedMode(Record):
     freq_hz: float
     """Natural frequency."""
     freq_sd_hz: float | None
-    """Standard deviation of it, None where the method gives none."""
+    """Standard deviation of it, None if the method gives none."""
     damping_ratio: float | None
-    """Fraction of critical damping, None where the method gives none."""
+    """Fraction of critical damping, None if the method gives none."""
     damping_sd: float | None
     """Standard deviation of it."""
     by_method: dict[str, float | None]
-    """Frequency by each method, None where it lacks the mode."""
+    """Frequency by each method, None if it did not find the mode."""
     phase_collinearity: float
-    """Of the shape: 1 for a real one."""
+    """Phase collinearity of the shape: 1 for a real shape."""
     estimates: int | None
-    """In how many estimates (methods and fragments) it was found, None where there was only one of each."""
+    """Number of estimates (methods and fragments) that contain it, None with only one estimate."""
     of_input: bool | None
-    """True where the excitation has the same peak, None where it was not recorded."""
+    """True if the excitation has the same peak, None if it was not recorded."""
     remark: str
-    """What was found about its origin."""
+    """Remark on its origin."""
 
 
 class PoleCluster(Record):
-    """Poles that come back from order to order."""
+    """Poles that are stable from order to order."""
 
     freq_hz: float
     """Median."""
     damping_ratio: float
     """Median."""
     chosen: bool
-    """Whether it was taken as a mode."""
+    """True if it was chosen as a mode."""
     reason: str
-    """Why, or why not."""
+    """The reason."""
 
 
 class Identification(Record):
-    """All of an identification but its arrays."""
+    """An identification without its arrays."""
 
     femtune_version: str
     """Version that wrote it."""
     title: str
-    """What the user calls it."""
+    """Its title."""
     source: InputFile
     """The record or the functions."""
     units: str
@@ -69,13 +69,13 @@ class Identification(Record):
     normalisation: str
     """Of the shapes: mass, unit-norm or unit-max."""
     modes: tuple[IdentifiedMode, ...]
-    """The result."""
+    """The identified modes."""
     clusters: tuple[PoleCluster, ...]
-    """Among which was chosen."""
+    """The clusters from which the modes were chosen."""
     largest_misfit_percent: float | None
-    """What the synthesised functions miss of the worst measured one, None where the input is not known."""
+    """Relative error of the synthesised function with the poorest fit; None if the input is not known."""
     alerts: tuple[Alert, ...]
-    """What the reader should know."""
+    """Alerts."""
 
 
 def identification(found: Found, title: str, source: InputFile, units: str) -> Identification:

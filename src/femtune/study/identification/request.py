@@ -91,7 +91,7 @@ def check_usable(record: TimeSeries) -> None:
     _check_size(record)
     responses = record.select_channels([*record.positions("reference"), *record.positions("response")])
     if len(responses) and dead_channels(responses).all():
-        raise FemtuneError("record.dead/check-usable")
+        raise FemtuneError("record.dead/all-responses")
 
 
 def _check_size(record: TimeSeries) -> None:
@@ -100,7 +100,7 @@ def _check_size(record: TimeSeries) -> None:
     if len(bad):
         names = ", ".join(str(record.channels[i]) for i in bad[:5])
         values = {"largest sample": f"{largest[bad[0]]:.3g}", "wanted": f"{SMALLEST:g} to {LARGEST:g}"}
-        raise FemtuneError("record.values/check-size", values=values, names=names)
+        raise FemtuneError("record.values/size", values=values, channels=names)
 
 
 def check_methods(file: IdentifyFile, forces: bool) -> None:
@@ -146,7 +146,7 @@ def _check_lines(piece: TimeSeries, asked: Operational) -> None:
     low, high = asked.band_hz
     if high - low < LEAST_LINES * step:
         raise FemtuneError(
-            "identify.band/check-lines",
+            "identify.band/too-few-lines",
             values={"lines": f"{step:.3g} Hz apart", "duration": f"{piece.duration_s:g} s"},
             low=low,
             high=high,

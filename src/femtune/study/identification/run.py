@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifyResult(StepResult):
-    """The modes that were identified, what they were chosen from, and the folder of their files.
+    """The identified modes, the poles from which they were chosen, and the folder of their files.
 
     Parameters
     ----------
     folder : where the files are
-    record : all of it but the arrays, as identified.json holds it
+    record : all results except the arrays, as in identified.json
     found : the modes with the poles of every order, the measured and the synthesised functions
     files : names of the files in the folder
     report : the page that was written, None without one
@@ -82,17 +82,17 @@ class IdentifyResult(StepResult):
 
     @property
     def measured(self) -> FrfSet | None:
-        """The measured functions at the lines of the fit; None where the input is not known."""
+        """The measured functions at the lines of the fit; None if the input is not known."""
         return self.found.measured
 
     @property
     def synthesised(self) -> FrfSet | None:
-        """The functions of the identified modes at the same lines; None where the input is not known."""
+        """The functions of the identified modes at the same lines; None if the input is not known."""
         return self.found.synthesised
 
     @property
     def notices(self) -> tuple[Alert, ...]:
-        """What the reader should know."""
+        """Alerts and remarks."""
         return self.record.alerts
 
     def _sentences(self) -> list[str]:
@@ -111,13 +111,13 @@ def identify(
     *,
     options: Mapping[str, Any] | None = None,
 ) -> IdentifyResult:
-    """Modes of a record in time or of measured functions, in a folder of files.
+    """Identify modes from a time record or FRFs, and write them to a folder.
 
     Parameters
     ----------
     path : an identification file (TOML), a record (CSV, UFF 58, .npy, .npz, .mat, HDF5, WAV), or functions (UFF 58)
-    output : folder instead of that of the file; ``identified`` beside it where nothing is said
-    options : keys of [identify] that take the place of the file's, or stand for them: ``{"band_hz": (2.0, 40.0)}``
+    output : output folder; default: that of the file, or ``identified`` in its folder
+    options : keys of [identify] that replace those of the file: ``{"band_hz": (2.0, 40.0)}``
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _found(file: IdentifyFile, progress: Progress) -> Found:
 
 @contextmanager
 def _at_the_file(file: IdentifyFile) -> Iterator[None]:
-    """Methods know arrays, no files: what they refuse is said of the measured file."""
+    """Errors of the methods, which know arrays only, are reported for the measured file."""
     try:
         yield
     except FemtuneError as error:
@@ -162,7 +162,7 @@ def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
     inputs = {os.path.realpath(p) for p in (file.path, file.measured_path)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
-        raise FemtuneError("write.overwrites-input/check-folder", where=Where(str(folder)))
+        raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
 
 
 def _digest(path: Path) -> str:

@@ -103,9 +103,8 @@ def material_axis(axes: Reals, theta: Reals, direction: Reals) -> Reals:
     """(m, 2) cosine and sine of the material's angle: `theta` from side 1-2, or a `direction` that is projected."""
     out = np.stack([np.cos(theta), np.sin(theta)], axis=1)
     given = direction.any(axis=1)
-    if given.any():
-        flat = np.einsum("mi,mij->mj", direction[given], axes[given])[:, :2]
-        out[given] = flat / np.linalg.norm(flat, axis=1)[:, None]
+    flat = np.einsum("mi,mij->mj", direction[given], axes[given])[:, :2]
+    out[given] = flat / np.linalg.norm(flat, axis=1)[:, None]
     return out
 
 

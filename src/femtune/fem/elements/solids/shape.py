@@ -159,7 +159,7 @@ def pentahedron_points(n: int) -> SolidPoints:
     flat, area = _orbits(((0.44594849091596488632, 0.22338158967801146570), (0.09157621350977074346, _SECOND)), 3)
     x, w = np.polynomial.legendre.leggauss(n)
     r, t = np.meshgrid(flat[:, 0], x, indexing="ij")
-    s = np.broadcast_to(flat[:, 1:2], r.shape)
+    s = np.broadcast_to(flat[:, 1:], r.shape)
     return _points(r, s, t, 0.5 * area[:, None] * w)
 
 
