@@ -22,7 +22,7 @@ from femtune.uncertainty.repeats import OutputStatistics, check_positive, correl
 class StochasticStatus(Enum):
     """Outcome; `ok` says whether mean and covariance may be used."""
 
-    CONVERGED = "converged: means and covariance are stationary"
+    CONVERGED = "converged; means and covariance are stationary"
     UNDETERMINED = (
         "converged, but the outputs do not determine all parameters; the solution nearest to the initial values is used"
     )

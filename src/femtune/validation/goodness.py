@@ -71,7 +71,7 @@ class GoodnessOfFit:
             return f"the residuals are not noise of the stated size: {details}"
         if self.p_value > 1.0 - LEVEL:
             what = "the residuals are smaller than the stated standard deviations imply"
-            return f"{what}: {numbers}; these are probably too large"
+            return f"{what} ({numbers}); these are probably too large"
         return f"the residuals may be noise of the stated size: {numbers}, p = {self.p_value:.2g}"
 
     def _why_not(self) -> str:

@@ -21,6 +21,7 @@ from femtune.reporting.figures.bars import PredictedMode, predictions_svg
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
+    as_sentence,
     counted,
     freq,
     listed,
@@ -96,7 +97,7 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
     noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
     misses: list[Block] = [Heading("Can measurement noise explain the failures?"), Listing(noise)] if noise else []
     tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
-    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", tone), Table("", heads, rows), *misses]
+    return [Paragraph(as_sentence(sentence), tone), Table("", heads, rows), *misses]
 
 
 def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
@@ -208,7 +209,7 @@ _TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
 def goodness_sentence(source: ReportSource) -> list[Block]:
     """One sentence, where it was tested."""
     found = _found(source)
-    return [] if found is None else [Paragraph(f"Residuals: {found.sentence}.", _TONES[found.verdict])]
+    return [] if found is None else [Paragraph(as_sentence(found.sentence), _TONES[found.verdict])]
 
 
 def goodness(source: ReportSource) -> list[Block]:
