@@ -186,7 +186,7 @@ CASES = (
          "study.toml", 11, "3Y+ = at (1, 0.1, 0), nearest grid point 3, distance 0.1", "tolerance"),
     Case("sensor.unmatched", lambda f: f.test(1000.0), "study.toml", 11, "2 of 2 sensors", "look like millimetres"),
     Case("correlate.no-pairs", lambda f: f.tail("[correlate]\nfrequency_gate = 1e-6\n"),
-         "study.toml", 11, "test mode 1 (26 Hz) = best candidate", "gates"),
+         "study.toml", 11, "test mode 1 (26 Hz) = the best candidate", "gates"),
     # the study
     Case("study.missing-file", lambda f: f.study("beam.bdf", "baem.bdf"),
          "study.toml", 3, "the deck does not exist", "relative to the study"),

@@ -37,7 +37,7 @@ class ModelCheck(Record):
 
 
 # ----------------------------------------------------------------------------------------------------
-# How the records are made: weighed mass, lumped against consistent mass, the mesh.
+# How the records are made: measured mass, lumped versus consistent mass, the mesh.
 
 
 Solutions = Mapping[str, EigenSolution]

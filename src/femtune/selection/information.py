@@ -229,12 +229,12 @@ def _of_pairs(alike: Collinearity) -> list[str]:
 
 
 def _of_dependences(alike: Collinearity) -> list[str]:
-    """Those of more than two, since pairs are told already."""
-    told = {frozenset((a, b)) for a, b, _ in alike.pairs}
+    """Those of more than two, since pairs are listed already."""
+    listed_pairs = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
         f"The effects of {_few(names)} are nearly linearly dependent (condition index {index:.0f})."
         for index, names in alike.dependences[:_MOST]
-        if frozenset(names) not in told
+        if frozenset(names) not in listed_pairs
     ]
 
 

@@ -291,7 +291,7 @@ def _check_variance(variance: Reals, mean: Reals, names: tuple[str, ...]) -> Non
     if flat.any():
         raise FemtuneError(
             "quantify.zero-variance",
-            values={"outputs with zero variance": ", ".join(n for n, f in zip(names, flat) if f)},
+            values={"outputs without scatter": ", ".join(n for n, f in zip(names, flat) if f)},
             names=names[int(np.argmax(flat))],
         )
 

@@ -217,7 +217,7 @@ def _shortened(
 #
 #     z(θ) = z₀ + G d + ½ H[d, d],  d = θ − θ₀
 #
-# stands for the structure, and no further solution is needed. Where the repeats are at hand each of them is inverted
+# stands for the structure, and no further solution is needed. If the repeats are available each of them is inverted
 # through it, and mean and covariance are those of the inverted repeats: exact to the quadratic model for any
 # distribution. Where only moments are known, or repeats have gaps, the moments of a normal distribution are matched:
 # mean z₀ + G d + ½ H:C and covariance G C Gᵀ + ½ tr(H_i C H_j C).
@@ -315,7 +315,7 @@ def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEst
 # Every parameter's range is cut into as many strata of equal probability as there are samples, and each stratum is
 # met once (McKay, Beckman and Conover 1979). The correlation is imposed by re-ordering the ranks (Iman and Conover
 # 1982), which leaves every parameter's strata as they are, or by a linear map of the normal scores after which mean
-# and covariance of the sample are those asked for, exactly.
+# and covariance of the sample are those requested, exactly.
 
 
 Imposed = Literal["ranks", "moments"]
@@ -329,7 +329,7 @@ def latin_hypercube(mean: Reals, covariance: Reals, count: int, seed: int = 0, i
     mean, covariance : (k,) and (k, k)
     count : number of samples, more than k
     seed : of the permutations and of the places within the strata
-    imposed : "moments": sample mean and covariance are exactly those asked for; "ranks": strata are kept exactly and
+    imposed : "moments": sample mean and covariance are exactly those requested; "ranks": strata are kept exactly and
         the correlation is met as nearly as ranks can
 
     Raises
@@ -590,7 +590,7 @@ def stochastic_update(
     outputs : model, in the units of `measured`
     measured : m outputs
     start, start_sd : (k,) first means and standard deviations; the standard deviations are the units in which steps
-        are measured, in which a regularisation weighs, and of the first cloud
+        are measured, used by a regularisation, and of the first samples
 
     Raises
     ------

@@ -26,7 +26,7 @@ KEPT = 3
 
 
 class Told(Protocol):
-    """Who is told how far an update on reduced models is."""
+    """Receiver of the progress of an update on reduced models."""
 
     def trained(self, name: str, trained: Trained) -> None:
         """After every full solution of the training of a configuration."""
@@ -186,7 +186,7 @@ def update_reduced(
     Parameters
     ----------
     report, start, active : as for `update`
-    told : hears how far training and searches are
+    told : receives the progress of training and searches
 
     Raises
     ------

@@ -31,7 +31,7 @@ class RegularisationPath:
     weights : (m,) μ, rising
     changes : (m, k) d of the parameters that move, zero for the others
     residual_norms, constraint_norms : (m,) |r + J d| and |R(x + d) − c|
-    curvature : (m,) of the L-curve, log constraint norm over log residual norm; NaN where the curve stands still
+    curvature : (m,) of the L-curve, log constraint norm over log residual norm; NaN where it is not defined
     cross_validation : (m,) |r + J d|²/(n − trace of the influence matrix)², the generalised cross-validation
     """
 

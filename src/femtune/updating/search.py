@@ -181,7 +181,7 @@ class LevenbergMarquardt:
         return gain > 1e-4
 
     def longer(self, state: float, gain: float) -> float:
-        """Less damping where the linear model told the truth, more where it hardly did."""
+        """Less damping if the actual decrease agrees with the predicted decrease, more if it does not."""
         if gain > 0.75:
             return max(0.1 * state, LEAST)
         return state if gain > 0.25 else 4.0 * state

@@ -168,7 +168,7 @@ class Stage:
     problem : what is compared, made where the stage starts (regions of lines follow the modes found so far)
     method : how; where `prior` holds its regularisation is replaced by the belief of earlier stages
     prior : whether that belief is the prior
-    seeds : further start values of moving parameters by name, in their units; every one is run to its end
+    seeds : further initial values of moving parameters by name, in their units; every one is run to its end
     """
 
     name: str

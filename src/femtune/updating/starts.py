@@ -133,7 +133,8 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
     if not optima:
         return (f"None of {n} starts converged. The best point is kept; it is not an optimum.",)
     others = [o for o in optima[1:] if o.as_good]
-    out = [f"{len(optima[0].members)} of {n} starts reached the same optimum."]
+    count = len(optima[0].members)
+    out = [f"{count} of {n} starts reached the {'same' if count > 1 else 'best'} optimum."]
     if others:
         count = sum(len(o.members) for o in others)
         out.append(
@@ -232,7 +233,7 @@ def multi_start(
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
 ) -> MultiStart:
-    """Update from many points, keep every end, and say whether the answer is one.
+    """Update from many initial points, keep every result, and state whether the result is unique.
 
     Parameters
     ----------

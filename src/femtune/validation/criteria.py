@@ -26,7 +26,7 @@ class Criterion:
 
     @property
     def percent(self) -> bool:
-        """True where the quantity is told in per cent."""
+        """True if the quantity is given in per cent."""
         return self.quantity in IN_PERCENT
 
     def text(self, value: float) -> str:
@@ -138,7 +138,7 @@ def profile(word: str, limits: Mapping[str, float] | None = None) -> CriteriaPro
 
 
 def judge(criterion: Criterion, value: float, remark: str, noise: str = "") -> Verdict:
-    """The verdict on a measured value; noise is told of a miss only."""
+    """The verdict on a measured value; noise is stated for a failure only."""
     passed = criterion.passed(value)
     outcome = Outcome.PASS if passed else Outcome.FAIL
     return Verdict(criterion, value, outcome, remark, "" if passed else noise)

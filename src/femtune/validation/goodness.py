@@ -65,7 +65,8 @@ class GoodnessOfFit:
         """Outcome in words with the numbers."""
         if self.p_value is None or self.chi_square is None:
             return f"not tested: {self._why_not()}"
-        numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} degrees of freedom"
+        degrees = "degree" if self.degrees_of_freedom == 1 else "degrees"
+        numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} {degrees} of freedom"
         if self.outcome is Outcome.FAIL:
             details = f"{numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
             return f"the residuals are not noise of the stated size: {details}"

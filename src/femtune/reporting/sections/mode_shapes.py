@@ -81,7 +81,7 @@ def _why(kept: ModeShapes | None) -> str:
 
 
 def parts_of(frame: Wireframe) -> int:
-    """How much a picture of it weighs: its lines and faces; pixels weigh the same however many faces they show."""
+    """Size of its picture: number of lines and faces; a raster image counts the same for any number of faces."""
     return max(1, len(frame.lines) + min(len(frame.faces), VECTOR_FACES))
 
 

@@ -178,7 +178,7 @@ def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
 
 
 def _remark(p: Prediction, known_reasons: list[str]) -> str:
-    """The study's reason for leaving a mode out stands in the table of modes left out."""
+    """The study's reason for leaving out a mode is given in the table of these modes."""
     if p.data:
         return "" if p.paired else "not paired; the most similar mode is shown"
     return "left out by the study" if p.remark in known_reasons else p.remark
@@ -273,7 +273,7 @@ def untested(criteria: Iterable[CriterionRecord]) -> dict[str, tuple[str, ...]]:
 
 
 def _not_tested(source: ReportSource) -> list[Block]:
-    """Configurations with the same criteria and the same reason share a row; of two versions the last one's is told."""
+    """Configurations with the same criteria and the same reason share a row; of two versions the last one is shown."""
     found: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
     for name in source.results.study.configurations:
         for names, (when, reason) in _of_configuration(source, name).items():
