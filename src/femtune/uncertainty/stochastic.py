@@ -20,7 +20,7 @@ from femtune.uncertainty.repeats import OutputStatistics, check_positive, correl
 
 
 class StochasticStatus(Enum):
-    """Outcome; `ok` says whether mean and covariance may be used."""
+    """Outcome; `ok` states whether mean and covariance may be used."""
 
     CONVERGED = "converged; means and covariance are stationary"
     UNDETERMINED = (
@@ -34,7 +34,7 @@ class StochasticStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True where the iteration ended at its goal."""
+        """True if the iteration converged."""
         return self in (StochasticStatus.CONVERGED, StochasticStatus.UNDETERMINED)
 
 
@@ -127,7 +127,7 @@ class MeanStep:
 
 @dataclass(frozen=True)
 class Means:
-    """Where the means ended: θ (k,), z(θ) (m,), G (m, k), T (k, m) of the last step, all steps."""
+    """Result for the means: θ (k,), z(θ) (m,), G (m, k), T (k, m) of the last step, all steps."""
 
     theta: Reals
     outputs: Reals
@@ -193,7 +193,7 @@ def _error(by: LinearEstimator, residual: Reals) -> float:
 def _shortened(
     outputs: Counted, by: LinearEstimator, target: Reals, theta: Reals, d: Reals, error: float
 ) -> Reals | None:
-    """The longest of d, d/2, d/4 … that lowers the error; None where none does."""
+    """The longest of d, d/2, d/4 … that reduces the error; None if none does."""
     length = 1.0
     while length > _SHORTEST:
         try:
@@ -255,12 +255,12 @@ class QuadraticModel:
 
 
 def quadratic_model(outputs: Counted, at: Means, scale: Reals) -> QuadraticModel:
-    """The quadratic model where the means ended, by k model solutions at steps of a thousandth of `scale`."""
+    """The quadratic model at the final means, by k model solutions at steps of a thousandth of `scale`."""
     return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _STEP * scale))
 
 
 def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
-    """Mean (k,) and covariance (k, k) of the parameters; None where the curvature is too strong for the cloud."""
+    """Mean (k,) and covariance (k, k) of the parameters; None if the curvature is too large."""
     if measured.complete:
         return _of_repeats(model, measured.repeats, by)
     return _of_moments(model, measured, by)
@@ -395,7 +395,8 @@ class CloudRules:
 
 @dataclass(frozen=True)
 class CloudStep:
-    """One cloud: mean (k,) and covariance (k, k) of the parameters, mean outputs (m,) and solutions so far."""
+    """One iteration of the samples: mean (k,) and covariance (k, k) of the parameters, mean outputs (m,) and solutions
+    so far."""
 
     mean: Reals
     covariance: Reals
@@ -405,7 +406,7 @@ class CloudStep:
 
 @dataclass(frozen=True)
 class CloudResult:
-    """Where the cloud ended, and T (k, m) of the last step."""
+    """Final samples, and T (k, m) of the last step."""
 
     steps: tuple[CloudStep, ...]
     T: Reals

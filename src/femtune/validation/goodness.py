@@ -22,7 +22,7 @@ from femtune.residuals import ResidualBlock
 from femtune.validation.criteria import Outcome
 
 LEVEL = 0.01
-"""Residuals that chance makes less often than this are not called noise."""
+"""Residuals with a smaller probability than this are not called noise."""
 _FEWEST_RUNS = 10
 _RANK = 1e-10
 
@@ -54,7 +54,7 @@ class GoodnessOfFit:
 
     @property
     def outcome(self) -> Outcome:
-        """Pass where the residuals may be noise of the stated size, or of a smaller one."""
+        """Pass if the residuals may be noise of the stated size, or of a smaller one."""
         if self.p_value is None:
             return Outcome.NOT_TESTED
         few = self.runs_p_value is not None and self.runs_p_value < LEVEL
