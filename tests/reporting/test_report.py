@@ -120,7 +120,7 @@ def test_derived_quantities_stand_beside_the_parameters(data: dict[str, Any], ar
         _texts(_section(document, "parameters")),
         *(_texts(s) for s in document.short if s.id == "parameters"),
     ):
-        for words in ("Derived quantities", "slab", "0.004", "0.13", "0.12*E_col_1", "not finite", "its expression is not finite"):
+        for words in ("Derived quantities", "slab", "0.004", "0.13", "0.12*E_col_1", "not finite", "its expression"):
             assert words in found
 
 
