@@ -10,7 +10,7 @@ from femtune.errors import FemtuneError
 
 
 def require(module: str, *, extra: str = "") -> ModuleType:
-    """Import `module`, or say whether it is missing or broken and which pip line mends it.
+    """Import `module`, or say whether it is missing or broken and which pip command installs it.
 
     Raises
     ------

@@ -187,7 +187,7 @@ def test_more_modes_than_are_kept_leaves_the_first_ones(plate: Path, monkeypatch
 def test_huge_models_are_drawn_coarser_and_say_so(plate: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_shapes, "thinned", partial(thinned, most_faces=1))
     page = _page(plate)
-    assert "The mesh is simplified in the drawing: 1 faces in place of 2" in _said(page, "pictures")
+    assert "The mesh is simplified in the drawing: 1 faces instead of 2" in _said(page, "pictures")
     assert len(_figures(page)) == 2
 
 

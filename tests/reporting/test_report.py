@@ -113,14 +113,14 @@ def test_no_pairs_at_all_is_said(slim: dict[str, Any], arrays: dict[str, Any]) -
 
 def test_derived_quantities_stand_beside_the_parameters(data: dict[str, Any], arrays: dict[str, Any]) -> None:
     one = {"name": "slab", "expression": "0.12*E_col_1", "unit": "m", "nominal": 0.12, "value": 0.13, "sd": 0.004}
-    none = {**one, "name": "root", "value": None, "sd": None, "sd_reason": "its expression has no finite value"}
+    none = {**one, "name": "root", "value": None, "sd": None, "sd_reason": "its expression is not finite"}
     data["update"]["derived"] = [one, none]
     document = build_report(Results.model_validate(data), arrays)
     for found in (
         _texts(_section(document, "parameters")),
         *(_texts(s) for s in document.short if s.id == "parameters"),
     ):
-        for words in ("Derived quantities", "slab", "0.004", "0.13", "0.12*E_col_1", "not finite", "no finite value"):
+        for words in ("Derived quantities", "slab", "0.004", "0.13", "0.12*E_col_1", "not finite", "its expression"):
             assert words in found
 
 

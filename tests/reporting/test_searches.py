@@ -41,7 +41,7 @@ def _point(weight: float, n: int) -> dict[str, Any]:
 
 def _start(number: int, n: int) -> dict[str, Any]:
     return {"number": number, "start": [0.9] * n, "end": [1.0] * n, "objective": 1.0, "outcome": "BEST",
-            "sentence": "ended at the best optimum that was found", "tries": 1, "iterations": 7}  # fmt: skip
+            "sentence": "reached the best optimum that was found", "tries": 1, "iterations": 7}  # fmt: skip
 
 
 def _svg(blocks: list[Block]) -> str:

@@ -102,7 +102,7 @@ def test_without_modes_nothing_is_reduced():
     found = update_reduced(UpdateProblem((case,), MODEL.model.parameters), SensitivityMethod(), ReductionRules())
     assert found.certified
     assert found.cases == ()
-    assert found.rounds[0].startswith("nothing was reduced")
+    assert found.rounds[0].startswith("no model was reduced")
     assert found.result.after.objective < 1e-20
     assert solver.solved == 0
 

@@ -104,7 +104,7 @@ def test_of_very_large_models_a_coarser_mesh_is_kept(beam: Any, monkeypatch: pyt
     run = steps.run(beam.study())
     assert {m.reason for m in run.results.mode_shapes} == {""}
     (sentence,) = {m.simplified for m in run.results.mode_shapes}
-    assert re.fullmatch("the mesh is simplified in the drawing: [123] lines in place of 4", sentence)
+    assert re.fullmatch("the mesh is simplified in the drawing: [123] lines instead of 4", sentence)
     assert run.report is not None
     assert sentence[1:] in run.report.read_text("utf-8")
 
@@ -132,7 +132,7 @@ def test_a_coarser_mesh_covers_the_same_area_within_the_limits() -> None:
     assert len(fewer.lines) <= 4000
     assert _area(points, fewer.faces) > 0.9
     assert fewer.sentence.startswith(
-        f"the mesh is simplified in the drawing: {len(fewer.faces)} faces in place of 10000"
+        f"the mesh is simplified in the drawing: {len(fewer.faces)} faces instead of 10000"
     )
     whole = DrawnMesh(edges[:9], np.zeros(9, np.int64), faces)
     assert thinned(points, whole) is whole

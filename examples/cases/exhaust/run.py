@@ -55,7 +55,7 @@ LOCAL_HZ = 380.0
 
 @dataclass(frozen=True)
 class Size:
-    """Seeds of noise, spacing of the lines, and start values of dampings over those of the deck."""
+    """Seeds of noise, spacing of the lines, and initial values of dampings over those of the deck."""
 
     noise_seeds: tuple[int, ...]
     step_hz: float

@@ -1,7 +1,7 @@
 """Three springs, two loads and noise: what a side constraint does. python run.py [--quick] [--evidence DIR].
 
 The static example of the handbook chapter (Mottershead, Link and Friswell 2011, Fig. 1 and Table 1): springs k1 and k3
-to ground, k2 between two nodes; the residual is the force f − K(θ0)u that the start values leave. The chapter's noise
+to ground, k2 between two nodes; the residual is the force f − K(θ0)u that the initial values leave. The chapter's noise
 is not printed: NOISY are displacements of five digits that were sought so that all rows of its table come out, with a
 second load of (1, .002) N for which the matrix has the condition of 880 that it states.
 """
@@ -59,7 +59,7 @@ class Tests:
 
     @property
     def linear(self) -> LinearModel:
-        """K(θ)u − f at the start values: linear in the springs, so that one step is the whole update."""
+        """K(θ)u − f at the initial values: linear in the springs, so that one step is the whole update."""
         residuals = np.concatenate([stiffness(START) @ u - f for f, u in zip(self.loads, self.displacements)])
         return LinearModel(PARAMETERS, np.zeros(3), residuals, self.matrix, np.ones(3, bool))
 

@@ -150,7 +150,7 @@ def thinned(points: Reals, mesh: DrawnMesh, most_lines: int = MOST_LINES, most_f
 
 def _sentence(mesh: DrawnMesh, fewer: DrawnMesh) -> str:
     parts = [(len(mesh.faces), len(fewer.faces), "faces"), (len(mesh.lines), len(fewer.lines), "lines")]
-    told = " and ".join(f"{few} {name} in place of {many}" for many, few, name in parts if many)
+    told = " and ".join(f"{few} {name} instead of {many}" for many, few, name in parts if many)
     return f"the mesh is simplified in the drawing: {told}"
 
 

@@ -46,7 +46,7 @@ def _place(error: FemtuneError, where: Where) -> None:
 
 
 def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Where:
-    """Where a key of a configuration stands: in its [[configuration]], or in [test] of a study without."""
+    """Place of a key of a configuration: in its [[configuration]], or in [test] of a study without."""
     if file.configuration:
         return file.where("configuration", file.configurations.index(entry), *keys)
     return file.where("test", *("file" if key == "test" else key for key in keys))

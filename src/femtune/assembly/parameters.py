@@ -1,4 +1,4 @@
-"""Parameters of a study on a deck that was built: their start values, bounds, and the fields that they set."""
+"""Parameters of a study on a deck that was built: their initial values, bounds, and the fields that they set."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """Told at every step of something that may take long."""
+    """Receives every step of a long analysis."""
 
     def step(self, text: str, done: int, total: int | None) -> None:
         """`text` says what is being done; `done` of `total` are done, `total` is None where nobody knows."""

@@ -66,7 +66,7 @@ class AskedOf:
         return None if self.case.test is None else self.case.test.frfs
 
     def where(self, *keys: str | int) -> Where:
-        """Where the table, or one of its keys, stands."""
+        """Place of the table, or of one of its keys."""
         return self.file.where(*self.comparison.place, *keys)
 
     def errors_at(self, *keys: str | int) -> AbstractContextManager[None]:

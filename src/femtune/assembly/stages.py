@@ -40,7 +40,7 @@ Tell = Callable[[str, int, Iteration], None]
 
 
 def bottom_up(study: Study, at: Evaluation, tell: Tell) -> tuple[UpdateResult, tuple[StageResult, ...]]:
-    """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the start values.
+    """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the initial values.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[Compa
 
 
 def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> UpdateResult:
-    """The whole as one update: from the start values to the last belief, with the iterations of all stages."""
+    """The whole as one update: from the initial values to the last belief, with the iterations of all stages."""
     belief = stages[-1].belief
     after = study.problem().start(belief.x)
     failed = [s.best.status for s in stages if not s.best.status.ok]

@@ -231,7 +231,7 @@ def on_deck(study: Study, built: BuiltModel) -> Study:
 
 
 # ----------------------------------------------------------------------------------------------------
-# The chosen solvers. They are checked before anything is read, so that a misspelt name is told at once.
+# The chosen solvers. They are checked before anything is read, so that a misspelt name is reported at once.
 
 
 def check_solvers() -> None:

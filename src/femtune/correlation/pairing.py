@@ -230,7 +230,7 @@ class Unpaired:
 class ClusterMatch:
     """Test modes compared with a cluster of close model modes.
 
-    Column k of `rotation.aligned` stands against test mode ``test[k]``; the pair's model position is ``paired[k]``.
+    Column k of `rotation.aligned` is paired with test mode ``test[k]``; the pair's model position is ``paired[k]``.
     """
 
     test: tuple[int, ...]

@@ -150,7 +150,7 @@ class SensorMap:
 
 @dataclass(frozen=True, eq=False)
 class _Request:
-    """What the user asked for, as one bundle."""
+    """What the user requested, as one bundle."""
 
     nodes: NodeTable
     search: NodeSearch

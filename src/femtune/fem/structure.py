@@ -278,7 +278,7 @@ class Structure:
 
 
 ALL_MODES = 0
-"""The number that stands for every mode without a ratio of its own."""
+"""The number that denotes all modes without an individual ratio."""
 MODAL = "MODAL"
 
 

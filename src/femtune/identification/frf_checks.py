@@ -17,7 +17,7 @@ from femtune.modal.frf_set import KINDS
 POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
 RECIPROCAL = 0.25
-"""Relative difference of H_ij and H_ji that is told."""
+"""Relative difference of H_ij and H_ji that is reported."""
 KNOWN_FACTORS = {
     "g instead of m/s²": 9.80665,
     "mm instead of m": 1000.0,

@@ -262,7 +262,7 @@ class LineSums:
 
 
 def line_sums(frfs: FrfSet, near: Complexes) -> LineSums:
-    """All sums; a response of small motion weighs as much as the others.
+    """All sums; all responses have equal weight.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def subspace(frfs: FrfSet, largest_order: int, block_rows: int | None = None, sd
     frfs : (n, u, k) at even or uneven lines
     largest_order : states
     block_rows : q, with q·n above the order; chosen where None
-    sd : (n, u, k) standard deviations of the FRFs that weigh lines and responses, or None
+    sd : (n, u, k) standard deviations of the FRFs, as weights of lines and responses, or None
 
     Raises
     ------

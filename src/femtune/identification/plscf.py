@@ -3,8 +3,8 @@
 The functions are a right matrix fraction H(z) = B(z) A(z)⁻¹ with complex coefficients in z = e^{iωT + iα}, where T and
 α carry the band to most of the unit circle, so that powers of z stay nearly orthogonal. The numerators are eliminated;
 of the denominator the coefficient of the lowest power is the identity, which puts computational poles outside the
-circle: they grow, and so are told from those of the structure. The price is that noise lowers the damping of all poles
-at low orders.
+circle: they grow, and thus can be distinguished from those of the structure. The price is that noise lowers the damping
+of all poles at low orders.
 
 Sources: P. Guillaume et al. (2003), A poly-reference implementation of the least-squares complex frequency-domain
 estimator, Proc. IMAC 21; B. Cauberghe et al. (2005), On the influence of the parameter constraint on the stability of
@@ -56,7 +56,7 @@ def normal_equations(frfs: FrfSet, largest_order: int, sd: Reals | None = None) 
     ----------
     frfs : (n, u, k)
     largest_order : degree p of the polynomials
-    sd : (n, u, k) standard deviations of the FRFs that weigh lines and responses, or None
+    sd : (n, u, k) standard deviations of the FRFs, as weights of lines and responses, or None
 
     Raises
     ------

@@ -176,7 +176,7 @@ NOT_ONE_SHAPE = 0.95
 
 
 LARGE_SPREAD = 4.0
-"""Spread of a pole between the functions above which it is told."""
+"""Spread of a pole between the functions above which it is reported."""
 
 
 def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> ModeSet:

@@ -51,7 +51,7 @@ def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     Raises
     ------
     FemtuneError : ``identify.no-poles``, ``identify.unstable-poles``, ``identify.few-lines``,
-        ``identify.no-driving-point`` where reciprocity is asked for and a reference is not among the responses
+        ``identify.no-driving-point`` where reciprocity is requested and a reference is not among the responses
     """
     poles = np.asarray(poles, complex)
     _check_poles(poles)

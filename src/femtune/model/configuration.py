@@ -42,7 +42,7 @@ class Configuration:
     support_set, multipoint_set : numbers of the sets that hold; None takes the deck's own selection
     supports_added, supports_removed : (node, components) pairs such as (12, "123")
     masses : rigid masses that are added
-    weighed_mass : what a balance says of this state, for comparison; None where it was not weighed
+    weighed_mass : measured mass of this configuration, for comparison; None without measurement
     """
 
     name: str = "as the deck"

@@ -1,4 +1,4 @@
-"""Errors that no parameter mends: of the mesh, by one refinement, and of the mass, lumped against consistent."""
+"""Errors that updating cannot correct: of the mesh, by one refinement, and lumped versus consistent mass."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class Parameter:
     Parameters
     ----------
     name : an identifier, so that ties can use it
-    nominal : its start value P0, in `unit`
+    nominal : its initial value P0, in `unit`
     lower, upper : bounds, in `unit`
     unit : text for tables; "" for a factor
     prior_mean, prior_sd : prior; the mean is the nominal value, and the standard deviation

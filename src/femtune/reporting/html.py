@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def write_html(document: Document, path: Path | str, progress: Progress = silent) -> Path:
-    """Write the document to `path`; `progress` is told of every picture that is drawn.
+    """Write the document to `path`; `progress` receives every picture that is drawn.
 
     Raises
     ------

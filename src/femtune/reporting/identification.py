@@ -22,7 +22,7 @@ from femtune.reporting.document import (
 )
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.reporting.figures.stabilisation import StabilisationPicture, stabilisation_svg
-from femtune.reporting.numbers import NONE, counted, freq, percent, short, typeset, unit_fraction
+from femtune.reporting.numbers import NONE, as_sentence, counted, freq, percent, short, typeset, unit_fraction
 
 if TYPE_CHECKING:
     from femtune.reporting.document import (
@@ -192,7 +192,7 @@ def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
 
 
 def _remarks(made: IdentifyResult) -> Iterator[Block]:
-    flagged = tuple(m.remark[:1].upper() + m.remark[1:] + "." for m in made.record.modes if m.of_input)
+    flagged = tuple(as_sentence(m.remark) for m in made.record.modes if m.of_input)
     if flagged:
         yield Listing(flagged)
     if made.found.dropped:

@@ -47,7 +47,7 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
 
 
 def _validation(source: ReportSource) -> list[Block]:
-    """Verdicts on data that the update did not use; the sentence stands in the summary."""
+    """Verdicts on data that the update did not use; the sentence is in the summary."""
     found = source.results.validation
     return [] if found is None else validation_verdicts(found)[1:]
 
@@ -156,7 +156,7 @@ def _not_tested(source: ReportSource) -> list[Block]:
 def _untested_criteria(source: ReportSource) -> list[str]:
     """A line each reason: what is compared, with the standards that ask for it."""
     reasons: dict[str, dict[str, set[str]]] = {}
-    # reasons hold numbers that the update moves: those of the last version are told
+    # reasons contain numbers that the update changes: those of the last version are shown
     last = [s for s in source.results.correlations if s.stage == versions(source)[-1]]
     for c in (c for s in last for c in s.criteria if c.verdict == NOT_TESTED):
         quantity, _, standard = c.name.rpartition(", ")

@@ -55,7 +55,7 @@ class Asked(Protocol):
         ...
 
     def where(self, *keys: str | int) -> Where:
-        """Where the table, or one of its keys, stands."""
+        """Place of the table, or of one of its keys."""
         ...
 
     def errors_at(self, *keys: str | int) -> AbstractContextManager[None]:

@@ -58,7 +58,7 @@ class Residual(ABC):
     """A kind of residual; an instance is one comparison in one configuration, with its data and weights, no algorithm.
 
     What it keeps belongs to the test, never to one model: it is asked on reduced models and on the written deck too.
-    All that is true of a kind stands in its class.
+    The properties of a kind are defined in its class.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Residual(ABC):
 
         Parameters
         ----------
-        state : the model at one parameter vector; it solves for modes when they are asked for
+        state : the model at one parameter vector; it solves for modes when they are requested
         derivatives : whether Jacobians are wanted; without them those of the blocks have no columns
         """
 
@@ -215,7 +215,7 @@ class CaseState:
     ----------
     point : the model there, of the case's `configured` (a reduced model's where the case is reduced)
     groups : frozen groups of paired modes; none where no test mode is paired
-    known : the modes there, where they have been solved; without them they are solved when they are asked for
+    known : the modes there, where they have been solved; without them they are solved when they are requested
     """
 
     case: ComparedCase
@@ -230,7 +230,7 @@ class CaseState:
 
     @property
     def solved(self) -> EigenSolution | None:
-        """The modes where they have been solved, None where nothing asked for them."""
+        """The modes where they have been solved, None where nothing requested them."""
         return self.__dict__.get("solution", self.known)
 
     @property
@@ -257,7 +257,7 @@ class CaseState:
         return align(found, self.case.test.shapes[:, list(tests)])
 
     def pairs(self, derivatives: bool) -> Iterator[PairedMode]:
-        """Every paired test mode with the model's motion that stands against it."""
+        """Every paired test mode with the model's motion paired with it."""
         for group in self.groups:
             aligned = self.aligned(group, derivatives)
             for a, i in enumerate(group[0]):

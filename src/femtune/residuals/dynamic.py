@@ -165,7 +165,7 @@ class DynamicResidual(Residual):
     def _block(
         self, state: CaseState, label: str, found: LeastEquationError, size: float, measured: int
     ) -> ResidualBlock:
-        """The block, its error told beside the forces of inertia."""
+        """The block, its error relative to the inertia forces."""
         values, slopes = found.error / self.sd, found.gradient / self.sd
         # the entries that were not measured take the part of the forces that they can produce
         lost = len(values) - measured

@@ -1,6 +1,6 @@
 """Modal flexibility: Σ ψψᵀ/ω² of the paired modes at the sensors, of mass-normalised test shapes.
 
-Source: Pandey and Biswas (1994). Low modes weigh most, so that few of them are enough.
+Source: Pandey and Biswas (1994). The lowest modes contribute most, so that few of them are sufficient.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Mass and inertia residuals: the weighed mass, the balanced centre of gravity, the swung moments of inertia."""
+"""Mass and inertia residuals: measured mass, centre of gravity and moments of inertia."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class CentreResidual(Residual):
         self.weights.check_size(int(np.sum(~np.isnan(self.centre))), "coordinates of the centre of gravity")
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """One value a coordinate, its error told beside the size of the model."""
+        """One value per coordinate, its error relative to the size of the model."""
         found, known = mass_response(state.full), np.flatnonzero(~np.isnan(self.centre))
         errors = (found.properties.centre - self.centre)[known]
         xyz = state.full.configured.model.structure.nodes.xyz
@@ -119,7 +119,7 @@ class InertiaResidual(Residual):
         return [(i, j) for i in range(3) for j in range(i, 3) if not np.isnan(self.inertia[i, j])]
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
-        """One value an entry, its error told beside the largest one that was measured."""
+        """One value per entry, its error relative to the largest measured entry."""
         found, known = mass_response(state.full, self.about), self._known
         rows, columns = (list(part) for part in zip(*known))
         errors = (found.properties.inertia - self.inertia)[rows, columns]

@@ -1,4 +1,4 @@
-"""Residuals that are made pair by pair of a test mode and the model's motion that stands against it."""
+"""Residuals formed for each pair of a test mode and a model motion."""
 
 from __future__ import annotations
 

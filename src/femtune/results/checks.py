@@ -37,7 +37,7 @@ class ModelCheck(Record):
 
 
 # ----------------------------------------------------------------------------------------------------
-# How the records are made: weighed mass, lumped against consistent mass, the mesh.
+# How the records are made: measured mass, lumped versus consistent mass, the mesh.
 
 
 Solutions = Mapping[str, EigenSolution]
@@ -83,7 +83,7 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
     mode, value = worst
     kind = "consistent" if case.configured.model.structure.consistent_mass else "lumped"
     other = "lumped" if kind == "consistent" else "consistent"
-    sentence = f"{other} mass in place of {kind} changes mode {mode} by {value:+.2g} %"
+    sentence = f"{other} instead of {kind} mass changes the frequency of mode {mode} by {value:+.2g} %"
     return _tested(case, LUMPING, limit, value, sentence)
 
 

@@ -49,7 +49,7 @@ def solutions_of(evaluation: Evaluation) -> dict[str, EigenSolution]:
 
 
 def solved_cases(study: Study, progress: Progress) -> Iterator[tuple[StudyCase, EigenSolution]]:
-    """Each configuration with its modes at the start values."""
+    """Each configuration with its modes at the initial values."""
     for i, case in enumerate(study.cases):
         progress.step(f"modes of {case.name}", i, len(study.cases))
         yield case, solve(study, case, nominal(study))

@@ -1,4 +1,4 @@
-"""Which parameters the data can determine, and which of them are worth updating."""
+"""Identifiability of the parameters, and their selection for an update."""
 
 from typing import TYPE_CHECKING
 

@@ -39,7 +39,7 @@ WEAK = 0.5
 class Combination:
     """A direction in parameter space, unit length in prior standard deviations.
 
-    `reduction` is posterior sd / prior sd along it: 1 where the data say nothing.
+    `reduction` is posterior sd / prior sd along it: 1 if the data contain no information.
     """
 
     coefficients: Reals
@@ -148,7 +148,7 @@ _WELL, _PARTLY, _SMALL = 1 / 3, 2 / 3, 0.1
 
 
 def verdict(reduction: float) -> str:
-    """What a posterior to prior ratio means for one parameter."""
+    """Verdict on one parameter by its posterior to prior ratio."""
     if reduction < _WELL:
         return "determined by the data"
     if reduction < _PARTLY:
@@ -164,7 +164,7 @@ def combination_text(names: tuple[str, ...], combination: Combination) -> str:
 
 
 def sentences(result: Identifiability) -> list[str]:
-    """What the data determine: undetermined combinations first, then weak ones; `verdict` speaks of parameters."""
+    """Identifiability in sentences: undetermined combinations first, then weak ones; `verdict` is for parameters."""
     k, m = len(result.names), len(result.undetermined)
     if not k:
         return ["There is no free parameter."]

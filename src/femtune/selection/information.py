@@ -16,7 +16,7 @@ from femtune.selection.combinations import listed
 from femtune.selection.subset import Subset
 
 KNOWN = 1.0 / 3.0
-"""Standard deviation, in units of the prior's, below which the data alone tell a parameter."""
+"""Standard deviation, in units of the prior's, below which the data alone determine a parameter."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Information:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Names of the parameters that the data tell, whatever the others are."""
+        """Names of the parameters that the data determine if all others are unknown."""
         return tuple(n for n, sd in zip(self.names, self.together) if sd <= KNOWN)
 
     @property
     def inflation(self) -> Reals:
-        """(k,) how much wider a parameter is for the others being unknown; NaN without effect."""
+        """(k,) increase of the standard deviation because the others are unknown; NaN without effect."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.together / self.alone)
 
@@ -124,7 +124,7 @@ def _variance_sum(columns: Reals) -> float:
 
 
 ALIKE = 0.95
-"""Absolute cosine from which two parameters do nearly the same."""
+"""Absolute cosine above which two parameters have nearly the same effect."""
 STRONG = 30.0
 """Condition index from which Belsley calls a near dependence strong."""
 _SHARE = 0.5
@@ -152,7 +152,7 @@ class Collinearity:
 
     @property
     def pairs(self) -> tuple[tuple[str, str, float], ...]:
-        """Pairs of parameters that do nearly the same, the most alike first."""
+        """Pairs of parameters with nearly the same effect, the most similar first."""
         i, j = np.triu_indices(len(self.names), 1)
         found = [(int(a), int(b)) for a, b in zip(i, j) if abs(self.cosine[a, b]) >= ALIKE]
         found.sort(key=lambda p: -abs(self.cosine[p]))
@@ -201,7 +201,7 @@ _MOST = 5
 
 
 def measure_sentences(alike: Collinearity, information: Information, subset: Subset) -> list[str]:
-    """What the measures say, the most useful first; empty without parameters."""
+    """The measures in sentences, the most useful first; empty without parameters."""
     if not alike.names:
         return []
     return [*_of_subset(subset), *_of_pairs(alike), *_of_dependences(alike), *_of_information(information)]
@@ -229,12 +229,12 @@ def _of_pairs(alike: Collinearity) -> list[str]:
 
 
 def _of_dependences(alike: Collinearity) -> list[str]:
-    """Those of more than two, since pairs are told already."""
-    told = {frozenset((a, b)) for a, b, _ in alike.pairs}
+    """Those of more than two, since pairs are listed already."""
+    listed_pairs = {frozenset((a, b)) for a, b, _ in alike.pairs}
     return [
         f"The effects of {_few(names)} are nearly linearly dependent (condition index {index:.0f})."
         for index, names in alike.dependences[:_MOST]
-        if frozenset(names) not in told
+        if frozenset(names) not in listed_pairs
     ]
 
 

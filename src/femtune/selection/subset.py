@@ -42,9 +42,9 @@ class SubsetStep:
 
 @dataclass(frozen=True)
 class Subset:
-    """Order in which parameters were taken, and those that are kept where the search ended by its own rule.
+    """Order of the forward selection, and the selected parameters.
 
-    `chosen` are the parameters that lessen the residual by more than chance; `steps` goes on beyond them.
+    `chosen` are the parameters that reduce the residual significantly; `steps` continues beyond them.
     """
 
     chosen: tuple[str, ...]
@@ -95,7 +95,7 @@ def _against_all(squares: Reals, r: Reals, significance: float) -> tuple[Reals, 
 
 
 def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float = 0.05, leave: float = 0.10) -> Subset:
-    """Take and drop until neither changes the fit by more than chance; arguments as of `forward_selection`.
+    """Add and drop parameters until neither changes the fit significantly; arguments as of `forward_selection`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float 
 
 
 def _dropped(S: Reals, r: Reals, names: tuple[str, ...], taken: list[int], leave: float) -> list[SubsetStep]:
-    """Drop what has become superfluous, the last one taken apart; `taken` is changed."""
+    """Drop parameters that have become superfluous, except the last one added; `taken` is changed."""
     out: list[SubsetStep] = []
     while len(taken) > 1:
         values = [_f_value(S, r, [i for i in taken if i != j], taken) for j in taken[:-1]]

@@ -74,7 +74,7 @@ def _kind(ref: FieldRef) -> str:
 
 
 def _source(study: Study, update: UpdateResults, name: str) -> str:
-    """The deck and the configurations that told the value; the last stage that moved it."""
+    """The deck and the configurations that gave the value; the last stage that updated it."""
     stages = [s for s in update.stages if name in (p.name for p in s.parameters)]
     used = stages[-1].configurations if stages else [case.name for case in study.cases if case.used is not None]
     stage = f", stage {stages[-1].name}" if stages else ""

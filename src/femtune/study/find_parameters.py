@@ -27,7 +27,7 @@ class FoundParameters:
 
     Parameters
     ----------
-    result : from the start values to the end
+    result : from the initial values to the end
     reduction : how the reduced models did, where the study asks for them
     starts : the starts, where the study asks for several
     stages : the stages of a bottom-up study
@@ -40,7 +40,7 @@ class FoundParameters:
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
-    """Find the free parameters from an evaluation at the start values; the history of iterations goes into `folder`.
+    """Find the free parameters from an evaluation at the initial values; the history of iterations goes into `folder`.
 
     Raises
     ------

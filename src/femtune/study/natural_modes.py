@@ -43,7 +43,7 @@ def solve_modes(
     max_hz: float | None = None,
     simulate: SimulatedTest | None = None,
 ) -> ModesResult:
-    """Modes of a study, or of a deck, at the start values of the parameters.
+    """Modes of a study, or of a deck, at the initial values of the parameters.
 
     Parameters
     ----------
@@ -150,5 +150,5 @@ def _drawn(i: int, case: StudyCase, solution: EigenSolution, arrays: Arrays) -> 
 
 
 def _each_once(inputs: Inputs) -> Inputs:
-    """A deck alone stands for its study."""
+    """A deck without a study file."""
     return replace(inputs, files=tuple(file for file in inputs.files if file != inputs.study_file))

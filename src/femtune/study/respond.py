@@ -50,7 +50,7 @@ def solve_responses(
     units: str | None = None,
     keep: Path | None = None,
 ) -> RespondResult:
-    """Responses at the start values of the parameters.
+    """Responses at the initial values of the parameters.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Known:
     ----------
     facts : what is known before anything is solved
     repeats : repeated tests, where the study has them
-    start : the update problem at the start values
+    start : the update problem at the initial values
     before, after : the model's modes, correlations and responses at the start and at the end of the update
     selection : which parameters the data determine
     parameters : the update
@@ -138,7 +138,7 @@ class Run:
         return RunResult(self.folder, results, known.arrays)
 
     def _done(self, steps: Iterable[Step], known: Known) -> Known:
-        """What is known after some steps, each of them timed; where a step that may fail does, it is told."""
+        """What is known after some steps, each of them timed; if a step that may fail fails, an alert reports it."""
         for step in steps:
             arrays: Arrays = {}
             try:
@@ -194,7 +194,7 @@ class Run:
 
 
 def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    """Before anything is solved; repeated tests are read here, so that what is wrong with them is told at once."""
+    """Before anything is solved; repeated tests are read here, so that their errors are reported at once."""
     study = run.study
     repeats = repeats_of(study)
     run.progress.step("mass and rigid-body check", 0, None)

@@ -1,4 +1,4 @@
-"""How sure: distributions and intervals of parameters from repeated measurements."""
+"""Uncertainty: distributions and intervals of parameters from repeated measurements."""
 
 from typing import TYPE_CHECKING
 

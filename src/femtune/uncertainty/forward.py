@@ -1,4 +1,4 @@
-"""Forward check: the distribution that was found, propagated through the model, beside what was measured."""
+"""Forward check: the updated distribution, propagated through the model, compared with the measurements."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ class ForwardCheck:
 
     @property
     def mean(self) -> Reals:
-        """(m,) of the cloud."""
+        """(m,) of the samples."""
         return np.asarray(self.z.mean(axis=0))
 
     @property
     def covariance(self) -> Reals:
-        """(m, m) of the cloud."""
+        """(m, m) of the samples."""
         return np.atleast_2d(np.cov(self.z.T))
 
     @property
     def sd(self) -> Reals:
-        """(m,) of the cloud."""
+        """(m,) of the samples."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def mean_error(self) -> Reals:
-        """(m,) (cloud − measured)/measured sd."""
+        """(m,) (samples − measured)/measured sd."""
         return np.asarray((self.mean - self.measured.mean) / self.measured.sd)
 
     @property
     def sd_error(self) -> Reals:
-        """(m,) (cloud − measured)/measured of the standard deviations."""
+        """(m,) (samples − measured)/measured of the standard deviations."""
         return np.asarray(self.sd / self.measured.sd - 1.0)
 
     @property
@@ -63,7 +63,7 @@ class ForwardCheck:
     def chance_error(self) -> float:
         """Size of `covariance_error` between a covariance of the measured number of repeats and the true one.
 
-        Of n normal repeats E|S − C|² = (|C|² + (tr C)²)/(n − 1); zero where no repeats are known.
+        Of n normal repeats E|S − C|² = (|C|² + (tr C)²)/(n − 1); zero without repeats.
         """
         n = len(self.measured.repeats)
         if n < 2:
@@ -74,7 +74,8 @@ class ForwardCheck:
 
     @property
     def agrees(self) -> bool:
-        """True where the cloud's covariance differs from the measured one by no more than a tenth, and so the means."""
+        """True if the covariance of the samples differs from the measured one by no more than a tenth, and so the
+        means."""
         near = bool((np.abs(self.mean_error) <= self._mean_limit).all())
         return near and self.covariance_error <= _CURVED
 
@@ -85,7 +86,7 @@ class ForwardCheck:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the check says, the verdict first."""
+        """The sentences of the check, the verdict first."""
         return (self._verdict, *self._of_means(), *self._of_spreads())
 
     @property
@@ -120,7 +121,7 @@ class ForwardCheck:
 
 
 def forward_check(outputs: Outputs, found: StochasticResult, samples: int = 1000, seed: int = 1) -> ForwardCheck:
-    """Propagate a Latin hypercube of the updated distribution; its moments are exactly those that were found.
+    """Propagate a Latin hypercube of the updated distribution; its moments are exactly the updated ones.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Outputs z(θ) of a model and their derivatives, with a count of what they cost."""
+"""Outputs z(θ) of a model and their derivatives, with a count of model solutions."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from femtune.residuals.frequency import FrequencyResidual
 
 
 class Outputs(Protocol):
-    """What a model predicts for k parameters θ in their own units: m outputs and their sensitivity matrix."""
+    """Predictions of a model for k parameters θ in their units: m outputs and their sensitivity matrix."""
 
     def values(self, theta: Reals) -> Reals:
         """z (m,)."""
         ...
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
-        """z (m,) and G = ∂z/∂θ (m, k), at the price of one model solution."""
+        """z (m,) and G = ∂z/∂θ (m, k), from one model solution."""
         ...
 
 
@@ -35,7 +35,7 @@ class Outputs(Protocol):
 class Counted:
     """Outputs whose model solutions are counted; the last point is remembered, so that it is solved once.
 
-    `solutions` is how many there were.
+    `solutions` is their number.
     """
 
     outputs: Outputs
@@ -43,14 +43,14 @@ class Counted:
     _last: tuple[Reals, Reals, Reals | None] | None = field(default=None, repr=False)
 
     def values(self, theta: Reals) -> Reals:
-        """As of the outputs; ``quantify.not-finite`` where they are no numbers."""
+        """As of the outputs; ``quantify.not-finite`` if they are not finite."""
         if self._last is None or not np.array_equal(self._last[0], theta):
             self.solutions += 1
             self._last = (theta.copy(), _finite(self.outputs.values(theta), theta), None)
         return self._last[1]
 
     def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
-        """As of the outputs; ``quantify.not-finite`` where they are no numbers."""
+        """As of the outputs; ``quantify.not-finite`` if they are not finite."""
         known = self._last
         if known is not None and known[2] is not None and np.array_equal(known[0], theta):
             return known[1], known[2]

@@ -26,7 +26,7 @@ _NEGATIVE = -1e-8
 
 
 def check_positive(covariance: Reals, what: str, pairwise: bool = False) -> None:
-    """Refuse what is no covariance: asymmetric, not finite, or with a negative eigenvalue of its correlations.
+    """Check a covariance: error if it is asymmetric, not finite, or its correlations have a negative eigenvalue.
 
     Raises
     ------
@@ -109,12 +109,12 @@ class OutputStatistics:
 
     @property
     def complete(self) -> bool:
-        """True where the repeats themselves are at hand, and none has a gap."""
+        """True if the repeats are available without missing values."""
         return len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
 
     @property
     def singular(self) -> bool:
-        """True where there are too few repeats for a covariance that can be inverted."""
+        """True if there are too few repeats for an invertible covariance."""
         return bool(
             np.linalg.matrix_rank(self.covariance / np.outer(self.sd, self.sd), hermitian=True) < len(self.mean)
         )
@@ -194,7 +194,8 @@ def _check_pairs(both: Reals) -> None:
 
 
 def expectation_maximisation(table: Reals) -> tuple[Reals, Reals]:
-    """Maximum-likelihood mean (m,) and covariance (m, m) of a table (n, m) with gaps; covariance times n/(n − 1).
+    """Maximum-likelihood mean (m,) and covariance (m, m) of a table (n, m) with missing values; covariance times n/(n −
+    1).
 
     Source: Little and Rubin (2002), Statistical Analysis with Missing Data, section 11.2.
     """
@@ -219,7 +220,7 @@ def _largest(a: Reals) -> float:
 
 
 def _expected(table: Reals, mean: Reals, covariance: Reals) -> tuple[Reals, Reals]:
-    """The table with gaps filled by their conditional means, and the sum of the conditional covariances."""
+    """The table with missing values replaced by their conditional means, and the sum of the conditional covariances."""
     filled, extra = table.copy(), np.zeros_like(covariance)
     for row in filled:
         gap = np.flatnonzero(np.isnan(row))

@@ -20,9 +20,9 @@ from femtune.uncertainty.repeats import OutputStatistics, check_positive, correl
 
 
 class StochasticStatus(Enum):
-    """Outcome; `ok` says whether mean and covariance may be used."""
+    """Outcome; `ok` states whether mean and covariance may be used."""
 
-    CONVERGED = "converged: means and covariance are stationary"
+    CONVERGED = "converged; means and covariance are stationary"
     UNDETERMINED = (
         "converged, but the outputs do not determine all parameters; the solution nearest to the initial values is used"
     )
@@ -34,7 +34,7 @@ class StochasticStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True where the iteration ended at its goal."""
+        """True if the iteration converged."""
         return self in (StochasticStatus.CONVERGED, StochasticStatus.UNDETERMINED)
 
 
@@ -127,7 +127,7 @@ class MeanStep:
 
 @dataclass(frozen=True)
 class Means:
-    """Where the means ended: θ (k,), z(θ) (m,), G (m, k), T (k, m) of the last step, all steps."""
+    """Result for the means: θ (k,), z(θ) (m,), G (m, k), T (k, m) of the last step, all steps."""
 
     theta: Reals
     outputs: Reals
@@ -193,7 +193,7 @@ def _error(by: LinearEstimator, residual: Reals) -> float:
 def _shortened(
     outputs: Counted, by: LinearEstimator, target: Reals, theta: Reals, d: Reals, error: float
 ) -> Reals | None:
-    """The longest of d, d/2, d/4 … that lowers the error; None where none does."""
+    """The longest of d, d/2, d/4 … that reduces the error; None if none does."""
     length = 1.0
     while length > _SHORTEST:
         try:
@@ -217,7 +217,7 @@ def _shortened(
 #
 #     z(θ) = z₀ + G d + ½ H[d, d],  d = θ − θ₀
 #
-# stands for the structure, and no further solution is needed. Where the repeats are at hand each of them is inverted
+# stands for the structure, and no further solution is needed. If the repeats are available each of them is inverted
 # through it, and mean and covariance are those of the inverted repeats: exact to the quadratic model for any
 # distribution. Where only moments are known, or repeats have gaps, the moments of a normal distribution are matched:
 # mean z₀ + G d + ½ H:C and covariance G C Gᵀ + ½ tr(H_i C H_j C).
@@ -255,12 +255,12 @@ class QuadraticModel:
 
 
 def quadratic_model(outputs: Counted, at: Means, scale: Reals) -> QuadraticModel:
-    """The quadratic model where the means ended, by k model solutions at steps of a thousandth of `scale`."""
+    """The quadratic model at the final means, by k model solutions at steps of a thousandth of `scale`."""
     return QuadraticModel(at.theta, *second_derivatives(outputs, at.theta, _STEP * scale))
 
 
 def corrected(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
-    """Mean (k,) and covariance (k, k) of the parameters; None where the curvature is too strong for the cloud."""
+    """Mean (k,) and covariance (k, k) of the parameters; None if the curvature is too large."""
     if measured.complete:
         return _of_repeats(model, measured.repeats, by)
     return _of_moments(model, measured, by)
@@ -315,7 +315,7 @@ def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEst
 # Every parameter's range is cut into as many strata of equal probability as there are samples, and each stratum is
 # met once (McKay, Beckman and Conover 1979). The correlation is imposed by re-ordering the ranks (Iman and Conover
 # 1982), which leaves every parameter's strata as they are, or by a linear map of the normal scores after which mean
-# and covariance of the sample are those asked for, exactly.
+# and covariance of the sample are those requested, exactly.
 
 
 Imposed = Literal["ranks", "moments"]
@@ -329,7 +329,7 @@ def latin_hypercube(mean: Reals, covariance: Reals, count: int, seed: int = 0, i
     mean, covariance : (k,) and (k, k)
     count : number of samples, more than k
     seed : of the permutations and of the places within the strata
-    imposed : "moments": sample mean and covariance are exactly those asked for; "ranks": strata are kept exactly and
+    imposed : "moments": sample mean and covariance are exactly those requested; "ranks": strata are kept exactly and
         the correlation is met as nearly as ranks can
 
     Raises
@@ -395,7 +395,8 @@ class CloudRules:
 
 @dataclass(frozen=True)
 class CloudStep:
-    """One cloud: mean (k,) and covariance (k, k) of the parameters, mean outputs (m,) and solutions so far."""
+    """One iteration of the samples: mean (k,) and covariance (k, k) of the parameters, mean outputs (m,) and solutions
+    so far."""
 
     mean: Reals
     covariance: Reals
@@ -405,7 +406,7 @@ class CloudStep:
 
 @dataclass(frozen=True)
 class CloudResult:
-    """Where the cloud ended, and T (k, m) of the last step."""
+    """Final samples, and T (k, m) of the last step."""
 
     steps: tuple[CloudStep, ...]
     T: Reals
@@ -590,7 +591,7 @@ def stochastic_update(
     outputs : model, in the units of `measured`
     measured : m outputs
     start, start_sd : (k,) first means and standard deviations; the standard deviations are the units in which steps
-        are measured, in which a regularisation weighs, and of the first cloud
+        are measured, used by a regularisation, and of the first samples
 
     Raises
     ------

@@ -23,7 +23,7 @@ NOTHING_LOST: Mapping[str, int] = MappingProxyType({})
 
 _SHARE = 0.05
 _BY_CHANCE = 0.01
-"""Residuals that a right model exceeds this rarely are larger than stated."""
+"""Significance level above which residuals are larger than stated."""
 _LEAST_FREEDOM = 0.5
 
 
@@ -49,7 +49,7 @@ class ParameterCovariance:
 
     @property
     def sd(self) -> Reals:
-        """(k,) standard deviations, NaN where none is given."""
+        """(k,) standard deviations, NaN if none is given."""
         return np.sqrt(np.diag(self.matrix))
 
     def coverage_factor(self, level: float = 0.95) -> float:
@@ -126,7 +126,7 @@ class _Size:
 
 
 def _estimated(r: Reals, freedom: dict[str, float]) -> _Size | None:
-    """One size for all; None where nothing is left to estimate it from."""
+    """One factor for all; None without degrees of freedom."""
     degrees = sum(freedom.values())
     return _Size(dict.fromkeys(freedom, float(np.sqrt(r @ r / degrees))), degrees) if degrees > _LEAST_FREEDOM else None
 
@@ -143,14 +143,14 @@ def _fit(rows: Reals, has_prior: bool) -> _Fit:
 
 
 def _freedom(fit: _Fit, kinds: Sequence[str]) -> dict[str, float]:
-    """Residuals of each kind less what the fit takes of them: Σ(1 − h) with the diagonal h of the hat matrix."""
+    """Degrees of freedom of each kind after the fit: Σ(1 − h) with the diagonal h of the hat matrix."""
     left = 1.0 - np.einsum("ia,ai->i", fit.rows, fit.estimator)[: len(kinds)]
     names = np.asarray(kinds)
     return {kind: float(left[names == kind].sum()) for kind in dict.fromkeys(kinds)}
 
 
 def _misfit(r: Reals, kinds: Sequence[str], freedom: dict[str, float]) -> dict[str, float]:
-    """Root mean square by kind over its freedom; over its count where nothing is left free."""
+    """Root mean square by kind, over its degrees of freedom, or over its count if there are none."""
     names = np.asarray(kinds)
     counts = {kind: free if free > _LEAST_FREEDOM else float((names == kind).sum()) for kind, free in freedom.items()}
     return {kind: float(np.sqrt(np.sum(r[names == kind] ** 2) / count)) for kind, count in counts.items()}

@@ -1,4 +1,4 @@
-"""An update that searches on reduced models and ends on the full one: certify, enrich, go on while they disagree."""
+"""An update on reduced models that is checked on the full model: the bases are enriched until both agree."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from femtune.updating.sensitivity_method import SensitivityMethod, linear_model,
 from femtune.updating.starts import DEFAULT_RULES, MultiStart, StartResult, StartRules, follow_up, multi_start
 
 SEARCH = 10.0
-"""The search may be this many times less accurate than its end."""
+"""Ratio of the tolerance during the search to that at the final point."""
 KEPT = 3
-"""Full solutions that the training leaves for points where the search ends."""
+"""Full solutions reserved for the final points of searches."""
 
 
 class Told(Protocol):
-    """Who is told how far an update on reduced models is."""
+    """Receiver of the progress of an update on reduced models."""
 
     def trained(self, name: str, trained: Trained) -> None:
         """After every full solution of the training of a configuration."""
@@ -42,7 +42,7 @@ class Told(Protocol):
 
 
 class _Nobody:
-    """Listens to nothing."""
+    """Ignores all progress."""
 
     def trained(self, name: str, trained: Trained) -> None:
         """Nothing."""
@@ -143,7 +143,7 @@ class ReducedSearch:
         return [float(certified_error(t.model, x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
 
     def enrich(self, x: Reals, states: list[CaseState]) -> bool:
-        """Put the full modes at a point into the bases; False where they have all of them already."""
+        """Add the full modes at a point to the bases; False if they contain all of them already."""
         before = [t.model.order for t in self.trained]
         finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
         triples = zip(finer, self.trained, self.solutions(states))
@@ -186,7 +186,7 @@ def update_reduced(
     Parameters
     ----------
     report, start, active : as for `update`
-    told : hears how far training and searches are
+    told : receives the progress of training and searches
 
     Raises
     ------
@@ -277,7 +277,7 @@ def on_full_model(
     found: UpdateResult,
     history: Sequence[Iteration],
 ) -> UpdateResult:
-    """The result at the end point with residuals, Jacobian and covariance of the full model."""
+    """The result at the final point with residuals, Jacobian and covariance of the full model."""
     there = update(problem, replace(method, max_iterations=0), start=full, active=found.active)
     return replace(there, status=found.status, before=before, history=tuple(history))
 
@@ -293,7 +293,8 @@ NO_SIDE = SensitivityMethod()
 
 @dataclass(frozen=True)
 class ReducedStarts:
-    """All starts, and the update at the best end as of `update_reduced`; ends beside the best are of reduced models."""
+    """All starts, and the update at the best end as of `update_reduced`; results of the other starts are those of
+    reduced models."""
 
     starts: MultiStart
     update: ReducedUpdate
@@ -351,7 +352,7 @@ def multi_start_reduced(
 
 @dataclass(eq=False)
 class _Run:
-    """Reduced models and how far they agree with the full ones where the best start ends."""
+    """Reduced models and their agreement with the full ones at the best result."""
 
     problem: UpdateProblem
     method: SensitivityMethod

@@ -1,4 +1,4 @@
-"""What a regularisation is: settled at the first iteration, it is rows that join the residuals, linear in x."""
+"""Regularisation: rows, linear in x, that are added to the residuals; determined at the first iteration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from femtune.parameters import ParameterSet
 
 
 Weight = float | Literal["l-curve", "gcv"]
-"""A number, or the rule by which it is found at the first iteration."""
+"""A number, or the rule that determines it at the first iteration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class RegularisationPath:
     weights : (m,) μ, rising
     changes : (m, k) d of the parameters that move, zero for the others
     residual_norms, constraint_norms : (m,) |r + J d| and |R(x + d) − c|
-    curvature : (m,) of the L-curve, log constraint norm over log residual norm; NaN where the curve stands still
+    curvature : (m,) of the L-curve, log constraint norm over log residual norm; NaN where it is not defined
     cross_validation : (m,) |r + J d|²/(n − trace of the influence matrix)², the generalised cross-validation
     """
 
@@ -44,7 +44,7 @@ class RegularisationPath:
 
 
 class WeightStatus(Enum):
-    """How the weight was found, or why it was not; the update goes on without a constraint where it was not."""
+    """Outcome of the choice of the weight; without a weight the update runs without the constraint."""
 
     CORNER = "the weight was chosen at the corner of the L-curve, its point of largest curvature"
     NO_CORNER = (
@@ -71,18 +71,18 @@ class WeightStatus(Enum):
 
     @property
     def found(self) -> bool:
-        """True where there is a weight."""
+        """True if a weight was determined."""
         return self in (WeightStatus.CORNER, WeightStatus.LEAST)
 
 
 @dataclass(frozen=True, eq=False)
 class WeightChoice:
-    """A weight that was found, or not, with the whole path.
+    """The choice of the weight, with the complete path.
 
     Parameters
     ----------
     rule : "l-curve" or "gcv"
-    position : of the weight in the path; None where none was found
+    position : of the weight in the path; None if none was found
     """
 
     rule: Literal["l-curve", "gcv"]
@@ -92,7 +92,7 @@ class WeightChoice:
 
     @property
     def weight(self) -> float:
-        """μ, zero where none was found."""
+        """μ, zero if none was found."""
         return 0.0 if self.position is None else float(self.path.weights[self.position])
 
 
@@ -141,7 +141,7 @@ class SideConstraint:
         object.__setattr__(self, "held", self.held.reshape(-1, self.matrix.shape[1]))
 
     def settle(self, at: LinearModel) -> SideConstraint:
-        """Itself: nothing is left to settle."""
+        """The constraint itself."""
         return self
 
     def rows(self, x: Reals) -> tuple[Reals, Reals]:
@@ -150,12 +150,12 @@ class SideConstraint:
 
     @property
     def prior_rows(self) -> Reals:
-        """(m, k) rows that count as knowledge."""
+        """(m, k) rows that represent prior information."""
         return self.weight * self.matrix[np.broadcast_to(self.informative, len(self.target))]
 
 
 class Regularisation(Protocol):
-    """What is wanted besides agreement; what follows from the first Jacobian is settled with it and kept."""
+    """A side constraint; parts that depend on the first Jacobian are determined with it and kept."""
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """The rows for an update that starts there."""
@@ -398,7 +398,7 @@ _LEAST = 1e-12
 def link_weights(jacobian: Reals) -> Reals:
     """(k,) diagonal of W_θ = mean(Γ)/mean(Γ⁻¹)·Γ⁻¹ with Γ = diag(GᵀW_ε G).
 
-    A parameter that is not felt at all would have an infinite weight: Γ is kept above 1e-12 of its largest entry.
+    A parameter without any effect would have an infinite weight: Γ is kept above 1e-12 of its largest entry.
     """
     felt = np.einsum("ij,ij->j", jacobian, jacobian)
     top = felt.max(initial=0.0)
@@ -440,7 +440,7 @@ class Truncated:
     threshold: float
 
     def settle(self, at: LinearModel) -> SideConstraint:
-        """No rows, but the combinations that hold still."""
+        """No rows, but the combinations that are fixed."""
         spread = at.parameters.prior[1][at.moving]
         scaled = at.jacobian[:, at.moving] * spread
         _, s, vt = np.linalg.svd(scaled, full_matrices=len(scaled) < scaled.shape[1])
@@ -459,7 +459,7 @@ class Truncated:
 class Together:
     """The rows of all parts: a prior and nominally identical parameters, for one.
 
-    The parts that are no prior stay opinions: standard deviations of the result count the rows of priors only.
+    Only the rows of priors contribute to the standard deviations of the result.
     """
 
     parts: tuple[Regularisation, ...]

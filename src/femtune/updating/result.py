@@ -1,4 +1,4 @@
-"""UpdateResult: what an update found, how it went, and how sure it is."""
+"""UpdateResult: updated parameters, history and covariance."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ class UpdateResult:
 
     @property
     def sd(self) -> dict[str, float]:
-        """Standard deviations of all parameters; NaN where none is given. Tied ones by linear propagation."""
+        """Standard deviations of all parameters; NaN if none is given. Tied ones by linear propagation."""
         jets = self.parameters.jets(self.x)
         return {name: self.spread(jets[name].grad) for name in self.parameters.names}
 
     def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals of all parameters, NaN where no standard deviation is given.
+        """Confidence intervals of all parameters, NaN without a standard deviation.
 
         They are those of the linear model: normal, or of Student's t if the variance was estimated.
         """
@@ -78,7 +78,7 @@ class UpdateResult:
         return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}
 
     def spread(self, gradient: Reals) -> float:
-        """Standard deviation of what has this gradient in x, by linear propagation; NaN where none is given."""
+        """Standard deviation of a quantity with this gradient in x, by linear propagation; NaN if none is given."""
         used = np.flatnonzero(gradient)
         return float(np.sqrt(gradient[used] @ self.covariance.matrix[np.ix_(used, used)] @ gradient[used]))
 

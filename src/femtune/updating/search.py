@@ -1,4 +1,4 @@
-"""What a search is, and the linear model that it steps on."""
+"""Step control, and the linear model of a step."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def bounded_step(
 
 
 def without(scaled: Reals, held: Reals | None) -> Reals:
-    """Rows (n, k) that do not feel combinations (h, k), which are thereby known to hold still."""
+    """Rows (n, k) that are independent of combinations (h, k), which are fixed."""
     if held is None or not len(held):
         return scaled
     basis = orth(held.T)
@@ -73,12 +73,12 @@ def _solve(rows: Reals, target: Reals, lower: Reals, upper: Reals) -> Reals:
 
 
 LEAST = 1e-12
-"""A damping that is none."""
+"""Zero damping."""
 
 
 @dataclass(frozen=True, eq=False)
 class LocalModel:
-    """r + J d inside the room that the bounds leave; `spread` is the scale of each parameter's steps.
+    """r + J d within the bounds; `spread` is the scale of each parameter's steps.
 
     `held` (h, k) are combinations v of which vᵀd must vanish.
     """
@@ -95,13 +95,13 @@ class LocalModel:
         return bounded_step(self.residuals, self.jacobian, damping, self.lower, self.upper, self.spread, self.held)
 
     def gain(self, d: Reals) -> float:
-        """By how much the linear model lowers ½rᵀr over d."""
+        """Predicted decrease of ½rᵀr over d."""
         linear = self.residuals + self.jacobian @ d
         return 0.5 * float(self.residuals @ self.residuals) - 0.5 * float(linear @ linear)
 
 
 class Search(Protocol):
-    """How steps are tried; `state` is one number that goes from one trial to the next."""
+    """Step control; `state` is one number that is passed from one trial to the next."""
 
     @property
     def words(self) -> str:
@@ -118,15 +118,15 @@ class Search(Protocol):
         ...
 
     def accepts(self, gain: float) -> bool:
-        """Whether a step is kept whose decrease of the objective is `gain` times what the linear model foretold."""
+        """True if a step is accepted; `gain` is actual over predicted decrease of the objective."""
         ...
 
     def longer(self, state: float, gain: float) -> float:
-        """State after a step that was kept."""
+        """State after an accepted step."""
         ...
 
     def shorter(self, state: float) -> float | None:
-        """State after a step that was not; None where there is nothing else to try."""
+        """State after a rejected step; None if there is no further trial."""
         ...
 
 
@@ -136,7 +136,7 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """Whole steps whether the objective falls or not: the iterates of published examples; it may diverge."""
+    """Full steps even if the objective increases, as in published examples; it may diverge."""
 
     start: float = 1.0
     words: str = "Gauss-Newton with full steps, bounded steps"
@@ -177,11 +177,11 @@ class LevenbergMarquardt:
         return local.step(state)
 
     def accepts(self, gain: float) -> bool:
-        """Any decrease worth the name."""
+        """Accepted for a minimum decrease."""
         return gain > 1e-4
 
     def longer(self, state: float, gain: float) -> float:
-        """Less damping where the linear model told the truth, more where it hardly did."""
+        """Less damping if the actual decrease agrees with the predicted decrease, more if it does not."""
         if gain > 0.75:
             return max(0.1 * state, LEAST)
         return state if gain > 0.25 else 4.0 * state
@@ -201,7 +201,7 @@ _LEAST = 1e-10
 
 @dataclass(frozen=True)
 class LineSearch:
-    """The state is the fraction of the Gauss-Newton step; it begins each iteration with the whole of it.
+    """The state is the fraction of the Gauss-Newton step; it is one at the beginning of each iteration.
 
     Since the bounds hold for the whole step, they hold for a part of it too.
     """
@@ -214,7 +214,7 @@ class LineSearch:
         return state * local.step()
 
     def accepts(self, gain: float) -> bool:
-        """Any decrease worth the name."""
+        """Accepted for a minimum decrease."""
         return gain > 1e-4
 
     def longer(self, state: float, gain: float) -> float:

@@ -73,13 +73,13 @@ class Walk:
         return evaluation.objective + 0.5 * float(extra @ extra)
 
     def local(self, point: Point) -> LocalModel:
-        """The linear model there, with the room that bounds leave; none where a parameter rests."""
+        """The linear model there, with the distances to the bounds; zero for fixed parameters."""
         lower, upper = self.problem.parameters.bounds
         room = np.where(self.moving, lower - point.x, 0.0), np.where(self.moving, upper - point.x, 0.0)
         return LocalModel(point.residuals, point.jacobian, *room, self.problem.parameters.prior[1], self.side.held)
 
     def moved(self, x: Reals, d: Reals) -> Reals:
-        """x + d, kept from leaving the bounds by rounding."""
+        """x + d, limited to the bounds against rounding."""
         lower, upper = self.problem.parameters.bounds
         return np.where(self.moving, np.clip(x + d, lower, upper), x)
 
@@ -90,7 +90,7 @@ class Walk:
         return np.asarray(((x <= lower + near) | (x >= upper - near)) & self.moving)
 
     def optimum(self, point: Point) -> Status:
-        """What kind of an optimum a point is where nothing changes any more."""
+        """Status of a stationary point."""
         bound = self.at_bound(point.x)
         free = self.moving & ~bound
         _, sd = self.problem.parameters.prior
@@ -103,7 +103,7 @@ class Walk:
         return Status.EXACT if point.objective < max(1e-16, self.rounding(point)) else Status.CONVERGED
 
     def rounding(self, point: Point) -> float:
-        """Objectives that are rounding: 1e-7 of what a prior standard deviation of the parameters does to residuals."""
+        """Objective below which residuals are rounding: 1e-7 of their change by a prior standard deviation."""
         spread = self.problem.parameters.prior[1] * self.moving
         return 0.5 * float(np.sum((_ROUNDING * point.jacobian * spread) ** 2))
 
@@ -126,7 +126,7 @@ def moving_parameters(problem: UpdateProblem, active: Sequence[str] | None) -> F
 
 
 def linear_model(problem: UpdateProblem, at: Evaluation, moving: Flags) -> LinearModel:
-    """What a regularisation is settled on."""
+    """The data from which a regularisation is determined."""
     return LinearModel(problem.parameters, at.x, at.residuals, at.jacobian, moving)
 
 
@@ -215,7 +215,7 @@ class _Update:
         return self.walk.point(point.evaluation)
 
     def _finished(self, point: Point, history: list[Iteration]) -> Status | None:
-        """How the iteration ends at this point, or None where it goes on."""
+        """Status if the iteration ends at this point, otherwise None."""
         if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
             return self.walk.optimum(point)
         if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
@@ -223,7 +223,7 @@ class _Update:
         return Status.MAX_ITERATIONS if len(history) > self.method.max_iterations else None
 
     def _best_gain(self, point: Point) -> float:
-        """By how much the linear model lowers the objective inside the bounds; zero where its step is none."""
+        """Predicted decrease of the objective within the bounds; zero without a step."""
         if point.objective < _ZERO_OBJECTIVE:
             return 0.0
         local = self.walk.local(point)
@@ -231,7 +231,7 @@ class _Update:
         return 0.0 if np.abs(d).max(initial=0.0) <= self.method.tolerance else local.gain(d)
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
-        """The next accepted point, before and after it is paired afresh, and the state; or the status that ends it."""
+        """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
         search, local, failed = self.method.search, self.walk.local(point), False
         trying: float | None = state
         while trying is not None:
@@ -249,13 +249,14 @@ class _Update:
         return None, state, self._end(point, failed)
 
     def _end(self, point: Point, failed: bool) -> Status:
-        """Why no step was accepted: rounding at an optimum, unsolvable trial points, or a wall."""
+        """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
+        stalled."""
         if self._best_gain(point) <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
             return self.walk.optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 
     def _try(self, point: Point, d: Reals) -> Evaluation | None:
-        """A trial point without derivatives, which cost more than its modes and are of no use where it is refused."""
+        """A trial point without derivatives, which cost more than its modes and are not needed if it is rejected."""
         try:
             return self.walk.problem.follow(self.walk.moved(point.x, d), point.evaluation, derivatives=False)
         except FemtuneError:
@@ -263,7 +264,7 @@ class _Update:
             return None
 
     def _paired(self, trial: Evaluation) -> Point | None:
-        """An accepted point with its derivatives, paired afresh; None where they cannot be had."""
+        """An accepted point with its derivatives and new pairing; None if they cannot be computed."""
         try:
             return self.walk.point(self.walk.problem.pair_again(trial))
         except FemtuneError:

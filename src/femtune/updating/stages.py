@@ -41,7 +41,7 @@ class Belief:
     ----------
     x : (k,) normalised values
     covariance : (k, k) of x
-    found : (k,) parameters that an update has found; the others are as the study believed them to be
+    found : (k,) parameters that were updated; the others have the values of the study
     """
 
     parameters: ParameterSet
@@ -61,7 +61,7 @@ class Belief:
         return self.parameters.values(self.x)
 
     def prior(self) -> Prior:
-        """What is found, as the prior of the next update; other parameters keep their own."""
+        """The updated parameters as prior of the next update; other parameters keep their priors."""
         at = np.flatnonzero(self.found)
         scale = self.parameters.scale[at]
         names = tuple(self.parameters.free[i].name for i in at)
@@ -91,7 +91,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Learned:
-    """The belief after an update, and by kind of residual whether the data agree with it."""
+    """Parameters with covariance after an update, and the agreement of the data by kind of residual."""
 
     belief: Belief
     misfit: dict[str, Misfit]
@@ -141,7 +141,7 @@ def _misfit(result: UpdateResult, J: Reals, gain: Reals, posterior: Reals) -> di
 
 
 def _misfit_of(r: Reals, U: Reals, D: Reals, lost: int) -> Misfit:
-    """Sum of squares beside its mean; its distribution is taken as that of χ² with the same mean and variance."""
+    """Sum of squares relative to its mean; its distribution is approximated by χ² with the same mean and variance."""
     product, independent = D @ (U.T @ U), len(r) - lost
     mean = independent + float(np.trace(product))
     if mean < _LEAST_FREEDOM:
@@ -152,7 +152,7 @@ def _misfit_of(r: Reals, U: Reals, D: Reals, lost: int) -> Misfit:
 
 
 Tell = Callable[[str, int, Iteration], None]
-"""Called with the stage, the number of the seed (0: the belief itself) and each iteration."""
+"""Called with the stage, the number of the seed (0: results of earlier stages) and each iteration."""
 
 _SAME_OPTIMUM = 0.1
 
@@ -168,7 +168,7 @@ class Stage:
     problem : what is compared, made where the stage starts (regions of lines follow the modes found so far)
     method : how; where `prior` holds its regularisation is replaced by the belief of earlier stages
     prior : whether that belief is the prior
-    seeds : further start values of moving parameters by name, in their units; every one is run to its end
+    seeds : further initial values of moving parameters by name, in their units; every one is run to its end
     """
 
     name: str
@@ -218,7 +218,7 @@ class StageResult:
 
     @property
     def agreed(self) -> tuple[bool, ...]:
-        """For every run whether it ends where the best one does: within a tenth of a standard deviation."""
+        """For every run, True if it reaches the best optimum: within a tenth of a standard deviation."""
         moved = np.isin([p.name for p in self.belief.parameters.free], self.stage.parameters)
         sd = np.sqrt(np.diag(self.belief.covariance))[moved]
         return tuple(
@@ -238,7 +238,7 @@ def run_stages(
     start: Belief,
     tell: Tell = lambda stage, seed, iteration: None,
 ) -> tuple[StageResult, ...]:
-    """All stages; one that does not end at an optimum is followed by the next all the same, from its best point.
+    """All stages; a stage that does not reach an optimum is followed by the next one, from its best point.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def run_stages(
 
 
 def run_stage(stage: Stage, start: Belief, tell: Tell) -> StageResult:
-    """One stage, from its belief and from every seed."""
+    """One stage, from the results of earlier stages and from every seed."""
     problem = remembering(stage.problem(start.x))
     method = replace(stage.method, regularisation=start.prior()) if stage.prior else stage.method
     runs: list[UpdateResult] = []
@@ -272,7 +272,7 @@ def run_stage(stage: Stage, start: Belief, tell: Tell) -> StageResult:
 
 
 def _starts(stage: Stage, start: Belief) -> list[Reals]:
-    """The belief, and the belief with the values of each seed."""
+    """The initial values from earlier stages, and with the values of each seed."""
     names = [p.name for p in start.parameters.free]
     out = [start.x]
     for seed in stage.seeds:

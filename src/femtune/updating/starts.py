@@ -1,4 +1,4 @@
-"""Many starts: spread over the bounds, each followed to its end and kept, the ends compared."""
+"""Multi-start update: initial points spread over the bounds; all results are kept and compared."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SPARE = 3
 
 
 class StartOutcome(Enum):
-    """What became of a start, beside the others."""
+    """Outcome of a start, compared with the others."""
 
     BEST = "reached the best optimum that was found"
     AS_GOOD = "reached another optimum that is equally good within the noise"
@@ -60,19 +60,19 @@ class StartResult:
 
     @property
     def at_optimum(self) -> bool:
-        """True where the iteration converged, at whichever optimum."""
+        """True if the iteration converged, at any optimum."""
         return self.status is not None and self.status.ok
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Ends that are one point.
+    """Starts that reached the same point.
 
     Parameters
     ----------
     x, objective : of the best of them
     members : numbers of the starts that ended there
-    as_good : whether the data cannot tell it from the best
+    as_good : True if it is equally good as the best within the noise
     """
 
     x: Reals
@@ -97,9 +97,9 @@ def noise_level(best: float, n_residuals: int, n_parameters: int) -> float:
 
 
 def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) -> tuple[Optimum, ...]:
-    """Converged ends in clusters, the best first.
+    """Converged results in clusters, the best first.
 
-    Two ends are the same where no parameter differs by more than a thousandth of its prior standard deviation.
+    Two results are the same if no parameter differs by more than a thousandth of its prior standard deviation.
     """
     left = sorted((s for s in starts if s.at_optimum), key=lambda s: (s.objective, s.number))
     best = left[0].objective if left else np.nan
@@ -114,7 +114,7 @@ def distinct_optima(starts: Sequence[StartResult], spread: Reals, noise: float) 
 
 
 def outcomes(starts: Sequence[StartResult], optima: Sequence[Optimum]) -> dict[int, StartOutcome]:
-    """What became of each start, by its number."""
+    """Outcome of each start, by its number."""
     at = {number: i for i, optimum in enumerate(optima) for number in optimum.members}
     out = {}
     for s in starts:
@@ -133,7 +133,8 @@ def start_sentences(starts: Sequence[StartResult], optima: Sequence[Optimum]) ->
     if not optima:
         return (f"None of {n} starts converged. The best point is kept; it is not an optimum.",)
     others = [o for o in optima[1:] if o.as_good]
-    out = [f"{len(optima[0].members)} of {n} starts reached the same optimum."]
+    count = len(optima[0].members)
+    out = [f"{count} of {n} starts reached the {'same' if count > 1 else 'best'} optimum."]
     if others:
         count = sum(len(o.members) for o in others)
         out.append(
@@ -197,12 +198,12 @@ class MultiStart:
 
     @property
     def outcomes(self) -> dict[int, StartOutcome]:
-        """What became of each start, by its number."""
+        """Outcome of each start, by its number."""
         return outcomes(self.starts, self.optima)
 
     @property
     def unique(self) -> bool:
-        """False where another optimum is as good within the noise."""
+        """False if another optimum is equally good within the noise."""
         return sum(o.as_good for o in self.optima) <= 1
 
     @property
@@ -232,7 +233,7 @@ def multi_start(
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
 ) -> MultiStart:
-    """Update from many points, keep every end, and say whether the answer is one.
+    """Update from many initial points, keep every result, and state whether the result is unique.
 
     Parameters
     ----------
@@ -265,16 +266,16 @@ def follow_up(
     side: SideConstraint,
     active: Sequence[str] | None = None,
 ) -> MultiStart:
-    """Every end followed further on another problem: a reduced model that has become better, other residuals.
+    """Every result continued on another problem: a reduced model that has become better, other residuals.
 
-    A start that cannot go on there has failed at its old end.
+    A start that cannot be continued has failed at its old result.
     """
     search = _Search(problem, replace(method, regularisation=side), (), DEFAULT_RULES, active, {}, _tell_nobody)
     return search.further(found.starts, problem.start(found.best.before.x))
 
 
 def _tell_nobody(start: StartResult) -> None:
-    """Listens to nothing."""
+    """Ignores all progress."""
 
 
 @dataclass(eq=False)
@@ -289,7 +290,7 @@ class _Search:
     best: UpdateResult | None = None
 
     def go(self, points: Reals, before: Evaluation) -> MultiStart:
-        """All starts, then the hops of those that are not good enough."""
+        """All starts, then restarts of those with a higher objective."""
         starts = [self._set_out(StartResult(i, x, x, np.nan, None, 0), x) for i, x in enumerate(points, start=1)]
         for hop in range(self.rules.hops):
             noise = self._noise(starts, before)
@@ -308,7 +309,7 @@ class _Search:
         return self._result(tuple(again), before)
 
     def _set_out(self, so_far: StartResult, x: Reals) -> StartResult:
-        """One more try of a start from x; the better end is kept."""
+        """One more run of a start from x; the better result is kept."""
         key = (so_far.number, so_far.tries + 1)
         if key in self.known:
             return self.known[key]
@@ -338,7 +339,7 @@ class _Search:
         return StartResult(so_far.number, so_far.start, result.x, objective, result.status, tries, iterations)
 
     def _phase(self, phase: UpdateProblem, x: Reals) -> tuple[Reals, int]:
-        """Where a first phase leads, and its iterations; a phase that cannot be solved leads nowhere."""
+        """Final point and iterations of a first phase; none if it cannot be solved."""
         try:
             result = update(phase, replace(self.method, regularisation=NoRegularisation()), start=phase.start(x),
                             active=self.active)  # fmt: skip
@@ -365,7 +366,7 @@ class _Search:
         )
 
     def _best(self, starts: Sequence[StartResult], before: Evaluation) -> UpdateResult:
-        """The update at the best end; made again there where it belongs to an earlier run."""
+        """The update at the best result; repeated there if it belongs to an earlier run."""
         ends = [s for s in starts if s.status is not None]
         least = min(ends, key=lambda s: (not s.at_optimum, s.objective), default=None)
         if least is None:

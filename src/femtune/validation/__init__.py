@@ -1,4 +1,4 @@
-"""On data that were not used: criteria and verdicts, what noise explains of a miss, whether residuals are noise."""
+"""Validation on data that were not used: criteria, verdicts, effect of noise, goodness of fit."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Verdicts on a correlation, of all its pairs or of those of some test modes only."""
+"""Verdicts on a correlation, for all pairs or for those of some test modes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from femtune.validation.criteria import (
 from femtune.validation.prediction import FrequencyMiss, HeldOutSensors
 
 Measured = tuple[float, str, str] | NotTested
-"""The worst value, where it was found, and what noise explains of it."""
+"""The worst value, its place, and whether noise explains it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Evidence:
 
     @property
     def rows(self) -> list[int]:
-        """Positions of the pairs that count."""
+        """Positions of the pairs that are judged."""
         pairs = self.correlation.pairing.pairs
         return [k for k, pair in enumerate(pairs) if self.tests is None or pair.test in self.tests]
 

@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """What a criterion says."""
+    """Outcome of a criterion."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -26,15 +26,15 @@ class Criterion:
 
     @property
     def percent(self) -> bool:
-        """True where the quantity is told in per cent."""
+        """True if the quantity is given in per cent."""
         return self.quantity in IN_PERCENT
 
     def text(self, value: float) -> str:
-        """A value of this quantity as people write it."""
+        """A value of this quantity as text."""
         return f"{100.0 * value:.3g} %" if self.percent else f"{value:.3g}"
 
     def passed(self, value: float) -> bool:
-        """True on the right side of the limit; an undefined value is on the wrong one."""
+        """True if the limit is satisfied; an undefined value fails."""
         return value <= self.limit if self.at_most else value >= self.limit
 
 
@@ -48,7 +48,7 @@ class Verdict:
     measured : the worst value; None where it was not tested
     outcome : pass, fail or not tested
     remark : where the worst value is, or why it was not tested
-    noise : what part of a miss noise explains, in words; "" where nothing is known of it, or nothing missed
+    noise : whether noise explains a failure, in words; "" if not known, or without failure
     """
 
     criterion: Criterion
@@ -59,12 +59,12 @@ class Verdict:
 
     @property
     def required(self) -> float:
-        """The criterion's number."""
+        """The limit."""
         return self.criterion.limit
 
     @property
     def sentence(self) -> str:
-        """Outcome, measured number beside the required one, the place, and what noise explains."""
+        """Outcome, measured and required value, the place, and whether noise explains a failure."""
         c = self.criterion
         asked = f"{'at most' if c.at_most else 'at least'} {c.text(c.limit)} required by {c.standard}"
         if self.measured is None:
@@ -84,7 +84,7 @@ class CriteriaProfile:
     criteria: tuple[Criterion, ...]
 
     def tailored(self, limits: Mapping[str, float]) -> CriteriaProfile:
-        """With own limits by quantity: they take the place of this profile's, or come beside them.
+        """With user-defined limits by quantity: they replace those of this profile, or are added.
 
         Raises
         ------
@@ -133,12 +133,12 @@ PROFILES = {
 
 
 def profile(word: str, limits: Mapping[str, float] | None = None) -> CriteriaProfile:
-    """A profile with own limits by quantity (KeyError for words that are not in `PROFILES`)."""
+    """A profile with user-defined limits by quantity (KeyError for words that are not in `PROFILES`)."""
     return PROFILES[word].tailored(limits or {})
 
 
 def judge(criterion: Criterion, value: float, remark: str, noise: str = "") -> Verdict:
-    """The verdict on a measured value; noise is told of a miss only."""
+    """The verdict on a measured value; noise is stated for a failure only."""
     passed = criterion.passed(value)
     outcome = Outcome.PASS if passed else Outcome.FAIL
     return Verdict(criterion, value, outcome, remark, "" if passed else noise)

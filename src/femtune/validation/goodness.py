@@ -22,7 +22,7 @@ from femtune.residuals import ResidualBlock
 from femtune.validation.criteria import Outcome
 
 LEVEL = 0.01
-"""Residuals that chance makes less often than this are not called noise."""
+"""Residuals with a smaller probability than this are not called noise."""
 _FEWEST_RUNS = 10
 _RANK = 1e-10
 
@@ -54,7 +54,7 @@ class GoodnessOfFit:
 
     @property
     def outcome(self) -> Outcome:
-        """Pass where the residuals may be noise of the stated size, or of a smaller one."""
+        """Pass if the residuals may be noise of the stated size, or of a smaller one."""
         if self.p_value is None:
             return Outcome.NOT_TESTED
         few = self.runs_p_value is not None and self.runs_p_value < LEVEL
@@ -65,13 +65,14 @@ class GoodnessOfFit:
         """Outcome in words with the numbers."""
         if self.p_value is None or self.chi_square is None:
             return f"not tested: {self._why_not()}"
-        numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} degrees of freedom"
+        degrees = "degree" if self.degrees_of_freedom == 1 else "degrees"
+        numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} {degrees} of freedom"
         if self.outcome is Outcome.FAIL:
             details = f"{numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
             return f"the residuals are not noise of the stated size: {details}"
         if self.p_value > 1.0 - LEVEL:
             what = "the residuals are smaller than the stated standard deviations imply"
-            return f"{what}: {numbers}; these are probably too large"
+            return f"{what} ({numbers}); these are probably too large"
         return f"the residuals may be noise of the stated size: {numbers}, p = {self.p_value:.2g}"
 
     def _why_not(self) -> str:

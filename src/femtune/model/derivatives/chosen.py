@@ -1,4 +1,4 @@
-"""Derivatives of modes by the way that suits the size of the model and what is asked for."""
+"""Derivatives of modes by the method suited to the size of the model and to the request."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def subspace_derivative(
     """Derivatives of the subspace of some modes.
 
     Small models are solved exactly. For large ones with few rows all wanted modes are found together from solves for
-    the rows, once for all clusters that are asked for; see `sensor_derivatives`. The rest is exact again, one parameter
+    the rows, once for all clusters that are requested; see `sensor_derivatives`. The rest is exact again, one parameter
     at a time; where all free DOFs of many modes are wanted, take `derivatives_by_parameter`, which keeps none of them.
 
     Parameters

@@ -52,7 +52,7 @@ def orthonormalise(W: Reals, V: Reals, mass: Product, smallest: float) -> tuple[
 
 
 def _once_more(W: Reals, MW: Reals, total: Reals) -> tuple[Reals, Reals, Reals]:
-    """Mend what is left of the first Gram matrix' rounding, inside the block."""
+    """Correct the remaining rounding of the first Gram matrix, inside the block."""
     if W.shape[1]:
         R, _, change = _factors(transposed_times(W, MW), 0.0)
         W, MW, total = multiply(W, R), multiply(MW, R), change @ total

@@ -25,7 +25,7 @@ _APART = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Nearby:
-    """Modes of another value of the parameters, and what was asked for.
+    """Modes of another value of the parameters, and what was requested.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def _is_usable(count: Count, wanted: int) -> bool:
 
 
 def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> NearbyModes | None:
-    """As many pairs as were counted, if they can be told from those above and are accurate."""
+    """As many pairs as were counted, if they are separated from those above and accurate."""
     assert count.factor is not None
     tolerance = min(_MOST, _TOLERANCE * float(np.sqrt(abs(nearby.shift) / count.value)))
     found = _below(pencil, count, start, tolerance)

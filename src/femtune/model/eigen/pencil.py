@@ -66,7 +66,7 @@ class Pencil:
 
 
 class Inverse:
-    """(K − σM)⁻¹; its factors can be forgotten, and are made again where they are asked for."""
+    """(K − σM)⁻¹; its factors can be forgotten, and are made again where they are requested."""
 
     def __init__(self, pencil: Pencil, shift: float, factor: Factor | None = None) -> None:
         self.pencil, self.shift, self.at_hand = pencil, shift, factor

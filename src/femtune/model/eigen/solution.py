@@ -38,7 +38,7 @@ class EigenSolution:
     ----------
     eigenvalues : (m,) λ = ω² in rad²/s², ascending
     shapes : (n_free, m), φᵀMφ = 1
-    wanted : number of modes that were asked for, a repeated one at the end kept whole; the others serve the
+    wanted : number of modes that were requested, a repeated one at the end kept whole; the others serve the
         derivatives
     shift : σ below the spectrum, at which the eigenproblem was inverted
     sturm_shift, sturm_count : number of eigenvalues below a shift that separates the modes found from the rest,

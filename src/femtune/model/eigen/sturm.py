@@ -20,7 +20,7 @@ Cut = tuple[float, int]
 
 @dataclass(frozen=True, eq=False)
 class Count:
-    """Number of eigenvalues below a value (None where the pivots hide it), and the factors that told."""
+    """Number of eigenvalues below a value (None where the pivots hide it), and the factors used."""
 
     value: float
     below: int | None

@@ -280,7 +280,7 @@ def _check(
 
 
 def _entry_scale(pattern: sp.csr_array, data: NDArray) -> Reals:
-    """√(d_i d_j) of an entry, so that rotations weigh as translations do."""
+    """√(d_i d_j) of an entry, so that rotations and translations have similar weight."""
     n = pattern.shape[0]
     rows = np.repeat(np.arange(n), np.diff(pattern.indptr))
     own = rows == pattern.indices

@@ -14,7 +14,7 @@ from femtune.arrays import Reals
 
 
 class _ArrayPool:
-    """Memory that no array looks at any more, told by its number of references, serves the next one."""
+    """Memory without references from arrays is used again."""
 
     def __init__(self) -> None:
         self._kept = [np.empty(0)]
@@ -37,7 +37,7 @@ _LEAST, _WIDEST = 1 << 17, 32
 
 @contextmanager
 def recycled() -> Iterator[None]:
-    """Blocks that are asked for inside use the memory again of those that are gone."""
+    """Blocks that are requested inside use the memory again of those that are gone."""
     token = _POOL.set(_POOL.get() or _ArrayPool())
     try:
         yield

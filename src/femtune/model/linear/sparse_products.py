@@ -37,7 +37,7 @@ class Product:
 def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     """Make a real matrix ready for products; entries that are zero are left out.
 
-    `block` is the usual number of columns where many products will be asked for: the library may then keep a copy of
+    `block` is the usual number of columns where many products will be requested: the library may then keep a copy of
     the matrix in the order that it likes best.
     """
     lean = _without_zeros(matrix)

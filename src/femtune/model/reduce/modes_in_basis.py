@@ -27,7 +27,7 @@ class ReducedModes:
     ----------
     eigenvalues : (f,) λ = ω² ascending, none below that of the full model in the same place
     shapes : (r, f) in the coordinates of the basis, yᵀMy = 1; V @ shapes are the shapes of the model
-    wanted : number of modes that were asked for
+    wanted : number of modes that were requested
     theta, vectors : (r,) θ = 1/(λ − σ), and (r, r) vectors with zᵀ(K − σM)z = 1; motions without mass have θ = 0
     """
 

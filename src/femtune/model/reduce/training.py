@@ -19,7 +19,7 @@ from femtune.model.reduce.reduced_model import ReducedModel, enlarge, reduce_mod
 from femtune.model.solvers.factorise import factorise
 
 # ----------------------------------------------------------------------------------------------------
-# What a training of a reduced model is asked for and what it leaves.
+# Options and result of the training of a reduced model.
 
 
 class TrainingStatus(Enum):
@@ -87,7 +87,7 @@ class Trained:
     model, basis : V (n_free, r), VᵀA0V = 1 with A0 = K0 − σM0
     certified : points where the full model was solved, in their order
     points, estimates : (c, k) candidates, and (c,) the last worst estimate made at each; infinite where none was
-    status : how the training stands
+    status : state of the training
     """
 
     model: ReducedModel
@@ -208,8 +208,8 @@ class Trainer:
     ----------
     rows : (s, n_free) where the modes are wanted
     solve : the full solution of a model point and a number of modes, from modes nearby where they are given
-    report : told after every full solution
-    looking : told after every estimate, with the estimates so far and how many of them are of this basis
+    report : called after every full solution
+    looking : called after every estimate, with the estimates so far and how many of them are of this basis
     """
 
     configured: ConfiguredModel

@@ -23,7 +23,7 @@ from femtune.model.response.ports import Ports
 from femtune.model.response.reduced import ReducedStiffness, fields, pole_residues, reduce
 
 # ----------------------------------------------------------------------------------------------------
-# What an FRF is asked for, checked: lines, kind, method.
+# The checked request for FRFs: lines, kind, method.
 
 
 Kind = Literal["receptance", "mobility", "accelerance"]

@@ -103,7 +103,7 @@ Faces = NDArray[np.int64]
 COLOURS = ("#eaf2f8", "#c3d8ea", "#8db6d8", "#4f8cc0", "#1f5a92", "#0b2d52")
 """From no motion to the largest: one hue, ever darker, so that grey prints and colour-blind readers show the order."""
 STEPS = 32
-"""Shades that are told apart."""
+"""Number of distinguishable shades."""
 _CREASE = np.cos(np.radians(25.0))
 
 

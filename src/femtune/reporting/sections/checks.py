@@ -1,4 +1,4 @@
-"""Mass beside weighed mass, rigid motions, completeness of modes, cards, held DOFs."""
+"""Measured mass, rigid-body check, completeness of modes, cards, DOFs constrained by AUTOSPC."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from femtune.results.model import ModelConfiguration, ModelFacts
 
 # ----------------------------------------------------------------------------------------------------
-# What an update cannot mend: mass, lumping, mesh.
+# Errors that updating cannot correct: mass, lumping, mesh.
 
 
 def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
@@ -52,7 +52,7 @@ def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
 
 
 # ----------------------------------------------------------------------------------------------------
-# DOFs that AUTOSPC holds, told by kind: thousands of them must fit into a line or two.
+# DOFs constrained by AUTOSPC, grouped: thousands of them must fit into a line or two.
 
 
 _RANGES = 5
@@ -66,10 +66,10 @@ def held_lines(c: ModelConfiguration) -> list[str]:
 
 def _line(reason: str, names: Sequence[str]) -> str:
     kinds = _by_kind(names)
-    told = [f"{' '.join(directions)} of {_points(nodes)}" for directions, nodes in kinds]
+    groups = [f"{' '.join(directions)} of {_points(nodes)}" for directions, nodes in kinds]
     left = any(len(_ranges(nodes)) > _RANGES for _, nodes in kinds)
     rest = " (results.json, or femtune info --json, lists each)" if left else ""
-    return f"{counted(len(names), 'DOF')}, {reason}: {'; '.join(told) or ', '.join(names[:_RANGES])}{rest}"
+    return f"{counted(len(names), 'DOF')}, {reason}: {'; '.join(groups) or ', '.join(names[:_RANGES])}{rest}"
 
 
 def _by_kind(names: Iterable[str]) -> list[tuple[tuple[str, ...], list[int]]]:

@@ -214,7 +214,7 @@ def unpaired_model(source: ReportSource, names: list[str]) -> list[Block]:
     heads = columns("Configuration", ">Model mode", ">Hz before", ">Hz after", "Remark")
     notes = [note for rows in found for note in _notes(rows)]
     table = Table("Model modes without a partner", heads, tuple(_plain(source, r) for r in near), " ".join(notes))
-    return [table] if near else [Paragraph(f"Model modes without a partner: {note}", "muted") for note in notes]
+    return [table] if near else [Paragraph(note, "muted") for note in notes]
 
 
 def _in_range(entry: _Row) -> bool:
@@ -240,7 +240,7 @@ def others(name: str, comparison: CorrelationResults, rigid: int, higher: int) -
     """A sentence on the modes that are not listed one by one; [] where all are."""
     parts = [counted(rigid, "rigid-body mode")] if rigid else []
     parts += [f"{counted(higher, 'mode')} above {freq(highest_hz(comparison))} Hz"] if higher else []
-    return [f"{name}: in addition, {' and '.join(parts)} without a partner."] if parts else []
+    return [f"{name}: {' and '.join(parts)} without a partner are not listed."] if parts else []
 
 
 def _model_rows(comparisons: list[CorrelationResults]) -> list[_Row]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femtune.reporting.document import Figure, Heading, Paragraph
 from femtune.reporting.figures.shapes import VECTOR_FACES, ShapePanel, Wireframe, shapes_svg
-from femtune.reporting.numbers import NOT_TESTED, counted, freq, unit_fraction
+from femtune.reporting.numbers import NOT_TESTED, as_sentence, counted, freq, unit_fraction
 from femtune.reporting.source import VERSION_WORDS
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _pictures_of(source: ReportSource, modes: ModelModes, room: int) -> list[Blo
 def simplified(kept: ModeShapes | None) -> list[Block]:
     """That a large mesh is drawn with fewer faces and lines; [] where it is drawn as it is."""
     sentence = kept.simplified if kept else ""
-    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", "muted")] if sentence else []
+    return [Paragraph(as_sentence(sentence), "muted")] if sentence else []
 
 
 def _why(kept: ModeShapes | None) -> str:
@@ -81,7 +81,7 @@ def _why(kept: ModeShapes | None) -> str:
 
 
 def parts_of(frame: Wireframe) -> int:
-    """How much a picture of it weighs: its lines and faces; pixels weigh the same however many faces they show."""
+    """Size of its picture: number of lines and faces; a raster image counts the same for any number of faces."""
     return max(1, len(frame.lines) + min(len(frame.faces), VECTOR_FACES))
 
 

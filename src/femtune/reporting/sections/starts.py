@@ -10,7 +10,7 @@ import numpy as np
 
 from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.parameters import optima_svg, weight_path_svg
-from femtune.reporting.numbers import short
+from femtune.reporting.numbers import as_sentence, short
 from femtune.reporting.sections.parameters import places
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def reduced_models(reduction: ReductionResults | None) -> list[Block]:
     ]
     if not rows:
         return [Paragraph("; ".join(reduction.rounds).capitalize() + ".")]
-    rounds = tuple(text[:1].upper() + text[1:] + "." for text in reduction.rounds)
+    rounds = tuple(map(as_sentence, reduction.rounds))
     return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows), _COST), Listing(rounds)]
 
 

@@ -8,6 +8,7 @@ from femtune.reporting.document import AlertBox, Heading, KeyNumber, KeyNumbers,
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
+    as_sentence,
     counted,
     freq,
     listed,
@@ -107,7 +108,7 @@ def _validation(source: ReportSource) -> list[Block]:
     if found is None or not sentence:
         return []
     failed = any(v.verdict == "fail" for v in found.verdicts)
-    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", "poor" if failed else "good")]
+    return [Paragraph(as_sentence(sentence), "poor" if failed else "good")]
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from femtune.reporting.figures.bars import PredictedMode, predictions_svg
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
+    as_sentence,
     counted,
     freq,
     listed,
@@ -96,7 +97,7 @@ def validation_verdicts(found: ValidationResults) -> list[Block]:
     noise = tuple(f"{v.configuration}, {v.criterion}: {v.noise}" for v in found.verdicts if v.noise)
     misses: list[Block] = [Heading("Can measurement noise explain the failures?"), Listing(noise)] if noise else []
     tone: Tone = "poor" if any(v.verdict == "fail" for v in found.verdicts) else "good"
-    return [Paragraph(f"{sentence[0].upper()}{sentence[1:]}.", tone), Table("", heads, rows), *misses]
+    return [Paragraph(as_sentence(sentence), tone), Table("", heads, rows), *misses]
 
 
 def _verdict_row(v: ValidationVerdict) -> tuple[Cell, ...]:
@@ -177,7 +178,7 @@ def _row(p: Prediction, known_reasons: list[str]) -> tuple[Cell, ...]:
 
 
 def _remark(p: Prediction, known_reasons: list[str]) -> str:
-    """The study's reason for leaving a mode out stands in the table of modes left out."""
+    """The study's reason for leaving out a mode is given in the table of these modes."""
     if p.data:
         return "" if p.paired else "not paired; the most similar mode is shown"
     return "left out by the study" if p.remark in known_reasons else p.remark
@@ -208,7 +209,7 @@ _TONES: dict[str, Tone] = {"pass": "", "fail": "poor", "not tested": "muted"}
 def goodness_sentence(source: ReportSource) -> list[Block]:
     """One sentence, where it was tested."""
     found = _found(source)
-    return [] if found is None else [Paragraph(f"Residuals: {found.sentence}.", _TONES[found.verdict])]
+    return [] if found is None else [Paragraph(as_sentence(found.sentence), _TONES[found.verdict])]
 
 
 def goodness(source: ReportSource) -> list[Block]:
@@ -272,7 +273,7 @@ def untested(criteria: Iterable[CriterionRecord]) -> dict[str, tuple[str, ...]]:
 
 
 def _not_tested(source: ReportSource) -> list[Block]:
-    """Configurations with the same criteria and the same reason share a row; of two versions the last one's is told."""
+    """Configurations with the same criteria and the same reason share a row; of two versions the last one is shown."""
     found: dict[tuple[tuple[str, ...], tuple[str, ...], str], list[str]] = {}
     for name in source.results.study.configurations:
         for names, (when, reason) in _of_configuration(source, name).items():

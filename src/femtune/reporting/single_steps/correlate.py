@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.reporting.document import Cell, Paragraph, Section, Table, columns, row
-from femtune.reporting.numbers import NONE, freq, listed, signed_percent, typeset, unit_fraction
+from femtune.reporting.numbers import NONE, as_sentence, freq, listed, signed_percent, typeset, unit_fraction
 from femtune.reporting.sections.correlation import (
     dropped_sensors,
     highest_hz,
@@ -42,7 +42,7 @@ def correlation_document(subject: Subject, correlations: Sequence[CorrelationRes
     sections = [Section(c.configuration, c.configuration, tuple(_configuration(c, arrays))) for c in correlations]
     out = Section("left_out", "Left out by the study", tuple(_left_out(correlations)))
     verdict = agreement(scores_of(correlations))
-    return subject.document(f"{verdict[0].upper()}{verdict[1:]}.", "info", [*sections, out])
+    return subject.document(as_sentence(verdict), "info", [*sections, out])
 
 
 def _left_out(correlations: Sequence[CorrelationResults]) -> list[Block]:

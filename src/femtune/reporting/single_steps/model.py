@@ -61,7 +61,7 @@ def damping_blocks(facts: ModelFacts) -> list[Block]:
 
 
 def _overall(damping: DampingFacts) -> str:
-    """PARAM G, W3 and W4; a G of zero is told too, as an update may start there."""
+    """PARAM G, W3 and W4; a G of zero is shown too, as an update may start from it."""
     given = {"G": damping.overall_loss_factor, "W3": damping.overall_omega_rad_s, "W4": damping.element_omega_rad_s}
     units = {"G": "", "W3": " rad/s", "W4": " rad/s"}
     words = ", ".join(f"{name} = {value(x)}{units[name]}" for name, x in given.items() if x is not None)

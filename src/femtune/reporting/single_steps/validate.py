@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Listing, Paragraph, Section
-from femtune.reporting.numbers import NOT_TESTED
+from femtune.reporting.numbers import NOT_TESTED, as_sentence
 from femtune.reporting.sections.quantify import output_table, parameter_table, variability_blocks
 from femtune.reporting.sections.validation import (
     outcome_sentence,
@@ -55,7 +55,7 @@ def validation_document(subject: Subject, results: Results) -> Document:
         Section("residuals", "Residuals of the update", tuple(_residuals(results))),
         Section("open", "What was not tested", (Listing((*untested_reasons(found), *found.not_tested)),)),
     )
-    return subject.document(f"{sentence[0].upper()}{sentence[1:]}.", _level(found), sections)
+    return subject.document(as_sentence(sentence), _level(found), sections)
 
 
 def _predictions(found: ValidationResults) -> list[Block]:
@@ -66,7 +66,7 @@ def _residuals(results: Results) -> list[Block]:
     update = results.update
     if update is None or update.goodness is None:
         return []
-    return [Paragraph(f"{update.goodness.sentence}.", "poor" if update.goodness.verdict == "fail" else "")]
+    return [Paragraph(as_sentence(update.goodness.sentence), "poor" if update.goodness.verdict == "fail" else "")]
 
 
 def _level(found: ValidationResults) -> Level:

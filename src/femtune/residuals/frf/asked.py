@@ -124,7 +124,7 @@ def _check_labels(asked: Asked) -> None:
 
 
 def _functions(asked: Asked) -> tuple[FrfSet, Places, tuple[Notice, ...]]:
-    """The functions that are asked for and have a place in the model."""
+    """The functions that are requested and have a place in the model."""
     entry, frfs = asked.entry, asked.frfs
     if frfs is None:
         raise FemtuneError("residual.no-frfs", where=asked.where(), configuration=asked.name)

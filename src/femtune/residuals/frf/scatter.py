@@ -1,6 +1,6 @@
 """How well measured FRFs are known: a part of the magnitude, a floor, and what the coherence says.
 
-A weight that follows the noise of the value that it weighs makes an estimate biased. Near the noise what stands for the
+A weight that follows the noise of its value makes an estimate biased. Near the noise what stands for the
 magnitude of a function at a line is therefore taken from the lines beside it, whose noise is another; well above it,
 where peaks may be narrower than the lines, the bias is small and known.
 """

@@ -105,7 +105,7 @@ def _curve(frfs: FrfSet) -> Curve:
 
 
 LINES = 400
-"""Lines of a band where no resolution is asked for, as far as the record allows with eight segments."""
+"""Lines of a band where no resolution is requested, as far as the record allows with eight segments."""
 
 
 WHOLE = 1e-3

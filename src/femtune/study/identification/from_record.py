@@ -58,7 +58,7 @@ def _column(entry: ChannelEntry) -> ChannelColumn:
 
 
 def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress) -> Found:
-    """Modes of a record by every method that is asked for; those of the first one, or means over fragments.
+    """Modes of a record by every method that is requested; those of the first one, or means over fragments.
 
     Raises
     ------

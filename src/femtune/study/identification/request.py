@@ -1,4 +1,4 @@
-"""What is asked for: an identification file, or a measured file with options."""
+"""The request: an identification file, or a measured file with options."""
 
 from __future__ import annotations
 
