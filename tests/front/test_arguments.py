@@ -51,23 +51,24 @@ def test_arrays_of_other_shapes_are_no_shapes() -> None:
             ft.mac(matrix, wrong)  # type: ignore[arg-type]
 
 
-def test_an_array_is_no_table_of_a_study() -> None:
+def test_an_array_is_no_table_of_a_study(tmp_path: Path) -> None:
     with pytest.raises(ft.FemtuneError) as caught:
-        ft.Study(model=example_deck(), units="m-kg-s", modes=np.array([1.0, 2.0]))
+        ft.Study(model=example_deck(tmp_path), units="m-kg-s", modes=np.array([1.0, 2.0]))
     assert caught.value.code == "study.type"
 
 
 def test_new_values_have_fields_for_keys_and_numbers_for_values(tmp_path: Path) -> None:
     for wrong in ({3: 1.0}, {"PBAR 1 I1": "2"}, {"PBAR 1 I1": None}, {"PBAR 1 I1": True}):
         with pytest.raises(ft.FemtuneError) as caught:
-            ft.write_deck(example_deck(), wrong, tmp_path / "new.bdf")  # type: ignore[arg-type]
+            ft.write_deck(example_deck(tmp_path), wrong, tmp_path / "new.bdf")  # type: ignore[arg-type]
         assert caught.value.code == "call.argument"
     assert not (tmp_path / "new.bdf").exists()
 
 
-def test_numbers_of_numpy_are_numbers_and_aliases_are_looked_up() -> None:
-    assert len(ft.modes(example_deck(), count=np.int64(2)).freq_hz) == 2  # type: ignore[arg-type]
-    found = ft.correlate(ft.read_deck(example_deck(), units="m-kg-s"), example_test())
+def test_numbers_of_numpy_are_numbers_and_aliases_are_looked_up(tmp_path: Path) -> None:
+    deck, test = example_deck(tmp_path), example_test(tmp_path)
+    assert len(ft.modes(deck, count=np.int64(2)).freq_hz) == 2  # type: ignore[arg-type]
+    found = ft.correlate(ft.read_deck(deck, units="m-kg-s"), test)
     assert found.mac.shape[0] == 4
 
 
