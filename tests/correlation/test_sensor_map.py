@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from femtune.correlation import GeneralisedSensor, map_sensors, rigid_motion_sensor
+from femtune.correlation import GeneralisedSensor, map_sensors, rigid_motion_sensor, sensor_map
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, FemtuneErrors
 from femtune.fem.structure import NodeTable, Structure
@@ -286,3 +286,14 @@ def test_a_model_without_grid_points() -> None:
 
 def test_a_test_without_sensors_is_empty() -> None:
     assert map_sensors(_test(), _structure(SQUARE), tolerance=0.1).matrix.shape == (0, 25)
+
+
+_METRES = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0, "inches": 0.0254, "feet": 0.3048}
+
+
+def test_factors_between_units_of_length() -> None:
+    """A coordinate in the unit of the test times the factor is one in the unit of the model."""
+    named = {factor: words.split(" where the model has ") for factor, words in sensor_map._FACTORS.items() if words}
+    assert len(named) == 14
+    for factor, (test, model) in named.items():
+        assert factor == pytest.approx(_METRES[test] / _METRES[model], rel=1e-12)

@@ -77,6 +77,13 @@ def test_hidden_spring_to_ground_is_found():
     assert found[0].energy == pytest.approx(0.5 * k * 2.0**2)
 
 
+def test_the_energy_of_a_structure_on_a_spring_is_that_of_the_spring():
+    """Nothing cancels: all of the energy is left."""
+    structure = make_structure(np.array([[1.0, 2.0, 3.0]]), [scalars("spring", [[0, -1]], "K", [400.0])])
+    check = rigid_motion_checks(structure.nodes, assemble(structure, "stiffness"))[0]
+    assert (check.motion, check.energy, check.relative_energy) == ("X", 200.0, 1.0)
+
+
 def test_bush_across_a_gap_grounds_rotation():
     """Arms that don't meet: rotation strains the bush although nothing is grounded."""
     structure = make_structure(XYZ, [bushes([[0, 1]], {"K1": 1.0, "K2": 1.0, "K3": 1.0})])

@@ -107,6 +107,7 @@ def test_pieces_of_data_leave_the_projection_as_it_is():
 def test_movements_of_poles_are_derivatives(order):
     model, piece, step = covariance_driven(ambient(3, 20_000), 1 / RATE, [0, 1, 2], 10, 12, 8), 3, 1e-4
     moved = scatter_of_order(model, order)
+    assert moved.found.poles == pytest.approx(model.observability.poles([order])[0].poles, rel=1e-9)
     ends = []
     for side in (step, -step):
         hankel = (model.left * model.singular_values) @ model.right.T + side * model.scatter[piece]
@@ -186,3 +187,9 @@ def test_stated_deviations_cover_the_truth():
 
 T_24 = 2.064
 """97.5 % point of Student's t for the 25 pieces of the record."""
+
+
+def test_deviations_of_the_hankel_matrix_are_those_of_a_mean() -> None:
+    model, y = covariance_driven(ambient(5, 8_000), 1 / RATE, [0, 1], 4, 4, 6), ambient(5, 8_000)
+    pieces = np.stack([block_hankel(p, 5, 4) for p in correlations_by_block(y, [0, 1], 8, 6)])
+    np.testing.assert_allclose((model.scatter**2).sum(axis=0), np.var(pieces, axis=0, ddof=1) / 6, rtol=1e-9)
