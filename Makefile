@@ -22,7 +22,7 @@ EXAMPLES := $(sort $(wildcard examples/*/run.py) $(wildcard examples/cases/*/run
 FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 	  "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; exit; }; done
 
-.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification readers clean
+.PHONY: help demo test test-slow check-all lint format types contract docs evidence notebooks examples-quick browser bench bench-identification mutants readers clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
@@ -82,6 +82,10 @@ bench-identification: $(VENV)/.stamp-test  ## modes from tests beside three peer
 	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
+
+mutants: $(VENV)/.stamp-test  ## do the tests notice small errors in the numerical code? half an hour; goes on where it was ended
+	@$(PIP) coverage
+	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 readers: $(VENV)/.stamp-readers  ## the extras that read OP2, Ansys and HDF5 files, so that their tests run
 
