@@ -132,8 +132,8 @@ def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
 def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice, ...]:
     """``frf.exchanged`` and ``frf.inverted`` against another measurement or a model of the same structure.
 
-    The other set is converted to the same kind. Responses are matched to those of the other set by their correlation over all references and lines; one that fits
-    another label better by a margin was exchanged.
+    The other set is converted to the same kind. Responses are matched to its responses by their correlation over all
+    references and lines; one that fits another label better by a margin was exchanged.
 
     Raises
     ------

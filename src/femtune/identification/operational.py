@@ -23,6 +23,7 @@ from femtune.identification.ssi import CovarianceModel, PoleScatter, covariance_
 from femtune.identification.tfie import mode_at, phase_scatter, steady_lines
 from femtune.modal import ModeSet, TimeSeries
 from femtune.modal.shape_criteria import turn_to_real_axis
+from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
 _LEAST_SEGMENTS = 8
 
@@ -86,6 +87,16 @@ class OperationalModes:
     candidates: tuple[Candidate, ...] = ()
     model: CovarianceModel | None = field(default=None, repr=False)
     derivatives: Reals = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    @property
+    def collinearity(self) -> Reals:
+        """(m,) phase collinearity of the complex shapes."""
+        return np.array([phase_collinearity(s) for s in self.complex_shapes.T])
+
+    @property
+    def deviation_deg(self) -> Reals:
+        """(m,) mean phase deviation of the complex shapes."""
+        return np.array([mean_phase_deviation_deg(s) for s in self.complex_shapes.T])
 
 
 def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:

@@ -20,8 +20,8 @@ def derivatives_of(channels: Sequence[Channel]) -> Reals:
 
     Raises
     ------
-    FemtuneError : ``identify.mixed-quantities`` where channels of different quantities cannot be compared, or have units
-        of different lengths
+    FemtuneError : ``identify.mixed-quantities`` where channels of different quantities cannot be converted, or have
+        units of different lengths
     """
     quantities = {c.quantity for c in channels}
     if len(quantities) < 2:
