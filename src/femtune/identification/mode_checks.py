@@ -40,12 +40,11 @@ def damping_remarks(freq_hz: Sequence[float] | Reals, damping_ratio: Reals | Non
     if damping_ratio is None:
         return ()
     found = []
-    for i, (freq, ratio) in enumerate(zip(freq_hz, damping_ratio)):
-        facts = {"frequency_hz": float(freq), "ratio": float(ratio), "largest": LARGE_DAMPING}
-        if ratio > LARGE_DAMPING:
-            found.append(ModeRemark(i, Notice("identify.damping", **facts)))
-        elif ratio <= 0.0:
-            found.append(ModeRemark(i, Notice("identify.damping/negative", **facts)))
+    for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
+        code = "identify.damping" if ratio > LARGE_DAMPING else "identify.damping/negative" if ratio <= 0.0 else ""
+        if code:
+            notice = Notice(code, frequency_hz=float(hz), ratio=float(ratio), largest=LARGE_DAMPING)
+            found.append(ModeRemark(i, notice))
     return tuple(found)
 
 
@@ -63,8 +62,8 @@ def collinearity_remarks(
 def mass_remarks(freq_hz: Sequence[float] | Reals, mass_sign: Reals) -> tuple[ModeRemark, ...]:
     """``identify.driving-point-sign`` of modes whose modal mass is negative; NaN without a driving point."""
     return tuple(
-        ModeRemark(int(i), Notice("identify.driving-point-sign", frequency_hz=float(freq_hz[i])))
-        for i in np.flatnonzero(mass_sign < NEGATIVE_MASS)
+        ModeRemark(i, Notice("identify.driving-point-sign", frequency_hz=float(freq_hz[i])))
+        for i in np.flatnonzero(mass_sign < NEGATIVE_MASS).tolist()
     )
 
 

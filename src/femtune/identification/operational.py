@@ -228,8 +228,8 @@ def _of_lines(
 ) -> OperationalModes:
     """Modes with the complex shapes that the channels have at single lines."""
     dofs = DofSet(c.dof for c in record.channels)
-    columns = np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0))
-    found = in_one_quantity(columns.astype(complex), 2j * np.pi * lines_hz, derivatives_of(record.channels))
+    columns = np.asarray(np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0)), np.complex128)
+    found = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(record.channels))
     modes = ModeSet(
         freq, _real_shapes(found), dofs, damping_ratio=ratio, normalisation="unit-norm", source=method
     )  # fmt: skip

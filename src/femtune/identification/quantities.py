@@ -50,7 +50,7 @@ def moved_in_one_quantity(
 
 
 def _factors(poles: Complexes, derivatives: Reals) -> Complexes:
-    return np.asarray(poles, dtype=complex)[None, :] ** derivatives[:, None]
+    return np.asarray(np.asarray(poles)[None, :] ** derivatives[:, None], dtype=np.complex128)
 
 
 def _check_comparable(channels: Sequence[Channel]) -> None:

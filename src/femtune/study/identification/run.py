@@ -154,8 +154,8 @@ def _with_agreement(found: Found) -> Found:
     if not alone:
         return found
     names = ", ".join(f"{found.modes.freq_hz[i]:.4g} Hz ({name})" for i, name in alone.items())
-    facts = {"n_alone": len(alone), "n_modes": len(own), "names": names}
-    return replace(found, notices=(*found.notices, Notice("identify.one-method", level="info", **facts)))
+    notice = Notice("identify.one-method", level="info", n_alone=len(alone), n_modes=len(own), names=names)
+    return replace(found, notices=(*found.notices, notice))
 
 
 @contextmanager
