@@ -12,6 +12,8 @@ from scipy.linalg import eigh
 from femtune.correlation import ReducedMass, correlate, reduce_mass
 from femtune.dofs import Dof, DofSet
 from femtune.modal import ModeSet
+from femtune.results.correlation import correlation_results
+from femtune.results.validation import prediction
 from femtune.validation import PROFILES, FrequencyMiss, Outcome, assess, profile
 
 
@@ -100,6 +102,21 @@ def test_what_one_measured_dof_fulfils_by_itself_is_not_tested() -> None:
     assert reasons["MAC"] == "with one measured DOF all shapes are proportional, so that the MAC is 1 for any model"
     for quantity in ("cross-orthogonality, diagonal", "cross-orthogonality, off the diagonal"):
         assert reasons[quantity].startswith("with one measured DOF all shapes are proportional")
+
+
+def test_records_of_one_measured_dof_have_no_mac() -> None:
+    test, model, _ = _one_dof()
+    found = correlate(test, model)
+    record = correlation_results("c", "before", found, "c", {}, [])
+    assert [pair.mac for pair in record.pairs] == [None]
+    assert record.comac == ()
+    assert prediction("c", found, 0, "").mac is None
+    # one DOF says nothing of which mode a mode without a partner resembles
+    lonely = correlate(ModeSet(test.freq_hz * 3.0, test.shapes, test.dofs), model)
+    assert prediction("c", lonely, 0, "").model_number is None
+    plain, other, _ = _case()
+    twelve = correlation_results("c", "before", correlate(plain, other), "c", {}, [])
+    assert [pair.mac for pair in twelve.pairs] == pytest.approx(np.ones(4))
 
 
 def test_one_entry_of_a_test_shape_has_no_mac_and_the_others_have() -> None:

@@ -77,6 +77,10 @@ class Correlation:
         """(p,) MAC of each pair."""
         return np.array([pair.mac for pair in self.pairing.pairs])
 
+    def one_dof(self, test: int) -> bool:
+        """True where a test shape was measured at fewer than two DOFs: its MAC with any shape that moves there is 1."""
+        return int(np.count_nonzero(~np.isnan(self.test.shapes[:, test]))) < 2
+
 
 def correlate(
     test: ModeSet,

@@ -114,7 +114,7 @@ _ONE_DOF = "with one measured DOF all shapes are proportional"
 
 def _mac(e: Evidence) -> Measured:
     c = e.correlation
-    trivial = [row for row in e.rows if _measured_dofs(c, row) < 2 and np.isfinite(c.macs[row])]
+    trivial = [row for row in e.rows if c.one_dof(c.pairing.pairs[row].test) and np.isfinite(c.macs[row])]
     rows = [row for row in e.rows if row not in trivial]
     if trivial and not rows:
         return NotTested(f"{_ONE_DOF}, so that the MAC is 1 for any model")
@@ -127,11 +127,6 @@ def _mac(e: Evidence) -> Measured:
         few = ", ".join(c.test.labels[c.pairing.pairs[k].test] for k in trivial)
         place += f"; not tested for test modes with one measured DOF: {few}"
     return value, place, "" if isinstance(c.noise, NotTested) else str(c.noise[row])
-
-
-def _measured_dofs(c: Correlation, row: int) -> int:
-    """DOFs at which the test shape of a pair was measured."""
-    return int(np.count_nonzero(~np.isnan(c.test.shapes[:, c.pairing.pairs[row].test])))
 
 
 def _of_one_dof(c: Correlation) -> NotTested | None:
