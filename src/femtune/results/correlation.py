@@ -35,8 +35,8 @@ class ModePairRecord(Record):
     freq_error_percent: float
     """(model − test)/test in %."""
     mac: float | None
-    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None if the shape was measured at fewer
-    than two DOFs."""
+    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None if the shape was measured at
+    fewer than two DOFs."""
     fixed_by_hand: bool = False
     """True where the study prescribes the pair."""
     cluster: int | None = None
