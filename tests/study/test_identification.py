@@ -274,6 +274,15 @@ def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, 
     assert made.record.modes[0].remark == "only the method SSI-cov found the mode"
     (notice,) = (n for n in made.found.notices if n.code == "identify.one-method")
     check_shown("identify.one-method", notice)
+    assert "identify.further-modes" not in {n.code for n in made.found.notices}
+    turned = identify(record, output=tmp_path / "turned", methods=("FDD", "SSI-cov"), **asked)
+    assert "several methods found all modes" in build_identification_page(turned).verdict
+    (notice,) = (n for n in turned.found.notices if n.code == "identify.further-modes")
+    check_shown("identify.further-modes", notice)
+    without = {"methods": ("SSI-cov", "ERA", "FDD"), "drop_hz": (float(PLANT.truth.freq_hz[1]),)}
+    dropped = identify(record, output=tmp_path / "dropped", **without, **asked)
+    assert len(dropped.modes) == 2
+    assert "identify.further-modes" not in {n.code for n in dropped.found.notices}
     alone = identify(record, output=tmp_path / "one", methods=("SSI-cov",), **asked)
     assert "method" not in build_identification_page(alone).verdict
     monkeypatch.setitem(METHODS, "FDD", whole)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.files.identification_file import OUTPUT_ONLY
 from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from femtune.modal import ModeSet, TimeSeries
 
 DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
+_LISTED = 5
 NEAR, ALIKE = 0.02, 0.8
 """A method has a mode where one of its own is as near in frequency and as like in shape."""
 
@@ -78,7 +79,7 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(METHODS[name](piece, asked), file)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
-    found = _means(several, record) if table.fragments > 1 else _first(names, several)
+    found = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
     labels = found.modes.dofs.labels()
     phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
     ready = prepared(record, asked)
@@ -125,14 +126,32 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
                 raise
 
 
-def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
+def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]) -> Found:
     first = several[names[0], 0]
     if not len(first.modes):
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
-    return _remarked(
-        Found(first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE), first.deviation_deg
-    )
+    notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
+    found = Found(
+        first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE, notices=notices
+    )  # fmt: skip
+    return _remarked(found, first.deviation_deg)
+
+
+def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) -> tuple[Notice, ...]:
+    """The modes of other methods that the first one lacks, except those that the user dropped."""
+    found = []
+    for name, others in modes.items():
+        lacking = [
+            float(hz)
+            for hz, own in zip(others.freq_hz, _beside(others, modes[first]))
+            if np.isnan(own) and not any(abs(hz - f) <= NEAR * f for f in dropped)
+        ]
+        if lacking:
+            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
+            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_LISTED])} Hz{more}")
+    notice = Notice("identify.further-modes", level="info", first=first, found="; ".join(found)) if found else None
+    return (notice,) if notice else ()
 
 
 def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
