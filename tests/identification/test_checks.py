@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.dofs import DofSet, parse_dof
 from femtune.errors import FemtuneError
@@ -199,3 +200,11 @@ def test_sets_that_cannot_be_compared(eight_modes: Any, three_modes: Any) -> Non
         with pytest.raises(FemtuneError) as caught:
             call(eight_modes.frfs(_LINES), three_modes.frfs(_LINES))
         assert caught.value.code == "identify.lines-differ"
+
+
+def test_sets_of_other_kinds_are_compared_as_one_kind(eight_modes: Any) -> None:
+    one, other = eight_modes.frfs(_LINES, 0.01, 1), as_kind(eight_modes.frfs(_LINES, 0.01, 2), "receptance")
+    assert exchanged(one, other) == ()
+    with pytest.raises(FemtuneError) as caught:
+        compare_levels([one, other])
+    check_shown("identify.kinds-differ, levels", caught.value)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.messages.shown import check_shown
 
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
@@ -15,6 +16,8 @@ from femtune.errors import FemtuneError
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.identification.operational import METHODS
 from femtune.modal import StateSpace
+from femtune.modal.shape_criteria import mac
+from femtune.reporting.identification import build_identification_page
 from femtune.steps import identify
 from femtune.testdata import ModalTest
 from femtune.units import SI
@@ -233,3 +236,72 @@ def test_output_only_methods_are_refused_for_functions(tmp_path):
     (tmp_path / "a.toml").write_text('[identify]\nfrfs = "a.unv"\nmethods = ["FDD"]\n', encoding="utf-8")
     with pytest.raises(FemtuneError, match="FDD needs time records"):
         identify(tmp_path / "a.toml")
+
+
+def test_a_record_of_velocities_and_accelerations_gives_the_shapes_of_accelerations(record, tmp_path):
+    values = np.loadtxt(record, delimiter=",").T
+    lines = np.fft.rfftfreq(values.shape[1], 1.0 / 50.0)
+    spectrum = np.fft.rfft(values[1])
+    keep = lines > 0.3
+    spectrum[keep] /= 2j * np.pi * lines[keep]
+    spectrum[~keep] = 0.0
+    np.save(tmp_path / "mixed.npy", np.vstack([values[0], np.fft.irfft(spectrum, values.shape[1]), values[2]]))
+    text = "sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\n"
+    path = described("mixed.npy", tmp_path, f"{text}methods = ['FDD', 'SSI-cov']")
+    said = path.read_text(encoding="utf-8")
+    # a velocity in m/s is small beside accelerations: its phase shows in no collinearity
+    (notice,) = (n for n in identify(path).found.notices if n.code == "identify.quadrature")
+    check_shown("identify.quadrature", notice)
+    path.write_text(said.replace('dof = "2X+"', 'dof = "2X+"\nquantity = "velocity"'), encoding="utf-8")
+    made = identify(path)
+    assert min(m.phase_collinearity for m in made.record.modes) > 0.99
+    assert "identify.quadrature" not in {n.code for n in made.found.notices}
+    assert np.diag(mac(made.modes.shapes, PLANT.truth.shapes)).min() > 0.999
+    path.write_text(said.replace('dof = "2X+"', 'dof = "2X+"\nquantity = "strain"'), encoding="utf-8")
+    with pytest.raises(FemtuneError, match="strain cannot be converted to a motion"):
+        identify(path)
+
+
+def test_agreement_is_of_the_modes_that_several_methods_found(record, tmp_path, monkeypatch):
+    lowest, whole = float(PLANT.truth.freq_hz[0]), METHODS["FDD"]
+    monkeypatch.setitem(METHODS, "FDD", lambda piece, asked: whole(piece, replace(asked, band_hz=(1.3 * lowest, 12.0))))
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "largest_order": 16}
+    made = identify(record, output=tmp_path / "two", methods=("SSI-cov", "FDD"), **asked)
+    sentence = build_identification_page(made).verdict
+    assert "several methods found 2 modes, with frequencies that differ by at most" in sentence
+    assert sentence.endswith("only one method found 1 mode.")
+    assert [bool(m.remark) for m in made.record.modes] == [True, False, False]
+    assert made.record.modes[0].remark == "only the method SSI-cov found the mode"
+    (notice,) = (n for n in made.found.notices if n.code == "identify.one-method")
+    check_shown("identify.one-method", notice)
+    assert "identify.further-modes" not in {n.code for n in made.found.notices}
+    turned = identify(record, output=tmp_path / "turned", methods=("FDD", "SSI-cov"), **asked)
+    assert "several methods found all modes" in build_identification_page(turned).verdict
+    (notice,) = (n for n in turned.found.notices if n.code == "identify.further-modes")
+    check_shown("identify.further-modes", notice)
+    without = {"methods": ("SSI-cov", "ERA", "FDD"), "drop_hz": (float(PLANT.truth.freq_hz[1]),)}
+    dropped = identify(record, output=tmp_path / "dropped", **without, **asked)
+    assert len(dropped.modes) == 2
+    assert "identify.further-modes" not in {n.code for n in dropped.found.notices}
+    alone = identify(record, output=tmp_path / "one", methods=("SSI-cov",), **asked)
+    assert "method" not in build_identification_page(alone).verdict
+    monkeypatch.setitem(METHODS, "FDD", whole)
+    both = identify(record, output=tmp_path / "both", methods=("SSI-cov", "FDD"), **asked)
+    assert "several methods found all modes" in build_identification_page(both).verdict
+    assert "identify.one-method" not in {n.code for n in both.found.notices}
+
+
+def test_modes_with_negative_modal_mass_are_doubtful(tmp_path):
+    frfs = accelerance(PLANT, np.linspace(0.5, 12.0, 300))
+    reversed_force = replace(frfs, values=-frfs.values)
+    write_uff_frfs(tmp_path / "frf.unv", ModalTest("t", SI, frfs=reversed_force))
+    made = identify(tmp_path / "frf.unv", largest_order=8)
+    assert [m.doubtful for m in made.record.modes] == [True] * 3
+    assert all("negative modal mass" in m.remark for m in made.record.modes)
+    assert "3 of them doubtful" in build_identification_page(made).verdict
+
+
+def test_means_over_fragments_show_the_collinearity_of_complex_shapes(record, tmp_path):
+    text = 'sampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 12\nfragments = 2\nmethods = ["FDD"]'
+    made = identify(described(record, tmp_path, text))
+    assert all(0.99 < m.phase_collinearity < 1.0 for m in made.record.modes)

@@ -12,6 +12,8 @@ from scipy.linalg import eigh
 from femtune.correlation import ReducedMass, correlate, reduce_mass
 from femtune.dofs import Dof, DofSet
 from femtune.modal import ModeSet
+from femtune.results.correlation import correlation_results
+from femtune.results.validation import prediction
 from femtune.validation import PROFILES, FrequencyMiss, Outcome, assess, profile
 
 
@@ -72,6 +74,78 @@ def test_a_mode_that_the_sensors_do_not_see_fails() -> None:
     shapes[:, 4] = 1e-15 * shapes[:, 0]
     found = correlate(test, ModeSet(model.freq_hz, shapes, model.dofs), fixed=((0, 4),))
     assert next(v for v in assess(found) if v.criterion.quantity == "MAC").outcome is Outcome.FAIL
+
+
+def _one_dof() -> tuple[ModeSet, ModeSet, ReducedMass]:
+    """The lowest mode of a mass and a small one on it, measured at the first mass only; the test shape is arbitrary."""
+    K, M = np.array([[1.1e4, -1e3], [-1e3, 1e3]]), np.diag([1.0, 1e-3])
+    values, phi = eigh(K, M)
+    dofs = DofSet([Dof(1, "X")])
+    model = ModeSet(np.sqrt(values) / (2 * np.pi), phi[:1], dofs, normalisation="mass")
+    test = ModeSet(model.freq_hz[:1] / 1.02, np.array([[-7.0]]), dofs)
+    mass = reduce_mass(sp.csc_matrix(K), sp.csc_matrix(M), np.eye(2)[:1], model)
+    assert isinstance(mass, ReducedMass)
+    return test, model, mass
+
+
+def test_what_one_measured_dof_fulfils_by_itself_is_not_tested() -> None:
+    test, model, mass = _one_dof()
+    found = correlate(test, model, mass=mass)
+    # these numbers are 1 for any test and any model
+    assert found.macs == pytest.approx([1.0])
+    assert found.cross_orthogonality == pytest.approx(np.ones((1, 1)))
+    assert np.isnan(found.comac).all()
+    verdicts = {(v.criterion.standard, v.criterion.quantity): v for v in assess(found)}
+    tested = [key for key, v in verdicts.items() if v.outcome is not Outcome.NOT_TESTED]
+    assert {quantity for _, quantity in tested} == {"frequency error"}
+    reasons = {quantity: v.remark for (_, quantity), v in verdicts.items()}
+    assert reasons["MAC"] == "with one measured DOF all shapes are proportional, so that the MAC is 1 for any model"
+    for quantity in ("cross-orthogonality, diagonal", "cross-orthogonality, off the diagonal"):
+        assert reasons[quantity].startswith("with one measured DOF all shapes are proportional")
+
+
+def test_records_of_one_measured_dof_have_no_mac() -> None:
+    test, model, _ = _one_dof()
+    found = correlate(test, model)
+    record = correlation_results("c", "before", found, "c", {}, [])
+    assert [pair.mac for pair in record.pairs] == [None]
+    assert record.comac == ()
+    assert prediction("c", found, 0, "").mac is None
+    # one DOF says nothing of which mode a mode without a partner resembles
+    lonely = correlate(ModeSet(test.freq_hz * 3.0, test.shapes, test.dofs), model)
+    assert prediction("c", lonely, 0, "").model_number is None
+    plain, other, _ = _case()
+    twelve = correlation_results("c", "before", correlate(plain, other), "c", {}, [])
+    assert [pair.mac for pair in twelve.pairs] == pytest.approx(np.ones(4))
+
+
+def test_one_entry_of_a_test_shape_has_no_mac_and_the_others_have() -> None:
+    test, model, _ = _case(noise=0.1)
+    shapes = test.shapes.copy()
+    shapes[1:, 0] = np.nan
+    found = correlate(ModeSet(test.freq_hz, shapes, test.dofs), model, fixed=((0, 0), (1, 1), (2, 2), (3, 3)))
+    assert found.macs[0] == pytest.approx(1.0)
+    (verdict,) = assess(found, profile("own", {"MAC": 0.5}).criteria)
+    assert verdict.measured == pytest.approx(found.macs[1:].min())
+    assert verdict.remark.endswith("; not tested for test modes with one measured DOF: 1")
+    (alone,) = assess(found, profile("own", {"MAC": 0.5}).criteria, tests=[0])
+    assert alone.outcome is Outcome.NOT_TESTED
+
+
+def test_comac_needs_two_pairs_at_a_sensor() -> None:
+    test, model, mass = _case()
+    one = ModeSet(test.freq_hz[:1], test.shapes[:, :1], test.dofs)
+    found = correlate(one, model, mass=mass)
+    assert np.isnan(found.comac).all()
+    # one mode has no off-diagonal terms, while its MAC at twelve DOFs says something
+    outcome = {v.criterion.quantity: v.outcome.value for v in assess(found)}
+    assert outcome["self-orthogonality of the test, off the diagonal"] == "not tested"
+    assert outcome["cross-orthogonality, off the diagonal"] == "not tested"
+    assert (outcome["MAC"], outcome["cross-orthogonality, diagonal"]) == ("pass", "pass")
+    shapes = test.shapes[:, :2].copy()
+    shapes[3, 0] = np.nan
+    two = correlate(ModeSet(test.freq_hz[:2], shapes, test.dofs), model)
+    assert np.flatnonzero(np.isnan(two.comac)).tolist() == [3]
 
 
 def test_only_the_chosen_test_modes_count() -> None:

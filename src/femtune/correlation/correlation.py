@@ -35,7 +35,7 @@ class Correlation:
     pairing : pairs, unpaired and left-out modes with reasons, clusters with rotation and angles
     paired_mac : (p, p) of the paired modes after rotation within clusters; the pairs are on its diagonal
     frequency_errors : (p,) (model − test)/test
-    comac : (n,) over the pairs, NaN where undefined; DOF labels in `dofs`
+    comac : (n,) over the pairs, NaN where undefined or measured in fewer than two of them; DOF labels in `dofs`
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
@@ -76,6 +76,10 @@ class Correlation:
     def macs(self) -> Reals:
         """(p,) MAC of each pair."""
         return np.array([pair.mac for pair in self.pairing.pairs])
+
+    def one_dof(self, test: int) -> bool:
+        """True where a test shape was measured at fewer than two DOFs: its MAC with any shape that moves there is 1."""
+        return int(np.count_nonzero(~np.isnan(self.test.shapes[:, test]))) < 2
 
 
 def correlate(
@@ -151,8 +155,12 @@ def _defined(psi: NDArray, phi: Reals) -> NDArray[np.bool_]:
 
 
 def _comac(psi: NDArray, phi: Reals) -> Reals:
+    """NaN at sensors with fewer than two measured pairs, where the COMAC is 1 whatever the shapes are."""
     keep = _defined(psi, phi)
-    return comac(psi[:, keep], phi[:, keep]) if keep.any() else np.full(len(psi), np.nan)
+    if not keep.any():
+        return np.full(len(psi), np.nan)
+    measured = (~np.isnan(psi[:, keep])).sum(axis=1)
+    return np.where(measured < 2, np.nan, comac(psi[:, keep], phi[:, keep]))
 
 
 def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:

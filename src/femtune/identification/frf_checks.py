@@ -132,8 +132,8 @@ def check_mass(frfs: FrfSet, mass: float, to_hz: float) -> tuple[Notice, ...]:
 def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice, ...]:
     """``frf.exchanged`` and ``frf.inverted`` against another measurement or a model of the same structure.
 
-    Responses are matched to those of the other set by their correlation over all references and lines; one that fits
-    another label better by a margin was exchanged.
+    The other set is converted to the same kind. Responses are matched to its responses by their correlation over all
+    references and lines; one that fits another label better by a margin was exchanged.
 
     Raises
     ------
@@ -141,7 +141,8 @@ def exchanged(frfs: FrfSet, other: FrfSet, margin: float = 0.1) -> tuple[Notice,
     """
     if frfs.responses != other.responses or frfs.values.shape != other.values.shape:
         raise FemtuneError("identify.lines-differ", values={"one": frfs.values.shape, "other": other.values.shape})
-    a, b = (np.nan_to_num(f.values).reshape(len(f.responses), -1) for f in (frfs, other))
+    sets = (frfs, as_kind(other, frfs.kind))
+    a, b = (np.nan_to_num(f.values).reshape(len(f.responses), -1) for f in sets)
     inner = _unit(a) @ _unit(b).conj().T
     rows, columns = linear_sum_assignment(-np.abs(inner))
     labels = frfs.responses.labels()
@@ -164,12 +165,14 @@ def compare_levels(levels: Sequence[FrfSet], sd: Sequence[Reals] | None = None) 
 
     Raises
     ------
-    FemtuneError : ``identify.lines-differ``
+    FemtuneError : ``identify.lines-differ``, ``identify.kinds-differ``
     """
     first = levels[0]
     if any(f.values.shape != first.values.shape or not np.array_equal(f.freq_hz, first.freq_hz) for f in levels):
         sizes = {"levels": ", ".join(str(f.values.shape) for f in levels)}
         raise FemtuneError("identify.lines-differ/levels", values=sizes)
+    if len(kinds := sorted({f.kind for f in levels})) > 1:
+        raise FemtuneError("identify.kinds-differ/levels", values={"kinds": ", ".join(kinds)})
     size = np.linalg.norm(np.nan_to_num(first.values), axis=2)
     size = np.where(size > 0.0, size, np.nan)
     gaps = np.array([f.values - first.values for f in levels])

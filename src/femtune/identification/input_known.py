@@ -13,11 +13,12 @@ from femtune.identification.frf_checks import check_frfs
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.modal_fit import ModalFit, fit_modes
 from femtune.identification.modal_solve import OUT_OF_BAND
+from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
-from femtune.identification.shapes import as_modes, driving_points, fit_notices, scaled_shapes
+from femtune.identification.shapes import as_modes, driving_points, fit_remarks, leading_shapes, scaled_shapes
 from femtune.identification.state_space_fit import fit_system, residual_poles
 from femtune.modal import FrfSet, ModeSet, StateSpace
 
@@ -76,6 +77,7 @@ class IdentifiedModes:
     quality : of the system, function by function
     measured : the functions that were used
     notices : what a user should know
+    remarks : those of the notices that belong to one mode
     """
 
     modes: ModeSet
@@ -86,6 +88,7 @@ class IdentifiedModes:
     quality: FitQuality
     measured: FrfSet
     notices: tuple[Notice, ...]
+    remarks: tuple[ModeRemark, ...] = ()
 
 
 def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None = None) -> IdentifiedModes:
@@ -110,12 +113,10 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     fit = fit_modes(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
     system = _system(elastic, fit, band, asked)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
-    notices = (
-        *check_frfs(frfs),
-        *fit_notices(fit, scaled_shapes(fit, driving_points(elastic))),
-        *_ends(fit, candidates),
-    )
-    return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices)
+    remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
+    phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
+    notices = (*check_frfs(frfs), *phases, *(r.notice for r in remarks), *_ends(fit, candidates))
+    return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices, remarks)
 
 
 def _used(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> tuple[FrfSet, NDArray[np.float64] | None]:

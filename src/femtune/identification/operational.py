@@ -10,21 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from femtune.arrays import Reals
+from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.identification.averaging import cross_spectra, no_lost_samples
 from femtune.identification.choice import Candidate, Limits, Rule, choose
 from femtune.identification.fdd import decompose, enhanced, peaks
 from femtune.identification.pole_table import PoleTable, table_of
+from femtune.identification.quantities import derivatives_of, in_one_quantity
 from femtune.identification.realisation import Observability, correlations, era
 from femtune.identification.ssi import CovarianceModel, PoleScatter, covariance_driven, data_driven, scatter_of_order
 from femtune.identification.tfie import mode_at, phase_scatter, steady_lines
 from femtune.modal import ModeSet, TimeSeries
 from femtune.modal.shape_criteria import turn_to_real_axis
+from femtune.testdata.checks import mean_phase_deviation_deg, phase_collinearity
 
 _LEAST_SEGMENTS = 8
-_NOTHING = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
 
 
 @dataclass(frozen=True)
@@ -72,16 +73,30 @@ class OperationalModes:
     Parameters
     ----------
     method : its name
-    modes : real shapes of unit norm
+    modes : real shapes of unit norm, as of one quantity also where the channels differ in it
+    complex_shapes : (s, m) what these were made of, of one quantity too
     table, candidates : every pole with its order, and their clusters; empty for methods without a model order
     model : what standard deviations are from, SSI-cov only
+    derivatives : (s,) of the channels, by which shapes are brought to one quantity
     """
 
     method: str
     modes: ModeSet
+    complex_shapes: Complexes
     table: PoleTable | None = None
     candidates: tuple[Candidate, ...] = ()
     model: CovarianceModel | None = field(default=None, repr=False)
+    derivatives: Reals = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    @property
+    def collinearity(self) -> Reals:
+        """(m,) phase collinearity of the complex shapes."""
+        return np.array([phase_collinearity(s) for s in self.complex_shapes.T])
+
+    @property
+    def deviation_deg(self) -> Reals:
+        """(m,) mean phase deviation of the complex shapes."""
+        return np.array([mean_phase_deviation_deg(s) for s in self.complex_shapes.T])
 
 
 def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
@@ -90,11 +105,12 @@ def prepared(record: TimeSeries, asked: Operational) -> TimeSeries:
     Raises
     ------
     FemtuneError : ``record.uneven``, ``record.lost-samples`` where samples are NaN, ``identify.record-band`` where
-        the record does not reach the band
+        the record does not reach the band, ``identify.mixed-quantities``
     """
     record = record.select_channels([*record.positions("reference"), *record.positions("response")])
     rate, high = record.even_hz, asked.band_hz[1]
     no_lost_samples(record)
+    derivatives_of(record.channels)
     if not 0.0 < asked.band_hz[0] < high <= 0.5 * rate:
         values = {"band": f"{asked.band_hz[0]:g} to {high:g} Hz", "half the sampling rate": f"{0.5 * rate:g} Hz"}
         empty = asked.band_hz[0] >= high
@@ -114,9 +130,7 @@ def by_covariances(record: TimeSeries, asked: Operational) -> OperationalModes:
         record.values, 1.0 / record.even_hz, asked.reference_rows(record), asked.rows(record), asked.largest_order,
         asked.pieces,
     )  # fmt: skip
-    table, candidates = _chosen(model.observability, record, asked, "SSI-cov")
-    found = OperationalModes("SSI-cov", _NOTHING, table, candidates, model)
-    return chosen_modes(found, candidates)
+    return _of_orders(model.observability, record, asked, "SSI-cov", model)
 
 
 def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> OperationalModes:
@@ -126,8 +140,11 @@ def chosen_modes(found: OperationalModes, candidates: tuple[Candidate, ...]) -> 
     for c in candidates:
         order = int(table.order[c.at])
         if c.chosen and found.model is not None and order not in moved:
-            moved[order] = scatter_of_order(found.model, order)
-    return replace(found, modes=_modes(table, candidates, moved), candidates=candidates)
+            moved[order] = scatter_of_order(found.model, order).in_one_quantity(found.derivatives)
+    at = [c.at for c in candidates if c.chosen]
+    return replace(
+        found, modes=_modes(table, at, moved), complex_shapes=table.shapes[:, at], candidates=candidates
+    )  # fmt: skip
 
 
 def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
@@ -135,8 +152,7 @@ def by_data(record: TimeSeries, asked: Operational) -> OperationalModes:
     record = prepared(record, asked)
     rows = max(ceil(asked.rows(record) / 2), ceil(asked.largest_order / len(record)) + 1)
     seen = data_driven(record.values, 1.0 / record.even_hz, asked.reference_rows(record), rows, asked.largest_order)
-    table, candidates = _chosen(seen, record, asked, "SSI-data")
-    return OperationalModes("SSI-data", _modes(table, candidates, {}), table, candidates)
+    return _of_orders(seen, record, asked, "SSI-data")
 
 
 def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
@@ -145,8 +161,7 @@ def by_era(record: TimeSeries, asked: Operational) -> OperationalModes:
     references, rows = asked.reference_rows(record), 2 * asked.rows(record)
     decays = correlations(record.values, references, 2 * rows)
     seen = era(decays, 1.0 / record.even_hz, rows, rows, asked.largest_order)
-    table, candidates = _chosen(seen, record, asked, "ERA")
-    return OperationalModes("ERA", _modes(table, candidates, {}), table, candidates)
+    return _of_orders(seen, record, asked, "ERA")
 
 
 def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes:
@@ -156,18 +171,18 @@ def by_decomposition(record: TimeSeries, asked: Operational) -> OperationalModes
     found = decompose(spectra)
     bells = [enhanced(spectra, found, line) for line in peaks(found, asked.band_hz)]
     freq, ratio = np.array([b.freq_hz for b in bells]), np.array([b.damping_ratio for b in bells])
-    shapes = [real_shape(b.shape) for b in bells]
-    return OperationalModes("FDD", _mode_set(record, freq, ratio, shapes, "FDD"))
+    lines = np.array([b.peak_hz for b in bells])
+    return _of_lines(record, "FDD", lines, [b.shape for b in bells], freq, ratio)
 
 
 def by_steady_phases(record: TimeSeries, asked: Operational) -> OperationalModes:
     """TFIE; no damping."""
     record = prepared(record, asked)
     found = phase_scatter(record.values, record.even_hz, segment_of(record, asked))
-    modes = [mode_at(found, line) for line in steady_lines(found, asked.band_hz)]
-    return OperationalModes(
-        "TFIE", _mode_set(record, np.array([f for f, _ in modes]), None, [s for _, s in modes], "TFIE")
-    )
+    at = steady_lines(found, asked.band_hz)
+    modes = [mode_at(found, line) for line in at]
+    freq = np.array([f for f, _ in modes])
+    return _of_lines(record, "TFIE", found.freq_hz[at], [s for _, s in modes], freq, None)
 
 
 METHODS: dict[str, Callable[[TimeSeries, Operational], OperationalModes]] = {
@@ -193,23 +208,43 @@ def real_shape(shape: NDArray) -> Reals:
     return np.asarray(real * (np.sign(real[np.abs(real).argmax()]) or 1.0))
 
 
-def _chosen(
-    seen: Observability, record: TimeSeries, asked: Operational, method: str
-) -> tuple[PoleTable, tuple[Candidate, ...]]:
+def _of_orders(
+    seen: Observability, record: TimeSeries, asked: Operational, method: str, model: CovarianceModel | None = None
+) -> OperationalModes:
+    """Modes out of the poles of all orders."""
     orders = range(2, min(asked.largest_order, seen.matrix.shape[1]) + 1, 2)
-    found = list(seen.poles(orders))
+    found, derivatives = list(seen.poles(orders)), derivatives_of(record.channels)
+    shapes = [in_one_quantity(p.shapes, p.poles, derivatives) for p in found]
     dofs = DofSet(c.dof for c in record.channels)
-    table = table_of([p.poles for p in found], [p.shapes for p in found], list(orders), method, dofs)
-    return table, choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
+    table = table_of([p.poles for p in found], shapes, list(orders), method, dofs)
+    candidates = choose(table, replace(asked.limits, band_hz=asked.band_hz), asked.rule)
+    nothing = ModeSet(np.zeros(0), np.zeros((0, 0)), DofSet(()))
+    made = OperationalModes(method, nothing, np.zeros((0, 0), complex), table, candidates, model, derivatives)
+    return chosen_modes(made, candidates)
 
 
-def _modes(table: PoleTable, candidates: Sequence[Candidate], moved: dict[int, PoleScatter]) -> ModeSet:
-    at = [c.at for c in candidates if c.chosen]
-    shapes = [real_shape(table.shapes[:, i]) for i in at]
+def _of_lines(
+    record: TimeSeries, method: str, lines_hz: Reals, shapes: Sequence[NDArray], freq: Reals, ratio: Reals | None
+) -> OperationalModes:
+    """Modes with the complex shapes that the channels have at single lines."""
+    dofs = DofSet(c.dof for c in record.channels)
+    columns = np.asarray(np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0)), np.complex128)
+    found = in_one_quantity(columns, np.asarray(2j * np.pi * lines_hz, np.complex128), derivatives_of(record.channels))
+    modes = ModeSet(
+        freq, _real_shapes(found), dofs, damping_ratio=ratio, normalisation="unit-norm", source=method
+    )  # fmt: skip
+    return OperationalModes(method, modes, found)
+
+
+def _real_shapes(shapes: Complexes) -> Reals:
+    return np.stack([real_shape(s) for s in shapes.T], axis=1) if shapes.size else np.zeros(shapes.shape)
+
+
+def _modes(table: PoleTable, at: Sequence[int], moved: dict[int, PoleScatter]) -> ModeSet:
     sd = [_deviations(table, i, moved) for i in at] if moved else []
     return ModeSet(
         table.freq_hz[at],
-        np.stack(shapes, axis=1) if at else np.zeros((len(table.dofs), 0)),
+        _real_shapes(table.shapes[:, at]),
         table.dofs,
         damping_ratio=table.damping_ratio[at],
         normalisation="unit-norm",
@@ -224,9 +259,3 @@ def _deviations(table: PoleTable, i: int, moved: dict[int, PoleScatter]) -> tupl
     scatter = moved[int(table.order[i])]
     j = int(np.argmin(np.abs(scatter.found.poles - table.poles[i])))
     return float(scatter.freq_sd_hz[j]), float(scatter.damping_sd[j]), scatter.shapes_sd[:, j]
-
-
-def _mode_set(record: TimeSeries, freq: Reals, ratio: Reals | None, shapes: Sequence[Reals], method: str) -> ModeSet:
-    dofs = DofSet(c.dof for c in record.channels)
-    columns = np.stack(shapes, axis=1) if len(shapes) else np.zeros((len(dofs), 0))
-    return ModeSet(freq, columns, dofs, damping_ratio=ratio, normalisation="unit-norm", source=method)

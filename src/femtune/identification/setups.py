@@ -109,7 +109,8 @@ def to_rigid_motion(record: TimeSeries, rows: Reals, motions: DofSet) -> tuple[T
 
     Raises
     ------
-    FemtuneError : ``identify.rigid-motion`` where the sizes disagree or the responses do not determine the motions
+    FemtuneError : ``identify.rigid-motion`` where the sizes disagree, the responses do not determine the motions or are
+        of several quantities
     """
     at = record.positions("response")
     if rows.shape != (len(at), len(motions)):
@@ -122,6 +123,9 @@ def to_rigid_motion(record: TimeSeries, rows: Reals, motions: DofSet) -> tuple[T
             n_responses=len(at),
             n_motions=len(motions),
         )
+    quantities = sorted({record.channels[i].quantity for i in at})
+    if len(quantities) > 1:
+        raise FemtuneError("identify.rigid-motion/quantities", quantities=", ".join(quantities))
     values = record.values[at]
     fitted = np.linalg.lstsq(rows, values, rcond=None)[0]
     rest = (values - rows @ fitted).std(axis=1) / np.maximum(values.std(axis=1), np.finfo(float).tiny)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from femtune.arrays import Complexes, Reals
 from femtune.dofs import DofSet
 from femtune.errors import Notice
 from femtune.identification.modal_fit import ModalFit
+from femtune.identification.mode_checks import ModeRemark, collinearity_remarks, damping_remarks, mass_remarks
 from femtune.modal import FrfSet, ModeSet, freq_and_damping
 from femtune.modal.shape_criteria import turn_to_real_axis
 from femtune.modal.subspace import mostly_real
@@ -231,21 +231,34 @@ def freq_damping_covariance(fit: ModalFit) -> Reals:
     return 0.5 * (covariance + covariance.T)
 
 
-def fit_notices(fit: ModalFit, made: ScaledShapes, low_collinearity: float = 0.9) -> tuple[Notice, ...]:
-    """What a user should know of the modes: complex shapes, wrong signs, functions that disagree."""
-    found = []
-    for r, freq in enumerate(freq_and_damping(fit.poles)[0]):
-        shape = np.linalg.svd(fit.residues[:, :, r], full_matrices=False)[0][:, 0]
-        value = phase_collinearity(shape)
-        if value < low_collinearity:
-            facts: dict[str, Any] = {"collinearity": value, "deviation_deg": mean_phase_deviation_deg(shape)}
-            found.append(Notice("identify.complex-mode", frequency_hz=float(freq), **facts))
-        if made.mass_sign[r] < 0.0:
-            found.append(Notice("identify.driving-point-sign", frequency_hz=float(freq)))
+def leading_shapes(fit: ModalFit) -> Complexes:
+    """(n, m) complex shapes, the leading singular vectors of the residues over all references."""
+    residues = fit.residues
+    return np.stack(
+        [np.linalg.svd(residues[:, :, r], full_matrices=False)[0][:, 0] for r in range(residues.shape[2])], axis=1
+    )
+
+
+def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
+    """What a user should know of the modes: damping, complex shapes, wrong signs, functions that disagree; by mode."""
+    freq, damping = freq_and_damping(fit.poles)
+    shapes = leading_shapes(fit).T
+    collinearity, deviation = ([f(s) for s in shapes] for f in (phase_collinearity, mean_phase_deviation_deg))
+    found = [
+        *damping_remarks(freq, damping),
+        *collinearity_remarks(freq, collinearity, deviation),
+        *mass_remarks(freq, made.mass_sign),
+    ]
+    for r, frequency_hz in enumerate(freq.tolist()):
         if made.rank_share[r] < NOT_ONE_SHAPE:
             share = float(made.rank_share[r])
-            found.append(Notice("identify.references-disagree", frequency_hz=float(freq), share=share))
+            found.append(ModeRemark(r, Notice("identify.references-disagree", frequency_hz=frequency_hz, share=share)))
         if fit.spread[r] > LARGE_SPREAD:
             times = float(np.sqrt(fit.spread[r]))
-            found.append(Notice("identify.functions-disagree", frequency_hz=float(freq), times=times))
-    return tuple(found)
+            found.append(ModeRemark(r, Notice("identify.functions-disagree", frequency_hz=frequency_hz, times=times)))
+    return tuple(sorted(found, key=lambda remark: remark.mode))
+
+
+def fit_notices(fit: ModalFit, made: ScaledShapes) -> tuple[Notice, ...]:
+    """The notices of `fit_remarks`."""
+    return tuple(remark.notice for remark in fit_remarks(fit, made))

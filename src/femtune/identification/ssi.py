@@ -7,12 +7,13 @@ standard deviations (covariance-driven form) from the variance of the correlatio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from femtune.arrays import Complexes, Reals
+from femtune.identification.quantities import in_one_quantity, moved_in_one_quantity
 from femtune.identification.realisation import Observability, Poles, block_hankel, correlations_by_block
 from femtune.modal.shape_criteria import turn_to_real_axis
 
@@ -141,6 +142,12 @@ class PoleScatter:
         turned, moved = _real_parts(self.found.shapes, self.shapes)
         along = np.einsum("sm,bsm->bm", turned, moved)
         return _root_sum(moved - turned[None] * along[:, None])
+
+    def in_one_quantity(self, derivatives: Reals) -> PoleScatter:
+        """The same with shapes of one quantity, where the channels have other `derivatives` (s,) of the motion."""
+        at, shapes = self.found.poles, self.found.shapes
+        moved = moved_in_one_quantity(shapes, self.shapes, at, self.poles, derivatives)
+        return PoleScatter(replace(self.found, shapes=in_one_quantity(shapes, at, derivatives)), self.poles, moved)
 
 
 def _root_sum(moves: Reals) -> Reals:

@@ -25,7 +25,7 @@ class PhaseScatter:
     sd_rad : (k,) standard deviation over time of the phase differences of all channels to the strongest one at each
         line, weighted by how far they stand out of their own level; it reaches 1.8 where phases are random
     strength : (k,) mean square amplitude of all channels in units of their medians
-    ratios : (k, s) mean of D_ij/D_jj with j the strongest channel: real parts are shapes
+    ratios : (k, s) mean of D_ij/D_jj with j the strongest channel: complex shapes
     """
 
     freq_hz: Reals
@@ -71,12 +71,12 @@ def steady_lines(found: PhaseScatter, band_hz: tuple[float, float], most_rad: fl
     return [int(i) for i in at]
 
 
-def mode_at(found: PhaseScatter, line: int, reach: int = 3) -> tuple[float, Reals]:
-    """Frequency and real shape (s,) of unit norm at a steady line.
+def mode_at(found: PhaseScatter, line: int, reach: int = 3) -> tuple[float, Complexes]:
+    """Frequency and shape (s,) of unit norm at a steady line, complex.
 
     The frequency is the centre of gravity of the steady lines around it, weighted by their strength.
     """
     near = slice(max(line - reach, 0), line + reach + 1)
     weights = found.strength[near] * (found.sd_rad[near] <= 2.0 * found.sd_rad[line] + 0.05)
-    shape = found.ratios[line].real
+    shape = found.ratios[line]
     return float(np.average(found.freq_hz[near], weights=weights)), np.asarray(shape / np.linalg.norm(shape))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.identification.choice import Limits, stable
+from femtune.identification.mode_checks import LARGE_DAMPING
 from femtune.reporting.document import (
     AlertBox,
     Document,
@@ -56,9 +57,10 @@ def _verdict(made: IdentifyResult) -> tuple[str, Level]:
     text = (
         f"{counted(len(own), 'mode')} from {freq(own[0].freq_hz)} to {freq(own[-1].freq_hz)} Hz" if own else "No mode"
     )
-    apart = _apart(own)
-    if apart is not None:
-        text += f"; the frequencies of the methods differ by at most {percent(100.0 * apart)} %"
+    doubtful = sum(m.doubtful for m in own)
+    if doubtful:
+        text += f", {doubtful} of them doubtful"
+    text += _agreement(own)
     others = len(modes) - len(own)
     if others:
         text += f"; {counted(others, 'peak')} of the excitation excluded"
@@ -66,14 +68,20 @@ def _verdict(made: IdentifyResult) -> tuple[str, Level]:
     return text + ".", "warning" if warned else "info"
 
 
-def _apart(modes: list[IdentifiedMode]) -> float | None:
-    """Largest relative distance between two methods, None where no mode was found by two."""
-    spans = []
-    for mode in modes:
-        found = [f for f in mode.by_method.values() if f is not None]
-        if len(found) > 1:
-            spans.append((max(found) - min(found)) / mode.freq_hz)
-    return max(spans) if spans else None
+def _agreement(modes: list[IdentifiedMode]) -> str:
+    """How far several methods agree on the modes that they have in common, and how many only one of them has."""
+    if not modes or len(modes[0].by_method) < 2:
+        return ""
+    found = [[f for f in mode.by_method.values() if f is not None] for mode in modes]
+    spans = [(max(f) - min(f)) / mode.freq_hz for mode, f in zip(modes, found) if len(f) > 1]
+    alone = sum(len(f) == 1 for f in found)
+    text = "; no mode was found by several methods"
+    if spans:
+        which = "all modes" if len(spans) == len(modes) else counted(len(spans), "mode")
+        text = (
+            f"; several methods found {which}, with frequencies that differ by at most {percent(100.0 * max(spans))} %"
+        )
+    return f"{text}; only one method found {counted(alone, 'mode')}" if alone and spans else text
 
 
 def _facts(made: IdentifyResult) -> tuple[tuple[str, str], ...]:
@@ -95,17 +103,22 @@ def _modes(made: IdentifyResult) -> Iterator[Block]:
         *((">Found in",) if counted_in else ()),
     )  # fmt: skip
     rows = [row(*_mode_cells(m, methods, made.found.estimates, counted_in)) for m in record.modes]
-    note = "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1."
+    note = (
+        "σ is the standard deviation (– if the method gives none). The collinearity of a real shape is 1. A mode is "
+        f"doubtful if its damping ratio is not between 0 and {100.0 * LARGE_DAMPING:g} %, or if its modal mass is "
+        "negative."
+    )
     yield Table("Modes", heads, tuple(rows), note)
 
 
 def _mode_cells(mode: IdentifiedMode, methods: list[str], estimates: int, counted_in: bool) -> list[str]:
     damping = None if mode.damping_ratio is None else 100.0 * mode.damping_ratio
     spread = None if mode.damping_sd is None else 100.0 * mode.damping_sd
-    name = f"{mode.label} (excitation)" if mode.of_input else mode.label
+    word = " (excitation)" if mode.of_input else " (doubtful)" if mode.doubtful else ""
+    name = f"{mode.label}{word}"
     cells = [name, freq(mode.freq_hz), _spread(mode.freq_sd_hz), short(damping), _spread(spread)]
     cells += [freq(mode.by_method[m]) for m in methods]
-    cells.append(unit_fraction(mode.phase_collinearity))
+    cells.append(unit_fraction(mode.phase_collinearity, NONE))
     return [*cells, f"{mode.estimates} of {estimates}"] if counted_in else cells
 
 

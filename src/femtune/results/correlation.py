@@ -35,7 +35,8 @@ class ModePairRecord(Record):
     freq_error_percent: float
     """(model − test)/test in %."""
     mac: float | None
-    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None if no shape was measured."""
+    """Modal assurance criterion, 0 to 1; of the subspace for modes of a cluster; None if the shape was measured at
+    fewer than two DOFs."""
     fixed_by_hand: bool = False
     """True where the study prescribes the pair."""
     cluster: int | None = None
@@ -258,7 +259,7 @@ def _pair(c: Correlation, p: Pair) -> ModePairRecord:
         model_number=p.model + 1,
         model_freq_hz=float(c.model.freq_hz[p.model]),
         freq_error_percent=100.0 * p.frequency_error,
-        mac=float(p.mac) if np.isfinite(p.mac) else None,
+        mac=float(p.mac) if np.isfinite(p.mac) and not c.one_dof(p.test) else None,
         fixed_by_hand=p.fixed,
         cluster=None if p.cluster is None else p.cluster + 1,
     )

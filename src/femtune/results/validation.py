@@ -56,7 +56,7 @@ class Prediction(Record):
     freq_error_percent: float | None
     """(model − test)/test in %."""
     mac: float | None
-    """Modal assurance criterion, 0 to 1."""
+    """Modal assurance criterion, 0 to 1; None if the shape was measured at fewer than two DOFs."""
     before_freq_error_percent: float | None = None
     """The same error before the update in %."""
     remark: str = ""
@@ -426,7 +426,7 @@ def prediction(name: str, c: Correlation, i: int, remark: str, before: Correlati
         model_number=None if j is None else j + 1,
         model_freq_hz=None if j is None else float(c.model.freq_hz[j]),
         freq_error_percent=None if j is None else 100.0 * (float(c.model.freq_hz[j]) / test_hz - 1.0),
-        mac=None if j is None or not np.isfinite(c.mac[i, j]) else float(c.mac[i, j]),
+        mac=None if j is None or c.one_dof(i) or not np.isfinite(c.mac[i, j]) else float(c.mac[i, j]),
         before_freq_error_percent=(
             None if k is None or before is None else 100.0 * (float(before.model.freq_hz[k]) / test_hz - 1.0)
         ),
@@ -440,7 +440,7 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
     for pair in c.pairing.pairs:
         if pair.test == i:
             return True, pair.model
-    row = np.nan_to_num(c.mac[i], nan=-1.0)
+    row = np.full(len(c.model), -1.0) if c.one_dof(i) else np.nan_to_num(c.mac[i], nan=-1.0)
     return False, int(np.argmax(row)) if len(row) and row.max() > 0.0 else None
 
 

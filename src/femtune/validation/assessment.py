@@ -101,7 +101,7 @@ def _verdict(evidence: Evidence, criterion: Criterion) -> Verdict:
 
 
 def _frequency(e: Evidence) -> Measured:
-    found = _worst_pair(e, np.abs(e.correlation.frequency_errors), largest=True)
+    found = _worst_pair(e, np.abs(e.correlation.frequency_errors), e.rows, largest=True)
     if isinstance(found, NotTested):
         return found
     row, value = found
@@ -109,17 +109,34 @@ def _frequency(e: Evidence) -> Measured:
     return value, e.label(row), str(dict(e.misses).get(test, ""))
 
 
+_ONE_DOF = "with one measured DOF all shapes are proportional"
+
+
 def _mac(e: Evidence) -> Measured:
-    found = _worst_pair(e, e.correlation.macs, largest=False)
+    c = e.correlation
+    trivial = [row for row in e.rows if c.one_dof(c.pairing.pairs[row].test) and np.isfinite(c.macs[row])]
+    rows = [row for row in e.rows if row not in trivial]
+    if trivial and not rows:
+        return NotTested(f"{_ONE_DOF}, so that the MAC is 1 for any model")
+    found = _worst_pair(e, c.macs, rows, largest=False)
     if isinstance(found, NotTested):
         return found
     row, value = found
-    noise = e.correlation.noise
-    return value, e.label(row), "" if isinstance(noise, NotTested) else str(noise[row])
+    place = e.label(row)
+    if trivial:
+        few = ", ".join(c.test.labels[c.pairing.pairs[k].test] for k in trivial)
+        place += f"; not tested for test modes with one measured DOF: {few}"
+    return value, place, "" if isinstance(c.noise, NotTested) else str(c.noise[row])
 
 
-def _worst_pair(e: Evidence, values: Reals, *, largest: bool) -> tuple[int, float] | NotTested:
-    rows = e.rows
+def _of_one_dof(c: Correlation) -> NotTested | None:
+    """Why an orthogonality is fixed by the number of DOFs at which it is evaluated, or None."""
+    if len(c.dofs) - len(c.orthogonality_dropped) > 1:
+        return None
+    return NotTested(f"{_ONE_DOF}, so that the normalised product of two shapes is 1 for any model")
+
+
+def _worst_pair(e: Evidence, values: Reals, rows: Sequence[int], *, largest: bool) -> tuple[int, float] | NotTested:
     if not rows:
         return NotTested("no modes are paired")
     # an undefined value is the worst of all
@@ -132,7 +149,9 @@ def _diagonal(e: Evidence) -> Measured:
     matrix = e.correlation.cross_orthogonality
     if isinstance(matrix, NotTested):
         return matrix
-    found = _worst_pair(e, np.diag(matrix), largest=False)
+    if trivial := _of_one_dof(e.correlation):
+        return trivial
+    found = _worst_pair(e, np.diag(matrix), e.rows, largest=False)
     if isinstance(found, NotTested):
         return found
     (row, value), sd = found, e.correlation.orthogonality_sd
@@ -147,6 +166,8 @@ def _loss_by_noise(loss: float, mean: float) -> str:
 def _off_diagonal(e: Evidence, matrix: Reals | NotTested, sd: Reals | NotTested, model_columns: bool) -> Measured:
     if isinstance(matrix, NotTested):
         return matrix
+    if trivial := _of_one_dof(e.correlation):
+        return trivial
     rows = e.rows
     if len(matrix) < 2 or not rows:
         return NotTested("a single pair has no off-diagonal terms" if rows else "no modes are paired")

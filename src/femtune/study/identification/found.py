@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from femtune.errors import Notice
     from femtune.identification.choice import Candidate
     from femtune.identification.input_lines import InputVerdict
+    from femtune.identification.mode_checks import ModeRemark
     from femtune.identification.pole_table import PoleTable
     from femtune.modal import FrfSet, ModeSet, StateSpace
     from femtune.testdata import WireFrame
@@ -45,10 +46,13 @@ class Found:
     system : state-space model, where the input is known
     of_input : verdicts on peaks that the excitation has, where it was recorded
     notices : what a user should know
+    remarks : those of them that belong to one mode
+    collinearity : (m,) phase collinearity of the complex shapes, also where `modes` has real ones
     geometry : of the test, where its file has one
     """
 
     modes: ModeSet
+    collinearity: NDArray[np.float64]
     table: PoleTable | None
     candidates: tuple[Candidate, ...]
     by_method: dict[str, NDArray[np.float64]]
@@ -62,4 +66,14 @@ class Found:
     system: StateSpace | None = None
     of_input: tuple[InputVerdict, ...] = ()
     notices: tuple[Notice, ...] = ()
+    remarks: tuple[ModeRemark, ...] = ()
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
+
+    def of_structure(self, i: int) -> bool:
+        """False for a peak of the excitation."""
+        return not (self.of_input and self.of_input[i].of_input)
+
+    def only_method(self, i: int) -> str | None:
+        """The method that alone has a mode, None where several have it or only one was used."""
+        having = [name for name, freq in self.by_method.items() if np.isfinite(freq[i])]
+        return having[0] if len(having) == 1 < len(self.by_method) else None

@@ -15,8 +15,10 @@ from femtune.identification.estimators import estimate_frfs
 from femtune.identification.input_known import FRF_METHODS, InputKnown, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.periodic import periodic_frfs
+from femtune.identification.shapes import leading_shapes
 from femtune.study.identification.found import Curve, Found
 from femtune.testdata import NO_GEOMETRY
+from femtune.testdata.checks import phase_collinearity
 from femtune.units import unit_system
 
 if TYPE_CHECKING:
@@ -69,10 +71,12 @@ def found_from_frfs(
     measured, synthesised = made.fit.measured, made.fit.synthesised
     error = np.linalg.norm(synthesised.values - measured.values, axis=2)
     size = np.linalg.norm(measured.values, axis=2)
+    collinearity = np.array([phase_collinearity(shape) for shape in leading_shapes(made.fit).T])
     return Found(
-        made.modes, made.table, made.candidates, _by_method(made), _curve(measured), measured=measured,
+        made.modes, collinearity, made.table, made.candidates, _by_method(made), _curve(measured),
+        measured=measured,
         synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
-        notices=made.notices, geometry=geometry,
+        notices=made.notices, remarks=made.remarks, geometry=geometry,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.dofs import parse_dof
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.files.identification_file import OUTPUT_ONLY
 from femtune.files.records import ChannelColumn, read_record
 from femtune.identification.averaging import cross_spectra
@@ -17,6 +17,7 @@ from femtune.identification.choice import change_choice, has_candidate
 from femtune.identification.combine import Estimate, combine
 from femtune.identification.fdd import decompose
 from femtune.identification.input_lines import judge_peaks
+from femtune.identification.mode_checks import collinearity_remarks, damping_remarks, quadrature_notices
 from femtune.identification.operational import (
     METHODS,
     Operational,
@@ -29,6 +30,8 @@ from femtune.study.identification.found import Curve, Found
 from femtune.study.identification.request import check_length
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from femtune.assembly.progress import Progress
     from femtune.files.identification_file import ChannelEntry, IdentifyFile
     from femtune.identification.operational import (
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from femtune.modal import ModeSet, TimeSeries
 
 DEFAULT_ORDER, DEFAULT_METHODS = 60, ("SSI-cov", "ERA", "FDD")
+_LISTED = 5
 NEAR, ALIKE = 0.02, 0.8
 """A method has a mode where one of its own is as near in frequency and as like in shape."""
 
@@ -75,13 +79,15 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
             progress.step(f"{name}, fragment {i + 1}", i * len(names) + j, table.fragments * len(names))
             several[name, i] = _by_hand(METHODS[name](piece, asked), file)
     _check_choice([several[names[0], i] for i in range(table.fragments)], file)
-    found = _means(several, record) if table.fragments > 1 else _first(names, several)
+    found = _means(several, record) if table.fragments > 1 else _first(names, several, table.drop_hz)
+    labels = found.modes.dofs.labels()
+    phases = next((n for one in several.values() if (n := quadrature_notices(one.complex_shapes, labels))), ())
     ready = prepared(record, asked)
     spectra = cross_spectra(ready.values, ready.even_hz, segment_of(ready, asked))
     level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
     curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
-    return replace(_judged(found, record), curve=curve)
+    return replace(_judged(found, record), curve=curve, notices=(*phases, *found.notices))
 
 
 def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:
@@ -120,12 +126,32 @@ def _check_choice(first: list[OperationalModes], file: IdentifyFile) -> None:
                 raise
 
 
-def _first(names: list[str], several: dict[tuple[str, int], OperationalModes]) -> Found:
+def _first(names: list[str], several: dict[tuple[str, int], OperationalModes], dropped: tuple[float, ...]) -> Found:
     first = several[names[0], 0]
     if not len(first.modes):
         raise FemtuneError("identify.no-modes/of-first-method", method=names[0])
     by_method = {name: _beside(first.modes, several[name, 0].modes) for name in names}
-    return Found(first.modes, first.table, first.candidates, by_method, _NO_CURVE)
+    notices = _further(names[0], {name: several[name, 0].modes for name in names}, dropped)
+    found = Found(
+        first.modes, first.collinearity, first.table, first.candidates, by_method, _NO_CURVE, notices=notices
+    )  # fmt: skip
+    return _remarked(found, first.deviation_deg)
+
+
+def _further(first: str, modes: dict[str, ModeSet], dropped: tuple[float, ...]) -> tuple[Notice, ...]:
+    """The modes of other methods that the first one lacks, except those that the user dropped."""
+    found = []
+    for name, others in modes.items():
+        lacking = [
+            float(hz)
+            for hz, own in zip(others.freq_hz, _beside(others, modes[first]))
+            if np.isnan(own) and not any(abs(hz - f) <= NEAR * f for f in dropped)
+        ]
+        if lacking:
+            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
+            found.append(f"{name}: {', '.join(f'{hz:.4g}' for hz in lacking[:_LISTED])} Hz{more}")
+    notice = Notice("identify.further-modes", level="info", first=first, found="; ".join(found)) if found else None
+    return (notice,) if notice else ()
 
 
 def _beside(modes: ModeSet, others: ModeSet) -> NDArray[np.float64]:
@@ -144,9 +170,33 @@ def _means(several: dict[tuple[str, int], OperationalModes], record: TimeSeries)
     with_orders = next((f for f in several.values() if f.table is not None), None)
     table, candidates = (None, ()) if with_orders is None else (with_orders.table, with_orders.candidates)
     modes = replace(combined.modes, source=record.source)
-    return Found(
-        modes, table, candidates, combined.by_method, _NO_CURVE, combined.found, len(several), combined.dropped
+    collinearity, deviation_deg = (
+        np.array([_middle(several.values(), modes, i, name) for i in range(len(modes))])
+        for name in ("collinearity", "deviation_deg")
+    )
+    found = Found(
+        modes, collinearity, table, candidates, combined.by_method, _NO_CURVE, combined.found, len(several),
+        combined.dropped,
     )  # fmt: skip
+    return _remarked(found, deviation_deg)
+
+
+def _middle(several: Iterable[OperationalModes], modes: ModeSet, i: int, name: str) -> float:
+    """Median over the estimates that have a mode of what their complex shapes show of it."""
+    only = modes.select_modes([i])
+    at = [(found, _beside(only, found.modes)[0]) for found in several]
+    values = [getattr(f, name)[int(np.argmin(np.abs(f.modes.freq_hz - hz)))] for f, hz in at if np.isfinite(hz)]
+    return float(np.median(values)) if values else float("nan")
+
+
+def _remarked(found: Found, deviation_deg: NDArray[np.float64]) -> Found:
+    """With remarks on modes whose damping or shape is not that of a structure."""
+    freq = found.modes.freq_hz
+    remarks = (
+        *damping_remarks(freq, found.modes.damping_ratio),
+        *collinearity_remarks(freq, found.collinearity, deviation_deg),
+    )
+    return replace(found, remarks=remarks, notices=(*found.notices, *(r.notice for r in remarks)))
 
 
 def _judged(found: Found, record: TimeSeries) -> Found:

@@ -9,7 +9,6 @@ import numpy as np
 from femtune import __version__
 from femtune.results.base import Alert, InputFile, Record
 from femtune.results.model import alert_of
-from femtune.testdata.checks import phase_collinearity
 
 if TYPE_CHECKING:
     from femtune.study.identification.found import Found
@@ -30,14 +29,16 @@ class IdentifiedMode(Record):
     """Standard deviation of it."""
     by_method: dict[str, float | None]
     """Frequency by each method, None if it did not find the mode."""
-    phase_collinearity: float
-    """Phase collinearity of the shape: 1 for a real shape."""
+    phase_collinearity: float | None
+    """Phase collinearity of the complex shape: 1 if it is real except for a factor; None if it is not known."""
     estimates: int | None
     """Number of estimates (methods and fragments) that contain it, None with only one estimate."""
     of_input: bool | None
     """True if the excitation has the same peak, None if it was not recorded."""
+    doubtful: bool
+    """True if its damping or its modal mass is not that of a mode of a structure."""
     remark: str
-    """Remark on its origin."""
+    """Remarks on its origin, its damping, modal mass and shape, and on the methods that found it."""
 
 
 class PoleCluster(Record):
@@ -108,19 +109,23 @@ def _mode(found: Found, i: int) -> IdentifiedMode:
         damping_ratio=_at(modes.damping_ratio, i),
         damping_sd=_at(modes.damping_sd, i),
         by_method={name: _at(freq, i) for name, freq in found.by_method.items()},
-        phase_collinearity=_collinearity(found, i),
+        phase_collinearity=_at(found.collinearity, i),
         estimates=None if found.found_in is None else int(found.found_in[i]),
         of_input=None if verdict is None else verdict.of_input,
-        remark="" if verdict is None else verdict.sentence,
+        doubtful=any(r.doubtful for r in found.remarks if r.mode == i),
+        remark=_remark(found, i),
     )
 
 
-def _collinearity(found: Found, i: int) -> float:
-    """Of the complex shape that a real one was made of, where its poles are known."""
-    chosen = [c for c in found.candidates if c.chosen]
-    if not chosen:
-        return float(phase_collinearity(found.modes.shapes[:, i]))
-    return float(min(chosen, key=lambda c: abs(c.freq_hz - found.modes.freq_hz[i])).collinearity)
+def _remark(found: Found, i: int) -> str:
+    verdict = found.of_input[i] if found.of_input else None
+    alone = found.only_method(i)
+    said = [
+        "" if verdict is None else verdict.sentence,
+        *(r.notice.what for r in found.remarks if r.mode == i),
+        "" if alone is None else f"only the method {alone} found the mode",
+    ]
+    return "; ".join(part for part in said if part)
 
 
 def _at(values: np.ndarray | None, i: int) -> float | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.assembly.progress import silent
-from femtune.errors import FemtuneError, Where
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.identification.choice import Limits, stable
 from femtune.identification.record_checks import check_record
 from femtune.results.base import InputFile
@@ -138,13 +138,24 @@ def identify(
 def _found(file: IdentifyFile, progress: Progress) -> Found:
     if file.identify.frfs is not None:
         progress.step("poles of every order", 0, None)
-        return found_from_file(file)
+        return _with_agreement(found_from_file(file))
     record = read_asked(file)
     check_usable(record)
     notices = check_record(record)
     check_methods(file, has_forces(record))
     found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
-    return replace(found, notices=(*notices, *found.notices))
+    return _with_agreement(replace(found, notices=(*notices, *found.notices)))
+
+
+def _with_agreement(found: Found) -> Found:
+    """With a notice of the modes that one method alone has."""
+    own = [i for i in range(len(found.modes)) if found.of_structure(i)]
+    alone = {i: name for i in own if (name := found.only_method(i)) is not None}
+    if not alone:
+        return found
+    names = ", ".join(f"{found.modes.freq_hz[i]:.4g} Hz ({name})" for i, name in alone.items())
+    notice = Notice("identify.one-method", level="info", n_alone=len(alone), n_modes=len(own), names=names)
+    return replace(found, notices=(*found.notices, notice))
 
 
 @contextmanager

@@ -1,0 +1,83 @@
+"""Remarks on identified modes: damping that structures do not have, negative modal mass, complex shapes, phases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femtune.arrays import Complexes, Reals
+from femtune.errors import Notice
+from femtune.modal.shape_criteria import turn_to_real_axis
+from femtune.testdata.checks import LOW_COLLINEARITY
+
+LARGE_DAMPING = 0.1
+"""Damping ratio above which a mode is reported: structures have less, computational poles and filters have more."""
+NEGATIVE_MASS = 0.0
+"""Share of the driving-point residues that has the sign of a modal mass; a mode with less is reported."""
+QUADRATURE_DEG, QUADRATURE_MODES = 70.0, 2
+"""A channel is reported if its phase is that far from those of the others, on average over the modes in which it moves,
+and if these are so many at least."""
+_DOUBTFUL = ("identify.damping", "identify.driving-point-sign")
+
+
+@dataclass(frozen=True)
+class ModeRemark:
+    """A remark on the mode at a position."""
+
+    mode: int
+    notice: Notice
+
+    @property
+    def doubtful(self) -> bool:
+        """True where the mode may not be one of the structure: impossible or large damping, negative modal mass."""
+        return self.notice.code in _DOUBTFUL
+
+
+def damping_remarks(freq_hz: Sequence[float] | Reals, damping_ratio: Reals | None) -> tuple[ModeRemark, ...]:
+    """``identify.damping`` of modes that do not decay or are damped above `LARGE_DAMPING`; unknown damping has none."""
+    if damping_ratio is None:
+        return ()
+    found = []
+    for i, (hz, ratio) in enumerate(zip(freq_hz, damping_ratio)):
+        code = "identify.damping" if ratio > LARGE_DAMPING else "identify.damping/negative" if ratio <= 0.0 else ""
+        if code:
+            notice = Notice(code, frequency_hz=float(hz), ratio=float(ratio), largest=LARGE_DAMPING)
+            found.append(ModeRemark(i, notice))
+    return tuple(found)
+
+
+def collinearity_remarks(
+    freq_hz: Sequence[float] | Reals, collinearity: Sequence[float] | Reals, deviation_deg: Sequence[float] | Reals
+) -> tuple[ModeRemark, ...]:
+    """``identify.complex-mode`` of modes whose phase collinearity is below `LOW_COLLINEARITY`."""
+    return tuple(
+        ModeRemark(i, Notice("identify.complex-mode", frequency_hz=float(f), collinearity=c, deviation_deg=d))
+        for i, (f, c, d) in enumerate(zip(freq_hz, collinearity, deviation_deg))
+        if c < LOW_COLLINEARITY
+    )
+
+
+def mass_remarks(freq_hz: Sequence[float] | Reals, mass_sign: Reals) -> tuple[ModeRemark, ...]:
+    """``identify.driving-point-sign`` of modes whose modal mass is negative; NaN without a driving point."""
+    return tuple(
+        ModeRemark(i, Notice("identify.driving-point-sign", frequency_hz=float(freq_hz[i])))
+        for i in np.flatnonzero(mass_sign < NEGATIVE_MASS).tolist()
+    )
+
+
+def quadrature_notices(shapes: Complexes, names: Sequence[str]) -> tuple[Notice, ...]:
+    """``identify.quadrature`` of channels whose phase differs by about 90° from the others in the modes of (s, m).
+
+    So do velocities among accelerations. Their entries may be small in the units of the others, and then no phase
+    collinearity shows them.
+    """
+    turned = shapes * turn_to_real_axis(shapes) / np.linalg.norm(shapes, axis=0)
+    size = np.abs(turned)
+    angle = np.degrees(np.arctan2(np.abs(turned.imag), np.abs(turned.real)))
+    # at a node of a mode the phase is that of noise
+    mean = (size * angle).sum(axis=1) / np.maximum(size.sum(axis=1), np.finfo(float).tiny)
+    moving = (size > 0.1 * size.max(axis=1, keepdims=True, initial=0.0)).sum(axis=1)
+    odd = [names[int(i)] for i in np.flatnonzero((mean > QUADRATURE_DEG) & (moving >= QUADRATURE_MODES))]
+    return (Notice("identify.quadrature", channels=", ".join(odd)),) if odd else ()

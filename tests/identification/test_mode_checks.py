@@ -1,0 +1,56 @@
+"""Modes with damping, modal mass or shapes that no structure has are reported, and others are not."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune.identification import driving_points, fit_modes, scaled_shapes
+from femtune.identification.mode_checks import LARGE_DAMPING, collinearity_remarks, damping_remarks, mass_remarks
+from femtune.identification.shapes import fit_remarks
+from femtune.modal import pole_of
+
+_LINES = np.linspace(4.0, 30.0, 400)
+
+
+def _fit(known: Any) -> Any:
+    return fit_modes(known.frfs(_LINES, 1e-4), pole_of(known.freq_hz, known.damping_ratio), most_steps=0)
+
+
+def _remarks(known: Any) -> list[tuple[int, str]]:
+    fit = _fit(known)
+    points = driving_points(fit.measured)
+    return [(r.mode, r.notice.code) for r in fit_remarks(fit, scaled_shapes(fit, points)) if r.doubtful]
+
+
+@pytest.mark.parametrize(("ratio", "name"), [(0.42, "identify.damping"), (-0.012, "identify.damping, negative")])
+def test_damping_that_structures_do_not_have_is_reported(three_modes: Any, ratio: float, name: str) -> None:
+    assert _remarks(three_modes) == []
+    odd = dataclasses.replace(three_modes, damping_ratio=np.array([0.01, 0.015, ratio]))
+    assert _remarks(odd) == [(2, "identify.damping")]
+    (remark,) = damping_remarks([20.0], np.array([ratio]))
+    check_shown(name, remark.notice)
+
+
+def test_damping_up_to_the_limit_or_unknown_is_not_reported() -> None:
+    assert damping_remarks([1.0, 2.0, 3.0], np.array([1e-6, LARGE_DAMPING, np.nan])) == ()
+    assert damping_remarks([1.0], None) == ()
+
+
+def test_negative_modal_mass_makes_one_mode_doubtful(three_modes: Any) -> None:
+    fit = _fit(three_modes)
+    residues = fit.residues.copy()
+    residues[:, :, 1] *= -1.0
+    fit = dataclasses.replace(fit, residues=residues)
+    found = fit_remarks(fit, scaled_shapes(fit, driving_points(fit.measured)))
+    assert [(r.mode, r.notice.code, r.doubtful) for r in found] == [(1, "identify.driving-point-sign", True)]
+    assert mass_remarks([1.0, 2.0], np.array([np.nan, 0.5])) == ()
+
+
+def test_a_complex_shape_is_reported_and_is_not_doubtful() -> None:
+    (remark,) = collinearity_remarks([5.0, 6.0], [0.95, 0.5], [8.0, 30.0])
+    assert (remark.mode, remark.notice.code, remark.doubtful) == (1, "identify.complex-mode", False)
