@@ -219,11 +219,11 @@ def _candidates(S: Reals, taken: list[int]) -> Reals:
     unit = rest[:, open_] / size[open_]
     basis = np.zeros((len(S), 0))
     for u in unit.T:
-        for _ in range(2):
-            u = u - basis @ (basis.T @ u)
-        length = np.linalg.norm(u)
+        once = u - basis @ (basis.T @ u)
+        left = once - basis @ (basis.T @ once)
+        length = np.linalg.norm(left)
         if length > _INDEPENDENT and basis.shape[1] < len(S) - len(taken):
-            basis = np.column_stack([basis, u / length])
+            basis = np.column_stack([basis, left / length])
     return np.asarray(basis.T @ unit)
 
 
