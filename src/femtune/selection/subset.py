@@ -213,10 +213,12 @@ def _significant(value: float, freedom: int, level: float) -> bool:
 def _candidates(S: Reals, taken: list[int]) -> Reals:
     """(m, k) unit columns of the candidates, freed of those taken, in an orthonormal basis of their own space.
 
-    The basis follows the order of the columns and not their lengths: units of parameters change no direction drawn.
+    The basis depends on the order of the columns but not on their lengths and signs, so that the units of parameters
+    do not change the directions that are drawn.
     """
     rest, size, open_ = _freed(S, taken)
     unit = rest[:, open_] / size[open_]
+    unit = unit * np.sign(unit[np.abs(unit).argmax(axis=0), np.arange(unit.shape[1])])
     basis = np.zeros((len(S), 0))
     for u in unit.T:
         once = u - basis @ (basis.T @ u)
