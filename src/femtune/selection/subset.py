@@ -218,7 +218,8 @@ def _candidates(S: Reals, taken: list[int]) -> Reals:
     """
     rest, size, open_ = _freed(S, taken)
     unit = rest[:, open_] / size[open_]
-    unit = unit * np.sign(unit[np.abs(unit).argmax(axis=0), np.arange(unit.shape[1])])
+    # a generic direction, to which no column is orthogonal by symmetry, gives each its sign
+    unit = unit * np.where(np.random.default_rng(1).standard_normal(len(S)) @ unit < 0.0, -1.0, 1.0)
     basis = np.zeros((len(S), 0))
     for u in unit.T:
         once = u - basis @ (basis.T @ u)
