@@ -7,6 +7,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
+from femtune.selection import cosine_distances
 from femtune.uncertainty import (
     FunctionOutputs,
     StochasticRules,
@@ -147,3 +148,9 @@ def test_means_and_names_that_do_not_fit() -> None:
         statistics_of_repeats(TABLE, ("f1",))
     with pytest.raises(FemtuneError, match="differs from the number of columns"):
         given_statistics(np.ones(3), np.eye(2))
+
+
+def test_an_output_without_a_scale() -> None:
+    with pytest.raises(FemtuneError) as error:
+        cosine_distances(np.diag([0.0, 1.0]), np.array([0.0, 1.0]), np.eye(2), np.ones(2), ("a", "b"))
+    check_shown("select.covariance, no scale", _text(error))

@@ -183,3 +183,60 @@ def test_a_covariance_without_scatter_is_refused():
     with pytest.raises(FemtuneError, match="is zero") as error:
         cosine_distances(np.zeros((2, 2)), np.ones(2), np.eye(2), np.ones(2), ("a", "b"))
     assert error.value.code == "select.covariance"
+
+
+def _two_of_five() -> tuple[np.ndarray, np.ndarray]:
+    """Sensitivities of nine outputs to five parameters, and a covariance that only b and d cause."""
+    S = _random(9, 5, 8)
+    return S, S[:, [1, 3]] @ np.diag([1.0, 4.0]) @ S[:, [1, 3]].T
+
+
+@pytest.mark.parametrize("zero", [[4], [0, 1, 2], list(range(9))])
+def test_outputs_with_a_mean_of_zero_are_scaled_by_their_standard_deviation(zero):
+    S, C = _two_of_five()
+    mean = np.full(9, 40.0)
+    mean[zero] = 0.0
+    found = cosine_distances(C, mean, S, np.ones(5), tuple("abcde"))
+    assert found.scatters == ("b", "d")
+    assert found.clear
+    assert found.distance[[1, 3]].max() < 1e-10
+    assert found.distance[[0, 2, 4]].min() > 0.01
+    assert np.isfinite(found.eigenvalues).all()
+
+
+def test_the_unit_of_an_output_with_a_mean_of_zero_does_not_matter():
+    S, C = _two_of_five()
+    mean, unit = np.full(9, 40.0), np.ones(9)
+    mean[4], unit[4] = 0.0, 1e6
+    one = cosine_distances(C, mean, S, np.ones(5), tuple("abcde"))
+    other = cosine_distances(C * np.outer(unit, unit), mean, S * unit[:, None], np.ones(5), tuple("abcde"))
+    np.testing.assert_allclose(one.distance, other.distance, atol=1e-12)
+    np.testing.assert_allclose(one.eigenvalues[:2], other.eigenvalues[:2])
+
+
+def test_a_parameter_whose_value_is_zero_has_a_distance():
+    """An offset, say; in whatever unit."""
+    S, C = _two_of_five()
+    one = cosine_distances(C, np.full(9, 40.0), S, np.ones(5), tuple("abcde"))
+    scale = np.array([1.0, 1e13, 1e-13, 1.0, 1.0])
+    zero = cosine_distances(C, np.full(9, 40.0), S * scale, np.array([1.0, 0.0, 0.0, 1.0, 1.0]), tuple("abcde"))
+    np.testing.assert_allclose(one.distance, zero.distance, atol=1e-12)
+    assert not zero.insensitive.any()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"mean": np.array([0.0, 1.0]), "covariance": np.diag([0.0, 1.0])}, "mean and variance of output 1 are zero"),
+        ({"mean": np.array([np.nan, 1.0])}, "a value that is not finite"),
+        ({"covariance": np.array([[1.0, np.nan], [np.nan, 1.0]])}, "a value that is not finite"),
+        ({"jacobian": np.array([[1.0, np.inf], [0.0, 1.0]])}, "a value that is not finite"),
+        ({"jacobian": np.zeros((2, 2))}, "no output depends on any of the parameters"),
+        ({"values": np.zeros(2), "jacobian": np.zeros((2, 2))}, "no output depends on any of the parameters"),
+    ],
+)
+def test_moments_without_distances_are_refused(change, words):
+    given = {"covariance": np.eye(2), "mean": np.ones(2), "jacobian": np.eye(2), "values": np.ones(2)} | change
+    with pytest.raises(FemtuneError, match=words) as error:
+        cosine_distances(**given, names=("a", "b"))
+    assert error.value.code == "select.covariance"

@@ -151,8 +151,7 @@ def test_the_wrong_parameter_is_told_by_the_covariance(repeated):
     assert "does not reproduce the measured means" in found.sentences[0]
 
 
-@pytest.mark.slow
-def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
+def _three_candidates(bench: Bench) -> Path:
     """Root and tip scatter; a tip mass that does not is the third candidate; four frequencies of the plane."""
     factors = _written(_factors())
     in_plane = [0, 2, 4, 7]
@@ -164,11 +163,36 @@ def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
     text = f'leave_out = [{out}]\n{EI}{mass}\n[quantify]\nrepeats = "repeats.csv"\nsamples = 30\n'
     study = bench.study(text)
     study.write_text(study.read_text().replace("count = 6", "count = 8"))
-    found = steps.quantify(study).record
+    return study
+
+
+@pytest.mark.slow
+def test_distances_tell_the_parameter_that_does_not_scatter(bench: Bench):
+    found = steps.quantify(_three_candidates(bench)).record
     root, tip, third = (p.cosine_distance for p in found.parameters)
     assert max(root, tip) < 0.01
     assert third > 0.05
     assert found.parameters[2].sd < 0.02
+
+
+def test_distances_are_known_before_an_update(bench: Bench):
+    """At the initial values, which are 10 and 5 % off."""
+    found = steps.select(_three_candidates(bench)).record.measures
+    assert found is not None
+    root, tip, third = (p.cosine_distance for p in found.information)
+    assert max(root, tip) < 0.01
+    assert third > 0.05
+    assert any("these parameters explain it: root, tip" in s for s in found.sentences)
+
+
+def test_select_states_why_there_are_no_distances(beam: Bench):
+    beam.write("repeats.csv", "1,3\n11,70\n11.5,71\n11.2,72\n")
+    found = steps.select(_study(beam, head="")).record.measures
+    assert [p.cosine_distance for p in found.information] == [None, None]
+    assert any("requires 4 frequencies that depend on them; the repeats have 2" in s for s in found.sentences)
+    beam.write("repeats.csv", "1,3\n11,70\n11,71\n")
+    found = steps.select(_study(beam, head="")).record.measures
+    assert any("mode 1 has the same value in all repeats" in s for s in found.sentences)
 
 
 def _two(bench: Bench) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.residuals import CaseState, Evaluation
     from femtune.selection import (
+        CosineDistances,
         EnergyMap,
         Identifiability,
         Information,
@@ -65,6 +66,9 @@ class ParameterInformation(Record):
     """Place in the D-optimal order, from 1."""
     a_rank: int
     """Place in the A-optimal order, from 1."""
+    cosine_distance: float | None = None
+    """Distance 1 − cos of its scaled sensitivities from the leading space of the covariance of repeated tests: near 0
+    for a parameter that varies; None without repeats, with fewer than four frequencies, or without any effect."""
 
 
 class SubsetEntry(Record):
@@ -77,7 +81,13 @@ class SubsetEntry(Record):
     left_percent: float
     """Norm of the remaining residual after the best fit with the parameters so far, in %."""
     chosen: bool
-    """True if it reduces the residual significantly (F test, 5 %)."""
+    """True if it, and each parameter before it, reduces the residual significantly: noise alone would give the best of
+    as many candidates a larger F value in less than 5 % of cases."""
+    candidates: int | None = None
+    """Number of candidates of which it was the best; None in results of earlier versions."""
+    p_value: float | None = None
+    """Probability that noise gives the best of these candidates a larger F value, 0 to 1; None for the steps after the
+    first one that is not significant, which are not tested."""
 
 
 class GroupEnergy(Record):
@@ -138,23 +148,35 @@ Groups = dict[str, tuple[int, ...]]
 _MOST_GROUPS = 12
 
 
-def selection_measures(study: Study, known: Identifiability, at: Evaluation) -> SelectionMeasures:
-    """All measures at an evaluation; energies if requested in the study."""
+def selection_measures(
+    study: Study,
+    known: Identifiability,
+    at: Evaluation,
+    near: CosineDistances | None = None,
+    remarks: Sequence[str] = (),
+) -> SelectionMeasures:
+    """All measures at an evaluation; energies if requested in the study.
+
+    Parameters
+    ----------
+    near : distances of the parameters from the covariance of repeated tests, where there are any
+    remarks : further sentences
+    """
     S, names = known.scaled_jacobian, known.names
     alike, information = collinearity(S, names), fisher_information(S, names)
     subset = forward_selection(S, at.residuals, names)
-    remarks: list[str] = []
+    said = [*(near.sentences if near is not None else ()), *remarks]
     groups = _groups(study)
-    energies = tuple(_energies(study, at, groups, remarks)) if groups else ()
+    energies = tuple(_energies(study, at, groups, said)) if groups else ()
     return SelectionMeasures(
         collinearity_index=_finite(alike.index),
         pairs=tuple(AlikePair(first=a, second=b, cosine=c) for a, b, c in alike.pairs),
         dependences=tuple(NearDependence(condition_index=_finite(i), parameters=p) for i, p in alike.dependences),
-        information=_information(information),
+        information=_information(information, near),
         subset=_subset(subset),
         energy_groups=study.file.select.energies,
         energies=energies,
-        sentences=(*measure_sentences(alike, information, subset), *dict.fromkeys(remarks)),
+        sentences=(*measure_sentences(alike, information, subset), *dict.fromkeys(said)),
     )
 
 
@@ -162,7 +184,7 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _information(found: Information) -> tuple[ParameterInformation, ...]:
+def _information(found: Information, near: CosineDistances | None) -> tuple[ParameterInformation, ...]:
     return tuple(
         ParameterInformation(
             parameter=name,
@@ -170,6 +192,7 @@ def _information(found: Information) -> tuple[ParameterInformation, ...]:
             sd_together=_finite(found.together[i]),
             d_rank=found.d_order.index(i) + 1,
             a_rank=found.a_order.index(i) + 1,
+            cosine_distance=None if near is None or near.insensitive[i] else float(near.distance[i]),
         )
         for i, name in enumerate(found.names)
     )
@@ -177,7 +200,14 @@ def _information(found: Information) -> tuple[ParameterInformation, ...]:
 
 def _subset(found: Subset) -> tuple[SubsetEntry, ...]:
     return tuple(
-        SubsetEntry(parameter=s.name, cosine=s.cosine, left_percent=100.0 * s.left, chosen=s.name in found.chosen)
+        SubsetEntry(
+            parameter=s.name,
+            cosine=s.cosine,
+            left_percent=100.0 * s.left,
+            chosen=s.name in found.chosen,
+            candidates=s.candidates,
+            p_value=_finite(s.p_value),
+        )
         for s in found.steps
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.selection.combinations import listed
-from femtune.selection.subset import Subset
+from femtune.selection.subset import Subset, SubsetStep
 
 KNOWN = 1.0 / 3.0
 """Standard deviation, in units of the prior's, below which the data alone determine a parameter."""
@@ -214,11 +214,29 @@ def _of_subset(found: Subset) -> list[str]:
         best = found.steps[0]
         return [
             f"No parameter reduces the residual significantly. The best is {best.name}, which leaves "
-            f"{100 * best.left:.0f} % of it."
+            f"{100 * best.left:.0f} % of it. {_against_noise(best)}"
         ]
     last = found.steps[len(found.chosen) - 1]
-    verb = "explains" if len(found.chosen) == 1 else "explain"
-    return [f"{_few(found.chosen)} {verb} the residual best; {100 * last.left:.0f} % of it is left."]
+    weakest = max(found.steps[: len(found.chosen)], key=lambda step: step.p_value)
+    verb, least = (
+        ("explains", "") if len(found.chosen) == 1 else ("explain", f"{weakest.name} is the least significant. ")
+    )
+    return [
+        f"{_few(found.chosen)} {verb} the residual best; {100 * last.left:.0f} % of it is left. "
+        f"{least}{_against_noise(weakest)}"
+    ]
+
+
+def _against_noise(step: SubsetStep) -> str:
+    best = "a single candidate" if step.candidates == 1 else f"the best of {step.candidates} candidates"
+    return (
+        f"Noise alone gives {best} a larger reduction than that of {step.name} with a probability of "
+        f"{_chance(step.p_value)}; the limit is 5 %."
+    )
+
+
+def _chance(p: float) -> str:
+    return f"{100.0 * p:.2g} %" if p >= 1e-5 else "less than 0.001 %"
 
 
 def _of_pairs(alike: Collinearity) -> list[str]:

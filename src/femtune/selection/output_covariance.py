@@ -80,6 +80,10 @@ def cosine_distances(
 ) -> CosineDistances:
     """Distances of the scaled columns s̃_j = (θ_j/z_i) ∂z_i/∂θ_j from the range of the scaled output covariance.
 
+    An output whose mean is not larger than its standard deviation, zero for one, has no relative scale. It is scaled
+    such that its standard deviation is the root mean square of the relative ones of the other outputs. The scale of a
+    parameter does not change the direction of its column: one whose value is zero is scaled by its unit.
+
     Parameters
     ----------
     covariance, mean : (m, m), (m,) of the outputs
@@ -89,16 +93,17 @@ def cosine_distances(
 
     Raises
     ------
-    FemtuneError : ``select.covariance`` for a zero covariance, or of another size
+    FemtuneError : ``select.covariance`` for a zero covariance or one of another size, values that are not finite, an
+        output whose mean and variance are zero, and where no output depends on a parameter
     """
-    if covariance.shape != (len(mean), len(mean)) or len(jacobian) != len(mean) or not np.trace(covariance) > 0.0:
-        raise FemtuneError(
-            "select.covariance",
-            values={"covariance": covariance.shape, "outputs": len(mean), "sensitivities": jacobian.shape},
-        )
-    S, C = jacobian * values / mean[:, None], covariance / np.outer(mean, mean)
+    _check(covariance, mean, jacobian, values)
+    scale = _scales(covariance, mean)
+    S, C = jacobian * np.where(values == 0.0, 1.0, values) / scale[:, None], covariance / np.outer(scale, scale)
     size = np.linalg.norm(S, axis=0)
-    blind = size <= _INSENSITIVE * size.max(initial=0.0)
+    # lengths in units of parameters cannot be compared with relative ones
+    blind = np.where(values == 0.0, size == 0.0, size <= _INSENSITIVE * size[values != 0.0].max(initial=0.0))
+    if blind.all():
+        raise FemtuneError("select.covariance/no-effect", values={"parameters": ", ".join(names)})
     unit, own = S / np.where(blind, 1.0, size), np.flatnonzero(~blind)
     tried = [_at_rank(C, unit[:, own], r) for r in (_possible(C, own) if rank is None else [rank])]
     best = min(tried, key=lambda t: t.margin * max(t.unexplained, _ROUNDING))
@@ -108,6 +113,29 @@ def cosine_distances(
     return CosineDistances(
         names, distance, blind, best.rank, best.threshold, best.margin, best.unexplained, eigenvalues
     )  # fmt: skip
+
+
+def _check(covariance: Reals, mean: Reals, jacobian: Reals, values: Reals) -> None:
+    m = len(mean)
+    sizes = {"covariance": covariance.shape, "outputs": m, "sensitivities": jacobian.shape}
+    if covariance.shape != (m, m) or len(jacobian) != m:
+        raise FemtuneError("select.covariance", values=sizes)
+    if not all(np.isfinite(a).all() for a in (covariance, mean, jacobian, values)):
+        raise FemtuneError("select.covariance/not-finite", values=sizes)
+    if not np.trace(covariance) > 0.0:
+        raise FemtuneError("select.covariance", values=sizes)
+
+
+def _scales(covariance: Reals, mean: Reals) -> Reals:
+    """(m,) means of the outputs, and of those without a relative scale what gives them a usual deviation."""
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    without = np.abs(mean) <= sd
+    lost = np.flatnonzero(without & (sd == 0.0))
+    if lost.size:
+        raise FemtuneError("select.covariance/zero-output", output=int(lost[0]) + 1)
+    relative = sd[~without] / mean[~without]
+    usual = float(np.sqrt(np.mean(relative**2))) if relative.any() else 1.0
+    return np.where(without, sd / usual, mean)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,14 @@ Forward selection takes, one after the other, the parameter whose column lowers 
 are free to adapt; the others are made orthogonal to it. Stepwise selection also drops one that later ones have made
 superfluous.
 
-Sources: Lallement and Piranda (1990); Friswell, Penny and Garvey (1997); Miller, Subset Selection in Regression (2002).
+A step takes the best of all candidates, so that its F value is the largest of many. It is compared with the largest F
+value that noise gives with the same candidates. Noise has no preferred direction d in the space of the m candidates
+(freed of those taken), and its length ρ is independent of d: with unit columns u_j the gain ρ² max (u_jᵀd)² exceeds a
+value with a probability that is a tail of F or χ² for each d, and its mean over d is the p-value. The mean is taken
+over random directions; everything else is exact. For one candidate it is the F test.
+
+Sources: Lallement and Piranda (1990); Friswell, Penny and Garvey (1997); Miller, Subset Selection in Regression (2002);
+Forsythe, Engelman, Jennrich and May (1973) for the largest F value.
 """
 
 from __future__ import annotations
@@ -12,11 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+from numpy.typing import NDArray
+from scipy.special import chdtrc, fdtrc, fdtri
 
 from femtune.arrays import Reals
 
 _INDEPENDENT, _FULL = 1e-8, 1e-12
+_DIRECTIONS = 10_000
 
 
 @dataclass(frozen=True)
@@ -31,6 +40,9 @@ class SubsetStep:
     left : |r| of the best fit with the subset so far, by |r| without any
     f_value : lessening of |r|² by the mean square that all columns leave together (forward), or that is left at this
         step (stepwise); by the stated variance where no freedom is left
+    candidates : number of parameters of which this one was the best; 0 for one that was dropped
+    p_value : probability that the best of the candidates has a larger F value if the residual is noise; NaN where it
+        was not tested: for a parameter that was dropped, and after the first step that is not significant
     """
 
     name: str
@@ -38,6 +50,8 @@ class SubsetStep:
     cosine: float
     left: float
     f_value: float
+    candidates: int
+    p_value: float
 
 
 @dataclass(frozen=True)
@@ -62,36 +76,44 @@ def forward_selection(S: Reals, r: Reals, names: tuple[str, ...], significance: 
     Parameters
     ----------
     S, r : (n, k), (n,) scaled Jacobian and residuals; r + S d is to become small
-    significance : of the F test that ends the choice; the order goes on to the last independent column. r in units of
+    significance : of the test that ends the choice; the order goes on to the last independent column. r in units of
         its standard deviation, which counts where there are as many columns as residuals
     """
     taken: list[int] = []
     cosines: list[float] = []
+    counts: list[int] = []
     while (best := _best(S, r, taken)) is not None:
-        taken.append(best[0])
-        cosines.append(best[1])
+        j, cosine, count = best
+        taken.append(j)
+        cosines.append(cosine)
+        counts.append(count)
     squares = np.array([_square(S, r, taken[:n]) for n in range(len(taken) + 1)])
-    values, limit = _against_all(squares, r, significance)
+    values, freedom = _against_all(squares, r)
+    chances = np.full(len(taken), np.nan)
+    chosen = 0
+    for n, value in enumerate(values):
+        chances[n] = _chance_of_gain(_candidates(S, taken[:n]), float(value), freedom)
+        if not chances[n] < significance:
+            break
+        chosen = n + 1
     steps = [
-        SubsetStep(names[j], True, c, _left(S, r, taken[: n + 1]), float(values[n]))
-        for n, (j, c) in enumerate(zip(taken, cosines))
+        SubsetStep(names[j], True, cosines[n], _left(S, r, taken[: n + 1]), float(values[n]), counts[n], chances[n])
+        for n, j in enumerate(taken)
     ]
-    chosen = int(np.append(values > limit, False).argmin())
     return Subset(tuple(names[j] for j in taken[:chosen]), tuple(steps))
 
 
-def _against_all(squares: Reals, r: Reals, significance: float) -> tuple[Reals, float]:
-    """Gain of each step by the mean square that all columns together leave, and the value that chance exceeds seldom.
+def _against_all(squares: Reals, r: Reals) -> tuple[Reals, int]:
+    """Gain of each step by the mean square that all columns together leave, and the degrees of freedom of that.
 
     What a step leaves is no measure of chance as long as other parameters are wrong too. Where all together leave no
-    freedom, the stated standard deviations are used instead: residuals are in these units.
+    freedom (0), the stated standard deviations are used instead: residuals are in these units.
     """
     freedom, gains = len(r) - len(squares) + 1, squares[:-1] - squares[1:]
     if freedom < 1:
-        return gains, float(chdtri(1, significance))
+        return gains, 0
     left = max(float(squares[-1]), _FULL * float(r @ r)) / freedom
-    limit = float(fdtri(1, freedom, 1.0 - significance))
-    return (gains / left if left > 0.0 else np.zeros_like(gains)), limit
+    return (gains / left if left > 0.0 else np.zeros_like(gains)), freedom
 
 
 def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float = 0.05, leave: float = 0.10) -> Subset:
@@ -99,7 +121,8 @@ def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float 
 
     Parameters
     ----------
-    enter, leave : significance to be taken, and above which a parameter is dropped again; enter < leave
+    enter : significance of the test of the best candidate against the largest F value of noise
+    leave : significance of the F test of a single parameter, above which it is dropped again; enter < leave
     """
     taken: list[int] = []
     steps: list[SubsetStep] = []
@@ -107,12 +130,13 @@ def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float 
         best = _best(S, r, taken)
         if best is None:
             break
-        j, cosine = best
+        j, cosine, count = best
         value = _f_value(S, r, taken, [*taken, j])
-        if not _significant(value, len(r) - len(taken) - 1, enter):
+        chance = _chance_of_ratio(_candidates(S, taken), value, len(r) - len(taken))
+        if not chance < enter:
             break
         taken.append(j)
-        steps.append(SubsetStep(names[j], True, cosine, _left(S, r, taken), value))
+        steps.append(SubsetStep(names[j], True, cosine, _left(S, r, taken), value, count, chance))
         steps += _dropped(S, r, names, taken, leave)
     return Subset(tuple(names[j] for j in taken), tuple(steps))
 
@@ -126,23 +150,31 @@ def _dropped(S: Reals, r: Reals, names: tuple[str, ...], taken: list[int], leave
         if _significant(values[worst], len(r) - len(taken), leave):
             break
         j = taken.pop(worst)
-        out.append(SubsetStep(names[j], False, 0.0, _left(S, r, taken), values[worst]))
+        out.append(SubsetStep(names[j], False, 0.0, _left(S, r, taken), values[worst], 0, float("nan")))
     return out
 
 
-def _best(S: Reals, r: Reals, taken: list[int]) -> tuple[int, float] | None:
-    """The column with the largest cosine to what is left, and that cosine; None where none is independent."""
-    basis = _basis(S[:, taken])
-    rest, left = S - basis @ (basis.T @ S), r - basis @ (basis.T @ r)
-    size, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(S, axis=0)
-    open_ = (size > _INDEPENDENT * whole) & (whole > 0.0)
-    open_[taken] = False
+def _best(S: Reals, r: Reals, taken: list[int]) -> tuple[int, float, int] | None:
+    """The column with the largest cosine to what is left, that cosine, and of how many; None without any."""
+    rest, size, open_ = _freed(S, taken)
     if not open_.any() or len(taken) >= len(r):
         return None
+    basis = _basis(S[:, taken])
+    left = r - basis @ (basis.T @ r)
     length = np.linalg.norm(left)
     cosine = np.abs(left @ rest) / np.where(open_, size, 1.0) / (length if length > 0.0 else 1.0)
     j = int(np.argmax(np.where(open_, cosine, -1.0)))
-    return j, float(cosine[j])
+    return j, float(cosine[j]), int(open_.sum())
+
+
+def _freed(S: Reals, taken: list[int]) -> tuple[Reals, Reals, NDArray[np.bool_]]:
+    """All columns freed of those taken, their lengths, and which of them are independent candidates."""
+    basis = _basis(S[:, taken])
+    rest = S - basis @ (basis.T @ S)
+    size, whole = np.linalg.norm(rest, axis=0), np.linalg.norm(S, axis=0)
+    open_ = (size > _INDEPENDENT * whole) & (whole > 0.0)
+    open_[taken] = False
+    return rest, size, open_
 
 
 def _basis(columns: Reals) -> Reals:
@@ -172,3 +204,58 @@ def _f_value(S: Reals, r: Reals, fewer: list[int], more: list[int]) -> float:
 
 def _significant(value: float, freedom: int, level: float) -> bool:
     return bool(freedom >= 1 and np.isfinite(value) and value > fdtri(1, freedom, 1.0 - level))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Chance that the best of all candidates gains as much from noise.
+
+
+def _candidates(S: Reals, taken: list[int]) -> Reals:
+    """(m, k) unit columns of the candidates, freed of those taken, in an orthonormal basis of their own space.
+
+    The basis depends on the order of the columns but not on their lengths and signs, so that the units of parameters
+    do not change the directions that are drawn.
+    """
+    rest, size, open_ = _freed(S, taken)
+    unit = rest[:, open_] / size[open_]
+    # a generic direction, to which no column is orthogonal by symmetry, gives each its sign
+    unit = unit * np.where(np.random.default_rng(1).standard_normal(len(S)) @ unit < 0.0, -1.0, 1.0)
+    basis = np.zeros((len(S), 0))
+    for u in unit.T:
+        once = u - basis @ (basis.T @ u)
+        left = once - basis @ (basis.T @ once)
+        length = np.linalg.norm(left)
+        if length > _INDEPENDENT and basis.shape[1] < len(S) - len(taken):
+            basis = np.column_stack([basis, left / length])
+    return np.asarray(basis.T @ unit)
+
+
+def _largest_shares(unit: Reals) -> Reals:
+    """max (u_jᵀd)² of random directions d, the same at each call."""
+    if len(unit) < 2:
+        return np.ones(1)
+    d = np.random.default_rng(0).standard_normal((_DIRECTIONS, len(unit)))
+    return np.asarray(((d @ unit) ** 2).max(axis=1) / (d**2).sum(axis=1))
+
+
+def _chance_of_gain(unit: Reals, value: float, freedom: int) -> float:
+    """Of a larger gain by a mean square that is independent of it, with degrees of freedom; 0: the variance is one."""
+    space = len(unit)
+    needed = max(value, 0.0) / _largest_shares(unit)
+    tail = chdtrc(space, needed) if freedom < 1 else fdtrc(space, freedom, needed / space)
+    return float(np.mean(tail))
+
+
+def _chance_of_ratio(unit: Reals, value: float, dimension: int) -> float:
+    """Of a larger gain by the mean square left after it, in a space of this dimension; NaN where nothing is left."""
+    space, freedom = len(unit), dimension - 1
+    if freedom < 1:
+        return float("nan")
+    value = max(value, 0.0)
+    cosine, shares = value / (value + freedom), _largest_shares(unit)
+    if space >= dimension:
+        return float(np.mean(shares > cosine))
+    inside = np.minimum(cosine / shares, 1.0)
+    with np.errstate(divide="ignore"):
+        odds = inside / (1.0 - inside)
+    return float(np.mean(fdtrc(space, dimension - space, odds * (dimension - space) / space)))

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from femtune.uncertainty import (
         ForwardCheck,
         FrequencyOutputs,
+        OutputStatistics,
         StochasticResult,
     )
 
@@ -146,11 +147,38 @@ def _record(
 
 
 def _distances(found: StochasticResult) -> CosineDistances | None:
+    return _from_covariance(found.measured, found.G, found.mean, found.names)
+
+
+def _from_covariance(
+    measured: OutputStatistics, G: Reals, theta: Reals, names: tuple[str, ...]
+) -> CosineDistances | None:
     """Distances of the parameters from the covariance; None where there are too few frequencies to say anything."""
-    measured = found.measured
-    if len(measured.mean) < _FEWEST or not found.mean.all() or not found.G.any():
+    if len(measured.mean) < _FEWEST or not G.any():
         return None
-    return cosine_distances(measured.covariance, measured.mean, found.G, found.mean, found.names)
+    return cosine_distances(measured.covariance, measured.mean, G, theta, names)
+
+
+def distances_at(study: Study, x: Reals) -> CosineDistances | str:
+    """Distances of the free parameters from the covariance of the repeats, at normalised parameters; or why not.
+
+    Without [quantify] there are no repeats, which is for the caller to see. Nothing is updated.
+    """
+    table = study.file.quantify
+    assert table is not None
+    theta = np.asarray(study.parameters.denormalise(x))
+    try:
+        repeats = read_repeats(study, table)
+        outputs = _outputs(study, repeats, theta)
+        measured = repeats.statistics(outputs.modes, table.missing)
+        G = outputs.linearised(theta)[1]
+        near = _from_covariance(measured, G, theta, tuple(p.name for p in study.parameters.free))
+    except FemtuneError as error:
+        return f"The parameters were not compared with the covariance of the repeated tests: {error.what}."
+    return near or (
+        "The parameters were not compared with the covariance of the repeated tests: this requires "
+        f"{_FEWEST} frequencies that depend on them; the repeats have {len(measured.mean)} compared frequencies."
+    )
 
 
 def _parameters(study: Study, found: StochasticResult, near: CosineDistances | None) -> tuple[QuantifiedParameter, ...]:

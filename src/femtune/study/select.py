@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.residuals import Evaluation
     from femtune.results.update import SelectionResults
+    from femtune.selection import CosineDistances
 
 
 def check_parameters(study: Study) -> None:
@@ -37,5 +38,17 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
     found = selection_results(study, known, at, arrays)
     progress.step("measures of the parameters", 0, None)
-    more = {"measures": selection_measures(study, known, at)}
+    near, remarks = _distances(study, at)
+    more = {"measures": selection_measures(study, known, at, near, remarks)}
     return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})
+
+
+def _distances(study: Study, at: Evaluation) -> tuple[CosineDistances | None, tuple[str, ...]]:
+    """Distances from the covariance of the repeats, before any update, and why there are none."""
+    if study.file.quantify is None:
+        return None, ()
+    # most studies have no repeats
+    from femtune.study.quantify import distances_at  # noqa: PLC0415
+
+    found = distances_at(study, at.x)
+    return (None, (found,)) if isinstance(found, str) else (found, ())

@@ -55,24 +55,38 @@ def measures(found: SelectionMeasures | None) -> list[Block]:
 
 def choice_table(found: SelectionMeasures) -> Table:
     """Order of the projection, and what the data know of each."""
+    repeated = any(p.cosine_distance is not None for p in found.information)
     heads = columns(
-        "Parameter", ">Order", ">Residual left %", "Chosen", ">σ alone", ">σ together", ">D-order", ">A-order"
-    )
+        "Parameter", ">Order", ">Residual left %", "Chosen", ">p-value", ">σ alone", ">σ together", ">D-order",
+        ">A-order", *([">Distance"] if repeated else []),
+    )  # fmt: skip
     order = {s.parameter: i for i, s in enumerate(found.subset)}
     rows = []
     for p in sorted(found.information, key=lambda p: order.get(p.parameter, len(order))):
         at = order.get(p.parameter)
         step = None if at is None else found.subset[at]
-        taken = (NONE, NONE, "no independent effect") if step is None or at is None else (
-            str(at + 1), percent(step.left_percent), "yes" if step.chosen else "no")  # fmt: skip
+        taken = (NONE, NONE, "no independent effect", NONE) if step is None or at is None else (
+            str(at + 1), percent(step.left_percent), "yes" if step.chosen else "no", _chance(step.p_value))  # fmt: skip
         sds = short(p.sd_alone), short(p.sd_together)
-        rows.append(row(p.parameter, *taken, *sds, str(p.d_rank), str(p.a_rank)))
+        distance = (short(p.cosine_distance),) if repeated else ()
+        rows.append(row(p.parameter, *taken, *sds, str(p.d_rank), str(p.a_rank), *distance))
     note = (
         "Order: rank by contribution to the reduction of the residual (orthogonal projection). Chosen: this reduction "
-        "is significant. σ alone, σ together: standard deviation relative to the prior if all other parameters are "
-        "known, and if all are unknown (– if other parameters have the same effect)."
+        "and all before it are significant. p-value: probability that noise alone gives the best of the remaining "
+        "candidates a larger F value; it must be below 5 % (–: not tested, because an earlier one is not). σ alone, "
+        "σ together: standard deviation relative to the prior if all other parameters are known, and if all are "
+        "unknown (– if other parameters have the same effect)."
     )
+    if repeated:
+        note += (
+            " Distance: 1 − cosine between the scaled sensitivities and the covariance of the repeated tests; near 0 "
+            "for a parameter that varies."
+        )
     return Table("Choice of parameters", heads, tuple(rows), note)
+
+
+def _chance(p: float | None) -> str:
+    return NONE if p is None else "< 1e-6" if p < 1e-6 else short(p)
 
 
 def alike_table(found: SelectionMeasures) -> list[Block]:
