@@ -1,10 +1,10 @@
-"""Residues of rank one for given poles: shapes ψ and participations l of least squares, H = Σ ψ lᵀ/(iω − λ) + conj. + D.
+"""Residues of rank one for given poles: shapes ψ and participations L of least squares, H = Σ ψLᵀ/(iω − λ) + conj. + D.
 
 ψ and D enter linearly and are eliminated (variable projection); the participations are found by a trust-region
 Gauss-Newton iteration with the exact Jacobian of the projected errors. The errors do not change if a participation is
-multiplied by a complex number and its shape divided by it: participations start with unit length, and each step is the
-shortest one that has its effect, which leaves the length nearly as it is. In a reciprocal model the participations are
-the shapes at the driving points, and their length has a meaning.
+multiplied by a complex number and its shape divided by it: the unknowns are therefore changes orthogonal to a
+participation of unit length. In a reciprocal model the participations are the shapes at the driving points; their
+length has a meaning, and all their entries are unknowns.
 
 Sources: G. Golub, V. Pereyra (1973), The differentiation of pseudo-inverses and nonlinear least squares problems whose
 variables separate, SIAM J. Numerical Analysis 10; of the measure of convergence D. M. Bates, D. G. Watts (1981), A
@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from femtune.arrays import Complexes, Reals
 from femtune.identification.modal_solve import real_rows
@@ -28,8 +27,11 @@ from femtune.modal import FrfSet
 
 MOST_STEPS = 200
 STEPS_OF_A_CHART = 50
+"""After so many, unknowns are taken about the present participations again."""
 ENOUGH = 1e-4
-"""Relative projected gradient of a solution; its square is the relative decrease of the sum of squares still predicted."""
+"""Relative projected gradient of a solution; its square is the relative decrease that a further step predicts."""
+DECREASE = 1e-10
+"""Relative decrease of the sum of squares, and relative step, that end the iteration."""
 ROUNDING = 1e-9
 """Errors below this part of the functions count as none."""
 RANK = 1e-13
@@ -43,7 +45,7 @@ class Group:
     Parameters
     ----------
     members : positions of the responses
-    Z : (u, q, m)
+    Z : (u, q, m), of residues in the problem's scale
     values : (u q, responses) of the functions
     data : (u q, columns) with data dataᵀ = Σ w h hᵀ, w being the weights of the responses
     """
@@ -63,6 +65,7 @@ class Problem:
     groups : of responses whose shapes are eliminated
     tied : in a reciprocal model the driving point of each reference, whose shape is the participation; weight and sign
         are in Z and data
+    signs : (u,) of driving points
     scale : (m,) factors of the residues in this problem
     rest : weighted sum of squares that no residues change
     size : weighted sum of squares of the functions
@@ -70,20 +73,31 @@ class Problem:
 
     groups: tuple[Group, ...]
     tied: tuple[Group, ...]
+    signs: tuple[float, ...]
     scale: Reals
     rest: float
     size: float
 
-    def errors(self, l: Complexes) -> Reals:
-        """All errors for participations l (m, u) and the shapes of least squares."""
+    def errors(self, L: Complexes) -> Reals:
+        """All errors for participations L (m, u) and the shapes of least squares."""
         return np.concatenate(
-            [_errors(g, l).ravel() for g in self.groups] + [_tied_errors(g, l, i) for i, g in enumerate(self.tied)]
+            [_errors(g, L).ravel() for g in self.groups] + [_tied_errors(g, L, i) for i, g in enumerate(self.tied)]
         )
 
-    def jacobian(self, l: Complexes) -> Reals:
-        """(errors, 2, m, u): exact derivative of the errors by Re l and Im l."""
-        rows = [_derivative(g, l) for g in self.groups] + [_tied_derivative(g, l, i) for i, g in enumerate(self.tied)]
-        return np.concatenate([r.reshape(-1, 2, *l.shape) for r in rows])
+    def jacobian(self, L: Complexes) -> Reals:
+        """(errors, 2, m, u): exact derivative of the errors by Re L and Im L."""
+        rows = [_derivative(g, L) for g in self.groups] + [_tied_derivative(g, L, i) for i, g in enumerate(self.tied)]
+        return np.concatenate([r.reshape(-1, 2, *L.shape) for r in rows])
+
+    def shapes(self, L: Complexes) -> Complexes:
+        """(n, m) of least squares; those of driving points are the participations."""
+        n = sum(len(g.members) for g in self.groups + self.tied)
+        found = np.empty((n, len(L)), complex)
+        for g in self.groups:
+            found[list(g.members)] = _shapes(g, L)
+        for i, g in enumerate(self.tied):
+            found[list(g.members)] = self.signs[i] * L[:, i]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +119,7 @@ class RankOne:
 
     @property
     def converged(self) -> bool:
-        """Whether a further step would change nothing."""
+        """Whether no step is left that would decrease the errors notably."""
         return self.gradient <= ENOUGH
 
 
@@ -118,55 +132,41 @@ def rank_one_problem(frfs: FrfSet, columns: Complexes, direct: bool, points: Seq
 
     Parameters
     ----------
+    frfs : NaN where a function was not measured
     columns : (k, 2m) of Re x and of Im x of residues x
     points : driving points, one of each reference, of a reciprocal model
     """
-    n, u, _ = frfs.values.shape
+    n, u, k = frfs.values.shape
     m = columns.shape[1] // 2
     known = np.isfinite(frfs.values)
     squares = np.sum(np.abs(np.where(known, frfs.values, 0.0)) ** 2, axis=(1, 2))
     mean = squares / known.sum(axis=(1, 2))
     weights = 1.0 / np.where(mean > 0.0, mean, 1.0)
-    patterns, which = np.unique(known.reshape(n * u, -1), axis=0, return_inverse=True)
+    patterns, which = np.unique(known.reshape(n * u, k), axis=0, return_inverse=True)
     which = which.reshape(n, u)
-    factors = [_factors(columns[p], direct) for p in patterns]
-    sizes = np.array([np.sum(R**2, axis=0).reshape(2, m).sum(axis=0) for _, R in factors])
-    scale = np.sqrt(np.mean(sizes, axis=0))
-    Z = [(R[:, :m] - 1j * R[:, m:]) / scale for _, R in factors]
-    data = np.empty((n, u, len(Z[0])))
+    factors = [qr(_centred(columns[p], direct), mode="economic", check_finite=False) for p in patterns]
+    scale = np.sqrt(np.mean([np.sum((R**2).reshape(-1, 2, m), axis=(0, 1)) for _, R in factors], axis=0))
+    Z = np.array([R[:, :m] - 1j * R[:, m:] for _, R in factors]) / scale
+    data, rest = np.empty((n, u, Z.shape[1])), 0.0
     for at, (Q, _) in enumerate(factors):
-        i, j = np.nonzero(which == at)
-        data[i, j] = _centred(frfs.values[i, j][:, patterns[at]].T, direct).T @ Q
-    centred = sum(
-        weights[i] * np.sum(_centred(frfs.values[i, j][known[i, j]][:, None], direct) ** 2)
-        for i in range(n)
-        for j in range(u)
-    )
-    of_point = {p.response: p for p in points}
+        row, reference = np.nonzero(which == at)
+        rows = _centred(frfs.values[row, reference][:, patterns[at]].T, direct)
+        inside = Q.T @ rows
+        data[row, reference] = inside.T
+        rest += float(np.sum((rows - Q @ inside) ** 2 * weights[row]))
+    ends = {p.response: p.sign for p in sorted(points, key=lambda p: p.reference)}
     free: dict[bytes, list[int]] = {}
     for i in range(n):
-        if i not in of_point:
+        if i not in ends:
             free.setdefault(which[i].tobytes(), []).append(i)
-    groups = tuple(
-        _group(rows, np.array([Z[p] for p in which[rows[0]]]), data[rows], weights[rows]) for rows in free.values()
-    )
-    tied = []
-    for p in sorted(points, key=lambda p: p.reference):
-        root, i = np.sqrt(weights[p.response]), p.response
-        own = np.array([Z[q] for q in which[i]]) * (root * p.sign)
-        tied.append(Group((i,), own, data[i].reshape(-1, 1), root * data[i].reshape(-1, 1)))
-    rest = max(centred - float(np.sum(weights[:, None, None] * data**2)), 0.0)
-    return Problem(groups, tuple(tied), scale, rest, float(weights @ squares))
+    groups = [_group(rows, Z[which[rows[0]]], data[rows], weights[rows]) for rows in free.values()]
+    tied = [_group([i], Z[which[i]] * sign * np.sqrt(weights[i]), data[[i]], weights[[i]]) for i, sign in ends.items()]
+    return Problem(tuple(groups), tuple(tied), tuple(ends.values()), scale, rest, float(weights @ squares))
 
 
 def _centred(values: Complexes, direct: bool) -> Reals:
     """Real rows; what a direct term can do is taken out."""
     return real_rows(values - values.real.mean(axis=0) if direct else values)
-
-
-def _factors(columns: Complexes, direct: bool) -> tuple[Reals, Reals]:
-    Q, R = qr(_centred(columns, direct), mode="economic", check_finite=False)
-    return Q, R
 
 
 def _group(members: list[int], Z: Complexes, values: Reals, weights: Reals) -> Group:
@@ -186,35 +186,35 @@ def _columns(Z: Complexes) -> Reals:
     return np.concatenate([Z.real, -Z.imag], axis=-1)
 
 
-def _svd(g: Group, l: Complexes) -> tuple[Reals, Reals, Reals]:
+def _svd(g: Group, L: Complexes) -> tuple[Reals, Reals, Reals]:
     """Of the (u q, 2m) matrix of Re ψ and Im ψ."""
-    matrix = _columns(g.Z * l.T[:, None, :]).reshape(-1, 2 * len(l))
+    matrix = _columns(g.Z * L.T[:, None, :]).reshape(-1, 2 * len(L))
     U, s, Vt = np.linalg.svd(matrix, full_matrices=False)
     kept = s > RANK * s[0]
     return U[:, kept], s[kept], Vt[kept].T
 
 
-def _shapes(g: Group, l: Complexes) -> Complexes:
+def _shapes(g: Group, L: Complexes) -> Complexes:
     """(responses, m)."""
-    U, s, V = _svd(g, l)
+    U, s, V = _svd(g, L)
     found = V @ ((U.T @ g.values) / s[:, None])
-    return (found[: len(l)] + 1j * found[len(l) :]).T
+    return (found[: len(L)] + 1j * found[len(L) :]).T
 
 
-def _errors(g: Group, l: Complexes) -> Reals:
-    U = _svd(g, l)[0]
+def _errors(g: Group, L: Complexes) -> Reals:
+    U = _svd(g, L)[0]
     return g.data - U @ (U.T @ g.data)
 
 
-def _tied_errors(g: Group, l: Complexes, i: int) -> Reals:
-    return g.data[:, 0] - np.einsum("jqm,m,mj->jq", g.Z, l[:, i], l).real.ravel()
+def _tied_errors(g: Group, L: Complexes, i: int) -> Reals:
+    return g.data[:, 0] - np.einsum("jqm,m,mj->jq", g.Z, L[:, i], L).real.ravel()
 
 
-def _derivative(g: Group, l: Complexes) -> Reals:
-    """(u q, columns, 2, m, u): of projected errors by Re l and Im l."""
+def _derivative(g: Group, L: Complexes) -> Reals:
+    """(u q, columns, 2, m, u): of projected errors by Re L and Im L."""
     u, q, m = g.Z.shape
     n = g.data.shape[1]
-    U, s, V = _svd(g, l)
+    U, s, V = _svd(g, L)
     part = U.T @ g.data
     psi = V @ (part / s[:, None])
     left = (g.data - U @ part).reshape(u, q, n)
@@ -232,14 +232,14 @@ def _derivative(g: Group, l: Complexes) -> Reals:
     return found.reshape(u * q, n, 2, m, u)
 
 
-def _tied_derivative(g: Group, l: Complexes, i: int) -> Reals:
+def _tied_derivative(g: Group, L: Complexes, i: int) -> Reals:
     """(u q, 2, m, u)."""
     u, q, m = g.Z.shape
     found = np.zeros((u, q, 2 * m, u))
-    change = _columns(g.Z * l[:, i])
+    change = _columns(g.Z * L[:, i])
     for j in range(u):
         found[j, :, :, j] = -change[j]
-    found[..., i] -= _columns(g.Z * l.T[:, None, :])
+    found[..., i] -= _columns(g.Z * L.T[:, None, :])
     return found.reshape(u * q, 2, m, u)
 
 
@@ -278,31 +278,48 @@ class _Chart:
         return np.stack([of_re, of_im], axis=1).reshape(len(by_l), self.unknowns)
 
 
-def _chart(problem: Problem, l: Complexes) -> _Chart:
-    size = np.linalg.norm(l, axis=1)
-    size = np.where(size > 0.0, size, max(size.max(), 1.0))
+def _chart(problem: Problem, L: Complexes) -> _Chart:
+    size = np.linalg.norm(L, axis=1)
     if problem.tied:
-        return _Chart(l, size[:, None, None] * np.eye(l.shape[1]))
-    l = l / size[:, None]
-    return _Chart(l, np.linalg.svd(l[:, :, None])[0][:, :, 1:])
+        size = np.where(size > 0.0, size, max(size.max(), 1.0))
+        return _Chart(L, size[:, None, None] * np.eye(L.shape[1]))
+    L = np.where(size[:, None] > 0.0, L, 1.0)
+    L = L / np.linalg.norm(L, axis=1)[:, None]
+    return _Chart(L, np.linalg.svd(L[:, :, None])[0][:, :, 1:])
 
 
-def solve_rank_one(problem: Problem, participations: Complexes) -> tuple:
-    """From given participations (m, u) of the problem's scale."""
-    l, steps = participations, 0
-    while True:
-        chart = _chart(problem, l)
-        found = least_squares(
-            lambda y, c=chart: problem.errors(c.participations(y)),
-            np.zeros(chart.unknowns),
-            lambda y, c=chart: c.slopes(problem.jacobian(c.participations(y))),
-            ftol=1e-10, xtol=1e-10, gtol=None,
-            max_nfev=STEPS_OF_A_CHART,
-        )
-        steps += found.nfev
-        l = chart.participations(found.x)
+def solve_rank_one(problem: Problem, start: Complexes) -> RankOne:
+    """Participations and shapes of the least sum of squares near a start.
+
+    Parameters
+    ----------
+    start : (m, u) participations; in a reciprocal model the shapes at the driving points, with the signs of these
+    """
+    root = np.sqrt(problem.scale)[:, None]
+    L, steps, done = start * root, 0, False
+    while not done:
+        found, chart = _in_chart(problem, _chart(problem, L))
+        L, steps = chart.participations(found.x), steps + found.nfev
         squares = 2.0 * found.cost + problem.rest
-        U, s, _ = np.linalg.svd(found.jac, full_matrices=False)
-        gradient = np.linalg.norm(U[:, s > RANK * s[0]].T @ found.fun) / max(np.sqrt(squares), ROUNDING * np.sqrt(problem.size))
-        if gradient <= ENOUGH or steps >= MOST_STEPS:
-            return l, squares, found, gradient, steps
+        gradient = _relative_gradient(found, max(squares, ROUNDING**2 * problem.size))
+        done = gradient <= ENOUGH or steps >= MOST_STEPS
+    return RankOne(problem.shapes(L) / root.T, L / root, squares, steps, gradient)
+
+
+def _in_chart(problem: Problem, chart: _Chart) -> tuple[OptimizeResult, _Chart]:
+    found = least_squares(
+        lambda y: problem.errors(chart.participations(y)),
+        np.zeros(chart.unknowns),
+        lambda y: chart.slopes(problem.jacobian(chart.participations(y))),
+        ftol=DECREASE,
+        xtol=DECREASE,
+        gtol=None,
+        max_nfev=STEPS_OF_A_CHART,
+    )
+    return found, chart
+
+
+def _relative_gradient(found: OptimizeResult, squares: float) -> float:
+    U, s, _ = np.linalg.svd(found.jac, full_matrices=False)
+    along = U[:, s > RANK * s[0]].T @ found.fun
+    return float(np.linalg.norm(along) / np.sqrt(squares)) if squares > 0.0 else 0.0
