@@ -30,8 +30,10 @@ STEPS_OF_A_CHART = 50
 """After so many, unknowns are taken about the present participations again."""
 ENOUGH = 1e-4
 """Relative projected gradient of a solution; its square is the relative decrease that a further step predicts."""
-DECREASE = 1e-10
-"""Relative decrease of the sum of squares, and relative step, that end the iteration."""
+DECREASE = 1e-8
+"""Relative decrease of the sum of squares in a step that ends a descent."""
+ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 15
+"""Of descents that only show whether there is another minimum."""
 ROUNDING = 1e-9
 """Errors below this part of the functions count as none."""
 RANK = 1e-13
@@ -272,10 +274,9 @@ class _Chart:
 
     def slopes(self, by_l: Reals) -> Reals:
         """Derivative by y from that by the real and imaginary parts of the participations, (rows, 2, m, u)."""
-        re, im = self.directions.real, self.directions.imag
-        of_re = np.einsum("rmu,mud->rmd", by_l[:, 0], re) + np.einsum("rmu,mud->rmd", by_l[:, 1], im)
-        of_im = np.einsum("rmu,mud->rmd", by_l[:, 1], re) - np.einsum("rmu,mud->rmd", by_l[:, 0], im)
-        return np.stack([of_re, of_im], axis=1).reshape(len(by_l), self.unknowns)
+        complex_slopes = (by_l[:, 0] - 1j * by_l[:, 1]).transpose(1, 0, 2) @ self.directions
+        both = np.stack([complex_slopes.real, -complex_slopes.imag]).transpose(2, 0, 1, 3)
+        return both.reshape(len(by_l), self.unknowns)
 
 
 def _chart(problem: Problem, L: Complexes) -> _Chart:
@@ -288,35 +289,63 @@ def _chart(problem: Problem, L: Complexes) -> _Chart:
     return _Chart(L, np.linalg.svd(L[:, :, None])[0][:, :, 1:])
 
 
-def solve_rank_one(problem: Problem, start: Complexes) -> RankOne:
-    """Participations and shapes of the least sum of squares near a start.
+def solve_rank_one(problem: Problem, start: Complexes, doubtful: Sequence[int] = ()) -> RankOne:
+    """Participations and shapes of the least sum of squares.
 
     Parameters
     ----------
     start : (m, u) participations; in a reciprocal model the shapes at the driving points, with the signs of these
+    doubtful : modes, such as those outside the band, that may have ended in a local minimum: each is started once more
+        from a participation orthogonal to the one found
     """
     root = np.sqrt(problem.scale)[:, None]
-    L, steps, done = start * root, 0, False
-    while not done:
-        found, chart = _in_chart(problem, _chart(problem, L))
+    best = _descent(problem, start * root, DECREASE, MOST_STEPS)
+    steps = best.steps
+    for r in () if problem.tied or start.shape[1] == 1 else doubtful:
+        turned = best.participations.copy()
+        turned[r] = _chart(problem, turned).directions[r, :, 0]
+        trial = _descent(problem, turned, ROUGH_DECREASE, ROUGH_STEPS)
+        steps += trial.steps
+        if trial.squares < (1.0 - ROUGH_DECREASE) * best.squares:
+            best = _descent(problem, trial.participations, DECREASE, MOST_STEPS)
+            steps += best.steps
+    shapes, L = problem.shapes(best.participations), best.participations
+    return RankOne(shapes / root.T, L / root, best.squares, steps, best.gradient)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where a descent ended; participations in the problem's scale."""
+
+    participations: Complexes
+    squares: float
+    steps: int
+    gradient: float
+
+
+def _descent(problem: Problem, L: Complexes, decrease: float, most_steps: int) -> _End:
+    """Until the relative gradient is small, and a step decreases the errors by less than a part of them."""
+    steps = 0
+    while True:
+        chart = _chart(problem, L)
+        found = _in_chart(problem, chart, decrease, min(STEPS_OF_A_CHART, most_steps - steps))
         L, steps = chart.participations(found.x), steps + found.nfev
         squares = 2.0 * found.cost + problem.rest
         gradient = _relative_gradient(found, max(squares, ROUNDING**2 * problem.size))
-        done = gradient <= ENOUGH or steps >= MOST_STEPS
-    return RankOne(problem.shapes(L) / root.T, L / root, squares, steps, gradient)
+        if gradient <= max(ENOUGH, np.sqrt(decrease)) or steps >= most_steps:
+            return _End(L, squares, steps, gradient)
 
 
-def _in_chart(problem: Problem, chart: _Chart) -> tuple[OptimizeResult, _Chart]:
-    found = least_squares(
+def _in_chart(problem: Problem, chart: _Chart, decrease: float, most_steps: int) -> OptimizeResult:
+    return least_squares(
         lambda y: problem.errors(chart.participations(y)),
         np.zeros(chart.unknowns),
         lambda y: chart.slopes(problem.jacobian(chart.participations(y))),
-        ftol=DECREASE,
-        xtol=DECREASE,
+        ftol=decrease,
+        xtol=1e-8,
         gtol=None,
-        max_nfev=STEPS_OF_A_CHART,
+        max_nfev=most_steps,
     )
-    return found, chart
 
 
 def _relative_gradient(found: OptimizeResult, squares: float) -> float:

@@ -77,9 +77,11 @@ def system_fit(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     _check_poles(poles)
     points = _points(frfs) if reciprocal else ()
     near = _near(frfs, poles)
+    hertz = np.abs(poles) / (2.0 * np.pi)
+    outside = np.flatnonzero((hertz < frfs.freq_hz.min()) | (hertz > frfs.freq_hz.max())).tolist()
     parts, steps, gradient, converged = _start(frfs, near, direct), 0, 0.0, True
     if len(frfs.references) > 1 or points:
-        parts, found = _rank_one(frfs, near, parts, direct, points)
+        parts, found = _rank_one(frfs, near, parts, direct, points, outside)
         steps, gradient, converged = found.steps, found.gradient, found.converged
     A, B, C = _real_form(poles, parts)
     system = StateSpace(
@@ -185,12 +187,17 @@ def _patterns(values: Complexes) -> Iterator[tuple[NDArray[np.bool_], list[int]]
 
 
 def _rank_one(
-    frfs: FrfSet, near: Complexes, parts: _Parts, direct: bool, points: Sequence[DrivingPoint]
+    frfs: FrfSet,
+    near: Complexes,
+    parts: _Parts,
+    direct: bool,
+    points: Sequence[DrivingPoint],
+    outside: Sequence[int],
 ) -> tuple[_Parts, RankOne]:
     """B, C and D of least squares, from those of free residues."""
     columns = _columns(near, np.ones(near.shape[1] // 2))
     start = _of_driving_points(parts, points) if points else parts.participations
-    found = solve_rank_one(rank_one_problem(frfs, columns, direct, points), start)
+    found = solve_rank_one(rank_one_problem(frfs, columns, direct, points), start, outside)
     residues = found.shapes[:, None, :] * found.participations.T
     model = np.concatenate([residues.real, residues.imag], axis=2) @ columns.T
     D = np.nanmean((frfs.values - model).real, axis=2) if direct else np.zeros(residues.shape[:2])
