@@ -32,7 +32,7 @@ ENOUGH = 1e-4
 """Relative projected gradient of a solution; its square is the relative decrease that a further step predicts."""
 DECREASE = 1e-8
 """Relative decrease of the sum of squares in a step that ends a descent."""
-ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 15
+ROUGH_DECREASE, ROUGH_STEPS = 1e-4, 30
 """Of descents that only show whether there is another minimum."""
 ROUNDING = 1e-9
 """Errors below this part of the functions count as none."""
