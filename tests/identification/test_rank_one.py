@@ -199,6 +199,32 @@ def test_one_reference_is_linear(three_modes: Any) -> None:
     assert (fit.converged, fit.steps, fit.gradient) == (True, 0, 0.0)
 
 
+@pytest.mark.parametrize("level", [0.0, 2.3])
+@pytest.mark.parametrize("reciprocal", [False, True])
+def test_functions_without_modes_have_no_residues(eight_modes: Any, level: float, reciprocal: bool) -> None:
+    frfs = eight_modes.frfs(np.linspace(5.0, 62.0, 100))
+    frfs = dataclasses.replace(frfs, values=np.full(frfs.values.shape, level, complex))
+    fit = system_fit(frfs, pole_of(eight_modes.freq_hz, eight_modes.damping_ratio), reciprocal=reciprocal)
+    assert fit.converged
+    np.testing.assert_allclose(fit.system.frf(frfs.freq_hz).values, level, atol=1e-9)
+
+
+def test_a_failure_of_the_singular_values_does_not_end_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = _random_system(2, largest=False)
+    expected = system_fit(made.frfs, made.poles)
+
+    def failing(*args: Any, **options: Any) -> Any:
+        if options.get("method") != "lm":
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return least_squares(*args, **options)
+
+    monkeypatch.setattr(rank_one, "least_squares", failing)
+    found = system_fit(made.frfs, made.poles)
+    assert found.converged
+    squares = [_squares(made.frfs, f.system.frf(made.frfs.freq_hz).values) for f in (expected, found)]
+    assert squares[1] == pytest.approx(squares[0], rel=1e-6)
+
+
 def test_an_iteration_that_does_not_converge_is_reported(eight_modes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     frfs = eight_modes.frfs(np.linspace(5.0, 62.0, 400), noise=0.01)
     monkeypatch.setattr(rank_one, "MOST_STEPS", 1)

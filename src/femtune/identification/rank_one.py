@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import qr, svd
 from scipy.optimize import OptimizeResult, least_squares
 
 from femtune.arrays import Complexes, Reals
@@ -326,6 +326,8 @@ class _End:
 def _descent(problem: Problem, L: Complexes, decrease: float, most_steps: int) -> _End:
     """Until the relative gradient is small, and a step decreases the errors by less than a part of them."""
     steps = 0
+    if not problem.errors(_chart(problem, L).centre).any():
+        return _End(L, problem.rest, 1, 0.0)
     while True:
         chart = _chart(problem, L)
         found = _in_chart(problem, chart, decrease, min(STEPS_OF_A_CHART, most_steps - steps))
@@ -337,18 +339,22 @@ def _descent(problem: Problem, L: Complexes, decrease: float, most_steps: int) -
 
 
 def _in_chart(problem: Problem, chart: _Chart, decrease: float, most_steps: int) -> OptimizeResult:
-    return least_squares(
-        lambda y: problem.errors(chart.participations(y)),
-        np.zeros(chart.unknowns),
-        lambda y: chart.slopes(problem.jacobian(chart.participations(y))),
-        ftol=decrease,
-        xtol=1e-8,
-        gtol=None,
-        max_nfev=most_steps,
-    )
+    def errors(y: Reals) -> Reals:
+        return problem.errors(chart.participations(y))
+
+    def jacobian(y: Reals) -> Reals:
+        return chart.slopes(problem.jacobian(chart.participations(y)))
+
+    start = np.zeros(chart.unknowns)
+    ends = {"ftol": decrease, "xtol": 1e-8, "max_nfev": most_steps}
+    try:
+        return least_squares(errors, start, jacobian, gtol=None, **ends)
+    except np.linalg.LinAlgError:
+        # LAPACK's divide and conquer may fail for a Jacobian of deficient rank; MINPACK needs no singular values
+        return least_squares(errors, start, jacobian, method="lm", **ends)
 
 
 def _relative_gradient(found: OptimizeResult, squares: float) -> float:
-    U, s, _ = np.linalg.svd(found.jac, full_matrices=False)
+    U, s, _ = svd(found.jac, full_matrices=False, lapack_driver="gesvd")
     along = U[:, s > RANK * s[0]].T @ found.fun
     return float(np.linalg.norm(along) / np.sqrt(squares)) if squares > 0.0 else 0.0
