@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         fit_notices,
         scaled_shapes,
     )
-    from femtune.identification.state_space_fit import fit_system, residual_poles, stable_poles
+    from femtune.identification.state_space_fit import SystemFit, fit_system, residual_poles, stable_poles, system_fit
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -70,6 +70,7 @@ __all__ = [
     "Rule",
     "ScaledShapes",
     "Subspace",
+    "SystemFit",
     "apparent_mass",
     "as_modes",
     "change_choice",
@@ -109,6 +110,7 @@ __all__ = [
     "stepped_frfs",
     "subspace",
     "subspace_poles",
+    "system_fit",
     "table_of",
     "undo_exponential",
     "with_rigid_body",

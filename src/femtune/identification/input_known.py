@@ -19,7 +19,7 @@ from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
 from femtune.identification.shapes import as_modes, driving_points, fit_remarks, leading_shapes, scaled_shapes
-from femtune.identification.state_space_fit import fit_system, residual_poles
+from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace
 
 FRF_METHODS = ("N4SID", "pLSCF")
@@ -111,11 +111,12 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = change_choice(candidates, asked.take, asked.drop)
     fit = fit_modes(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
-    system = _system(elastic, fit, band, asked)
+    of_system = _system(elastic, fit, band, asked)
+    system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
     remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
-    notices = (*check_frfs(frfs), *phases, *(r.notice for r in remarks), *_ends(fit, candidates))
+    notices = (*check_frfs(frfs), *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices, remarks)
 
 
@@ -138,17 +139,18 @@ def _terms(asked: InputKnown) -> tuple[str, ...]:
     return OUT_OF_BAND if asked.rigid is None else ("upper",)
 
 
-def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> StateSpace:
+def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: InputKnown) -> SystemFit:
     poles = np.concatenate([fit.poles, residual_poles(band, asked.low, asked.high)])
-    system = fit_system(elastic, poles, reciprocal=asked.reciprocal)
-    return system if asked.rigid is None else with_rigid_body(system, asked.rigid)
+    return system_fit(elastic, poles, reciprocal=asked.reciprocal)
 
 
-def _ends(fit: ModalFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
-    """How the iteration ended, and candidates that came near to being modes."""
+def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
+    """How the iterations ended, and candidates that came near to being modes."""
     found = []
     if not fit.converged:
         found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
+    if not system.converged:
+        found.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
     near = [c for c in candidates if not c.chosen and max(c.share.values()) >= 0.25 and "same mode" not in c.reason]
     if near:
         names = ", ".join(f"{c.freq_hz:.4g} Hz ({c.reason})" for c in near[:5])

@@ -1,8 +1,7 @@
-"""A state-space model with given poles: B, C and D by linear least squares on functions of any bands and channels.
+"""A state-space model with given poles: B, C and D by least squares on functions of any bands and channels.
 
 Each pole has one shape ψ and one participation l: H = Σ ψ lᵀ/(iω − λ) + conjugates + D. With one reference that is
-linear; with several, ψ for given l and l for given ψ are solved in turn, from the leading singular vectors of free
-residues.
+linear; with several, `rank_one` solves for both, from the leading singular vectors of free residues.
 
 Source: the re-estimation of B and C with residual modes, as after T. McKelvey, H. Akcay, L. Ljung (1996), IEEE Trans.
 Automatic Control 41(7), section on B and D.
@@ -19,13 +18,10 @@ from scipy.linalg import qr
 
 from femtune.arrays import Complexes, Reals
 from femtune.errors import FemtuneError
-from femtune.identification.modal_solve import LineSums, line_sums, real_rows
+from femtune.identification.modal_solve import real_rows
+from femtune.identification.rank_one import RankOne, rank_one_problem, solve_rank_one
 from femtune.identification.shapes import DrivingPoint, driving_points
 from femtune.modal import FrfSet, StateSpace
-
-MOST_TURNS = 50
-ENOUGH = 1e-8
-"""Relative change of the sum of squares that ends the turns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +33,32 @@ class _Parts:
     direct: Reals
 
 
+@dataclass(frozen=True, eq=False)
+class SystemFit:
+    """A state-space model, and how the iteration ended that found B, C and D.
+
+    Parameters
+    ----------
+    system : the model
+    converged : whether `gradient` is below 1e-4
+    steps : evaluations of the errors; none where the problem is linear, as with one reference
+    gradient : relative projected gradient: length of the errors' projection on the tangent space of the model, by the
+        length of the errors. Its square is the relative decrease of the sum of squares that a further step predicts
+    """
+
+    system: StateSpace
+    converged: bool
+    steps: int
+    gradient: float
+
+
 def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: bool = False) -> StateSpace:
-    """A real state-space model of order 2m.
+    """The model of `system_fit`, which also states whether the fit has converged."""
+    return system_fit(frfs, poles, direct, reciprocal).system
+
+
+def system_fit(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: bool = False) -> SystemFit:
+    """A real state-space model of order 2m of least squares; all responses weigh the same.
 
     Parameters
     ----------
@@ -57,11 +77,17 @@ def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     _check_poles(poles)
     points = _points(frfs) if reciprocal else ()
     near = _near(frfs, poles)
-    parts = _turns(frfs, near, _start(frfs, near, direct), direct, points)
+    hertz = np.abs(poles) / (2.0 * np.pi)
+    outside = np.flatnonzero((hertz < frfs.freq_hz.min()) | (hertz > frfs.freq_hz.max())).tolist()
+    parts, steps, gradient, converged = _start(frfs, near, direct), 0, 0.0, True
+    if len(frfs.references) > 1 or points:
+        parts, found = _rank_one(frfs, near, parts, direct, points, outside)
+        steps, gradient, converged = found.steps, found.gradient, found.converged
     A, B, C = _real_form(poles, parts)
-    return StateSpace(
+    system = StateSpace(
         A, B, C, parts.direct, frfs.responses, frfs.references, frfs.kind, source=f"fit of {len(poles)} modes"
     )
+    return SystemFit(system, converged, steps, gradient)
 
 
 def stable_poles(poles: Complexes) -> Complexes:
@@ -160,49 +186,30 @@ def _patterns(values: Complexes) -> Iterator[tuple[NDArray[np.bool_], list[int]]
         yield known[rows[0]], rows
 
 
-def _turns(frfs: FrfSet, near: Complexes, parts: _Parts, direct: bool, points: Sequence[DrivingPoint]) -> _Parts:
-    if len(frfs.references) == 1 and not points:
-        return parts
-    sums, before = line_sums(frfs, near), np.inf
-    for _ in range(MOST_TURNS):
-        parts = _refit_participations(sums, parts, points)
-        parts = _quick_shapes(sums, parts, direct)
-        now = sums.squares(parts.shapes, parts.participations, parts.direct)
-        if before - now <= ENOUGH * now:
-            break
-        before = now
-    parts = _refit_shapes(frfs, near, parts, direct)
-    # the last word is the participations', which makes a model that has to be reciprocal exactly so
-    return _refit_participations(sums, parts, points) if points else parts
+def _rank_one(
+    frfs: FrfSet,
+    near: Complexes,
+    parts: _Parts,
+    direct: bool,
+    points: Sequence[DrivingPoint],
+    outside: Sequence[int],
+) -> tuple[_Parts, RankOne]:
+    """B, C and D of least squares, from those of free residues."""
+    columns = _columns(near, np.ones(near.shape[1] // 2))
+    start = _of_driving_points(parts, points) if points else parts.participations
+    found = solve_rank_one(rank_one_problem(frfs, columns, direct, points), start, outside)
+    residues = found.shapes[:, None, :] * found.participations.T
+    model = np.concatenate([residues.real, residues.imag], axis=2) @ columns.T
+    D = np.nanmean((frfs.values - model).real, axis=2) if direct else np.zeros(residues.shape[:2])
+    return _Parts(found.shapes, found.participations, D), found
 
 
-def _refit_shapes(frfs: FrfSet, near: Complexes, parts: _Parts, direct: bool) -> _Parts:
-    """ψ and D of each response, from all its references."""
-    n, u, k = frfs.values.shape
-    m = near.shape[1] // 2
-    rows = [_columns(near, parts.participations[:, j]) for j in range(u)]
-    own = np.kron(np.eye(u), np.ones((k, 1)))
-    basis = np.hstack([np.vstack(rows), own]) if direct else np.vstack(rows)
-    x = _least_squares(basis, frfs.values.reshape(n, u * k))
-    D = x[:, 2 * m :] if direct else np.zeros((n, u))
-    return _Parts(x[:, :m] + 1j * x[:, m : 2 * m], parts.participations, D)
-
-
-def _quick_shapes(sums: LineSums, parts: _Parts, direct: bool) -> _Parts:
-    """The same by normal equations, within the turns."""
-    found = [sums.shape_of(i, parts.participations, direct) for i in range(sums.responses)]
-    return _Parts(np.array([x for x, _ in found]), parts.participations, np.array([d for _, d in found]))
-
-
-def _refit_participations(sums: LineSums, parts: _Parts, points: Sequence[DrivingPoint]) -> _Parts:
-    """l of each reference from all responses, each weighted by its size; with reciprocity one factor a mode."""
-    if points:
-        ends = np.array([parts.shapes[p.response] * p.sign for p in sorted(points, key=lambda p: p.reference)])
-        factor = sums.factor_of(range(len(points)), parts.shapes, ends, parts.direct)
-        return _Parts(parts.shapes, (ends * factor).T, parts.direct)
-    ones = np.ones((sums.references, parts.shapes.shape[1]), complex)
-    found = [sums.factor_of([j], parts.shapes, ones, parts.direct) for j in range(sums.references)]
-    return _Parts(parts.shapes, np.array(found).T, parts.direct)
+def _of_driving_points(parts: _Parts, points: Sequence[DrivingPoint]) -> Complexes:
+    """Shapes at the driving points, scaled so that they are nearest to the participations."""
+    ends = np.array([parts.shapes[p.response] * p.sign for p in sorted(points, key=lambda p: p.reference)]).T
+    square = np.sum(np.abs(ends) ** 2, axis=1)
+    factor = np.sum(ends.conj() * parts.participations, axis=1) / np.where(square > 0.0, square, 1.0)
+    return np.asarray(ends * np.sqrt(factor)[:, None])
 
 
 def _real_form(poles: Complexes, parts: _Parts) -> tuple[Reals, Reals, Reals]:
