@@ -16,4 +16,4 @@ def test_too_few_degrees_of_freedom_say_how_many_there_could_be() -> None:
     text = str(caught.value)
     assert "wanted = 1000" in text
     assert "closest = 5" in text
-    assert "hint: ask for a number within ten per cent" in text
+    assert "hint: request a number within 10 %" in text

@@ -95,7 +95,7 @@ ENDINGS = {
     "same shapes twice": (
         RESULT.format(result="{'ranks': 1, 'values': [1.0, 1.0], 'errors': [0.0, 0.0]}") + SHAPES.format(size="(9, 2)"),
         "slepc.no-result",
-        "independent",
+        "linearly dependent",
     ),
     "long": (ONE + SHAPES.format(size="(10, 1)"), "slepc.no-result", "(10, 1)"),
 }  # fmt: skip
