@@ -49,7 +49,7 @@ class FrfScatter:
         if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and numbers[:2].any()):
             raise FemtuneError(
                 "residual.frf-scatter",
-                values={"relative": self.relative, "floor": self.floor, "averages": self.averages},
+                values={"sd": self.relative, "floor": self.floor, "averages": self.averages},
             )
 
     def linear(self, frfs: FrfSet) -> Reals:
