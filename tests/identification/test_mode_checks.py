@@ -10,7 +10,13 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.identification import driving_points, fit_modes, scaled_shapes
-from femtune.identification.mode_checks import LARGE_DAMPING, collinearity_remarks, damping_remarks, mass_remarks
+from femtune.identification.mode_checks import (
+    LARGE_DAMPING,
+    collinearity_remarks,
+    damping_remarks,
+    mass_remarks,
+    quadrature_notices,
+)
 from femtune.identification.shapes import fit_remarks
 from femtune.modal import pole_of
 
@@ -54,3 +60,12 @@ def test_negative_modal_mass_makes_one_mode_doubtful(three_modes: Any) -> None:
 def test_a_complex_shape_is_reported_and_is_not_doubtful() -> None:
     (remark,) = collinearity_remarks([5.0, 6.0], [0.95, 0.5], [8.0, 30.0])
     assert (remark.mode, remark.notice.code, remark.doubtful) == (1, "identify.complex-mode", False)
+
+
+def test_channels_out_of_phase_are_judged_by_their_own_size() -> None:
+    """The third channel is small, and in quadrature in all modes; the fourth in the one mode in which it moves."""
+    shapes = np.array(
+        [[1.0, 0.8, -0.5, 0.9], [0.6, -1.0, 0.7, 0.4], [1e-3j, 2e-3j, -1e-3j, 1e-3j], [0.5j, 1e-3j, 1e-3j, 1e-3j]]
+    )
+    (notice,) = quadrature_notices(shapes, ["a", "b", "c", "d"])
+    assert notice.what.endswith("that of the others: c")

@@ -34,7 +34,7 @@ class MassResidual(Residual):
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0.0):
-            raise _bad("the weighed mass", self.mass, "a mass above zero")
+            raise _bad("the measured mass", self.mass, "above zero")
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """One value."""
