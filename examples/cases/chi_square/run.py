@@ -1,9 +1,9 @@
-"""Does the chi-square test reject a right model in 5 % of all tests? python run.py [--quick] [--evidence DIR].
+"""Test the rejection rate of the chi-square test for a correct model: python run.py [--quick] [--evidence DIR].
 
-Every kind of residual, in every form and scaling: noise of the stated standard deviation is drawn on the data, the
-residual of the noisy data is taken at the true parameters, the linearised fit is made, and the sum of squares is held
-against chi-square with the degrees of freedom that the residual states. The full form has 20,000 draws of each and
-takes about twenty minutes of processor time.
+For every kind of residual, in every form and scaling, noise with the stated standard deviation is added to the data,
+the residual is evaluated at the true parameters, the linearised fit is made, and the sum of squares is compared with
+chi-square with the degrees of freedom that the residual states. The level of the test is 5 %. The full form has 20,000
+draws for each and takes about twenty minutes of processor time.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def text(found: Sequence[Rejections], size: Size) -> str:
     ]
     return "\n".join([
         "# Degrees of freedom of the chi-square test", "",
-        "After an update the residuals that no parameter removes are compared with chi-square. The test is right if it "
-        f"rejects a right model at the stated level. Noise of the stated standard deviation was drawn on the data "
+        "After an update the residuals that no parameter removes are compared with chi-square. The test is correct if it "
+        f"rejects a correct model at the stated level. Noise of the stated standard deviation was drawn on the data "
         f"{size.draws:,} times for each kind of residual, form and scaling, at a level of {100 * LEVEL:g} %. The rate "
         f"must lie between {100 * size.lower:.2f} and {100 * size.upper:.2f} %.", "",
         "The last column is the rate if all values were counted as independent, with degrees of freedom equal to "
@@ -77,7 +77,7 @@ def text(found: Sequence[Rejections], size: Size) -> str:
         "The models are chains of five springs and masses with three parameters, a ring with two pairs of repeated "
         "modes, and four masses in space with two parameters.", "",
         "- A scale that follows from the shape itself (unit norm, modal scale factor) takes one degree of freedom for "
-        "each shape. Scaling by modal mass takes none. Scaling by the largest entry takes that entry, which is no "
+        "each shape. Scaling by modal mass takes none. Scaling by the largest entry takes that entry, which is not a "
         "residual, and makes the others correlated.",
         "- Shapes of t test modes that are aligned with c model modes lose the ct − t(t + 1)/2 rotations.",
         "- Equation errors of shapes that were measured in part have as many degrees of freedom as measured entries.",
@@ -93,7 +93,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer draws, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL
     page = text(study(size), size)
