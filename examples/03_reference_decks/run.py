@@ -127,7 +127,8 @@ def tetrahedra(folder: Path) -> str:
     return (
         f"- `tet10.bdf` (two CTETRA with mid-side nodes, {TETRAHEDRA[0]:.6g} to {TETRAHEDRA[-1]:.6g} Hz): "
         f"differences of {lumped.min():+.1f} to {lumped.max():+.1f} % with\n  lumped mass, as requested in the deck, "
-        f"and {consistent.min():+.1f} to {consistent.max():+.1f} % with consistent mass. Two elements cannot represent\n"
+        f"and {consistent.min():+.1f} to {consistent.max():+.1f} % with consistent mass. Two elements cannot "
+        "represent\n"
         "  a wave: their modes depend on the formulation of the mass. Listed static displacements are closer: see the "
         "theory of solids."
     )

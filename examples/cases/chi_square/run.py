@@ -66,8 +66,8 @@ def text(found: Sequence[Rejections], size: Size) -> str:
     ]
     return "\n".join([
         "# Degrees of freedom of the chi-square test", "",
-        "After an update the residuals that no parameter removes are compared with chi-square. The test is correct if it "
-        f"rejects a correct model at the stated level. Noise of the stated standard deviation was drawn on the data "
+        "After an update the residuals that no parameter removes are compared with chi-square. The test is correct if "
+        f"it rejects a correct model at the stated level. Noise of the stated standard deviation was drawn on the data "
         f"{size.draws:,} times for each kind of residual, form and scaling, at a level of {100 * LEVEL:g} %. The rate "
         f"must lie between {100 * size.lower:.2f} and {100 * size.upper:.2f} %.", "",
         "The last column is the rate if all values were counted as independent, with degrees of freedom equal to "

@@ -1,9 +1,9 @@
 """Update an exhaust system bottom-up: python run.py [--quick] [--evidence DIR].
 
 Similar to the exhaust system of the handbook chapter (section 9): a front part, a rear part with a muffler, and a
-clamp. Each part is tested separately, then the assembly. All tests are simulated with noise, so that all true values are
-known. Masses are updated first, then stiffnesses, then damping in the resonance regions, and finally the joint. The
-full form has several samples of noise.
+clamp. Each part is tested separately, then the assembly. All tests are simulated with noise, so that all true values
+are known. Masses are updated first, then stiffnesses, then damping in the resonance regions, and finally the joint.
+The full form has several samples of noise.
 """
 
 from __future__ import annotations
