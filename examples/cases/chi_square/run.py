@@ -66,8 +66,8 @@ def text(found: Sequence[Rejections], size: Size) -> str:
     ]
     return "\n".join([
         "# Degrees of freedom of the chi-square test", "",
-        "After an update the residuals that no parameter removes are compared with chi-square. The test is correct if "
-        f"it rejects a correct model at the stated level. Noise of the stated standard deviation was drawn on the data "
+        "After an update the residuals that no parameter removes are compared with chi-square. The test is right if it "
+        f"rejects a right model at the stated level. Noise of the stated standard deviation was drawn on the data "
         f"{size.draws:,} times for each kind of residual, form and scaling, at a level of {100 * LEVEL:g} %. The rate "
         f"must lie between {100 * size.lower:.2f} and {100 * size.upper:.2f} %.", "",
         "The last column is the rate if all values were counted as independent, with degrees of freedom equal to "
@@ -77,7 +77,7 @@ def text(found: Sequence[Rejections], size: Size) -> str:
         "The models are chains of five springs and masses with three parameters, a ring with two pairs of repeated "
         "modes, and four masses in space with two parameters.", "",
         "- A scale that follows from the shape itself (unit norm, modal scale factor) takes one degree of freedom for "
-        "each shape. Scaling by modal mass takes none. Scaling by the largest entry takes that entry, which is not a "
+        "each shape. Scaling by modal mass takes none. Scaling by the largest entry takes that entry, which is no "
         "residual, and makes the others correlated.",
         "- Shapes of t test modes that are aligned with c model modes lose the ct − t(t + 1)/2 rotations.",
         "- Equation errors of shapes that were measured in part have as many degrees of freedom as measured entries.",
