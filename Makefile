@@ -27,69 +27,69 @@ FIND_PYTHON = for p in $(PYTHON) $(CANDIDATES); do \
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1 \t/' | expand -t 24
 
-demo: $(VENV)/.stamp-test  ## update the benchmark building from its deck and test; the last line names the report
+demo: $(VENV)/.stamp-test  ## update the model of the benchmark building; prints the path of the report
 	@$(BIN)/python examples/01_building/make_inputs.py
 	@$(BIN)/femtune run examples/01_building/study.toml
 
 # More than four processes would spend more time on the import of the tests than they save.
-test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; needs Python and make only
+test: $(VENV)/.stamp-test  ## the quick tests: a selection of the cases of each family; requires only Python and make
 	@HYPOTHESIS_PROFILE=$${HYPOTHESIS_PROFILE:-quick} $(PYTEST) -m "not slow" --maxprocesses 4 $(PYTEST_ARGS)
 
-test-slow: $(VENV)/.stamp-test  ## what the quick tests leave out: the other cases, long updates, statistics
+test-slow: $(VENV)/.stamp-test  ## the tests that make test omits: the other cases, long updates, statistics
 	@$(PYTEST) -m slow $(PYTEST_ARGS)
 
-check-all: $(VENV)/.stamp-test  ## all tests, with every case of every family
+check-all: $(VENV)/.stamp-test  ## all tests with all cases
 	@$(PYTEST) $(PYTEST_ARGS)
 
 lint: $(VENV)/.stamp-lint  ## ruff: rules and format
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 
-format: $(VENV)/.stamp-lint  ## put the code into the house's format
+format: $(VENV)/.stamp-lint  ## format the code
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
 types: $(VENV)/.stamp-lint  ## mypy
 	@$(BIN)/mypy -p femtune
 
-contract: $(VENV)/.stamp-lint  ## the floors: imports only point down
+contract: $(VENV)/.stamp-lint  ## check that packages import only from the layers below
 	@$(BIN)/lint-imports
 
-docs: $(VENV)/.stamp-docs  ## the documentation, warnings are errors
+docs: $(VENV)/.stamp-docs  ## build the documentation; warnings are errors
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-evidence: $(VENV)/.stamp-test  ## the full examples; they write the tables that the documentation shows
+evidence: $(VENV)/.stamp-test  ## run the full examples, which write the tables of the documentation
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --evidence docs/evidence; done
 
 notebooks: $(VENV)/.stamp-notebooks  ## execute the notebooks as Jupyter does
 	@$(ONE_THREAD) $(BIN)/python examples/notebooks/execute.py
 
-examples-quick: $(VENV)/.stamp-test  ## every example in its quick form
+examples-quick: $(VENV)/.stamp-test  ## run the quick form of every example
 	@set -e; for example in $(EXAMPLES); do echo "== $$example"; $(ONE_THREAD) $(BIN)/python $$example --quick; done
 
-browser: $(VENV)/.stamp-test  ## open the newest report (or REPORT=path) in headless Chromium and check the page
+browser: $(VENV)/.stamp-test  ## check the newest report (or REPORT=path) in headless Chromium
 	@$(BIN)/python .ci/check_page.py $(REPORT)
 
-bench: $(VENV)/.stamp-test  ## speed and memory against size, hours; goes on where it was ended (BENCH_ARGS=--quick: a minute)
+bench: $(VENV)/.stamp-test  ## time and memory against model size; takes hours and can be interrupted (BENCH_ARGS=--quick: a minute)
 	@$(BIN)/python benchmarks/size/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
 # Peers that are compared live in a folder of their own: what they depend on must not reach the environment of femtune.
 PEERS := pyOMA-2 koma-python sdypy-EMA pandas openpyxl et_xmlfile scikit-learn joblib threadpoolctl requests tqdm plotly \
 	narwhals python-dateutil pytz tzdata six urllib3 idna certifi charset_normalizer
 
-bench-identification: $(VENV)/.stamp-test  ## modes from tests beside three peers, some minutes (BENCH_ARGS=--quick: two)
+bench-identification: $(VENV)/.stamp-test  ## identification compared with three libraries; takes minutes (BENCH_ARGS=--quick: two)
 	@test -d $(VENV)/peers/pyoma2 || $(PIP) --target $(VENV)/peers --no-deps $(PEERS)
 	@$(ONE_THREAD) PYTHONPATH=$(VENV)/peers \
 	  $(BIN)/python benchmarks/identification/run.py $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-mutants: $(VENV)/.stamp-test  ## do the tests notice small errors in the numerical code? half an hour; goes on where it was ended
+mutants: $(VENV)/.stamp-test  ## mutation test of the numerical code; takes half an hour and can be interrupted
 	@$(PIP) coverage
 	@HYPOTHESIS_PROFILE=quick $(ONE_THREAD) $(BIN)/python benchmarks/mutation/run.py --marked "not slow" $(or $(BENCH_ARGS),--evidence docs/evidence)
 
-readers: $(VENV)/.stamp-readers  ## the extras that read OP2, Ansys and HDF5 files, so that their tests run
+readers: $(VENV)/.stamp-readers  ## install the libraries that read OP2, Ansys and HDF5 files
 
-clean:  ## remove what can be made again, the environment too
+clean:  ## remove all generated files and the environment
 	rm -rf $(VENV) build dist src/*.egg-info docs/_build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 

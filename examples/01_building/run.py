@@ -1,7 +1,8 @@
-"""All models of the benchmark building beside the published tables: python run.py [--quick] [--evidence DIR].
+"""Compare nine models of the benchmark building with the published tables: python run.py [--quick] [--evidence DIR].
 
-Nine updating sets of growing size on the same deck and test, then all twelve parameters at once. Asserts that every
-objective is within 0.12 percentage points of Table 5 and the parameters of M1 to M5 within 0.03.
+The same deck and test are updated with nine sets of parameters of increasing size, then with all twelve parameters at
+once. Asserts that every objective function is within 0.12 percentage points of Table 5 and that the parameters of M1
+to M5 are within 0.03.
 """
 
 from __future__ import annotations
@@ -97,8 +98,8 @@ def check_undetermined(run: RunResult) -> list[str]:
 def main() -> None:
     """Run, compare, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes well under a minute")
-    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes under a minute")
+    parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:
         runs = {model: solve(model, Path(work)) for model in p.MODELS if model != "M0"}

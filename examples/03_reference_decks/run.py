@@ -1,7 +1,7 @@
-"""Decks with modes listed by commercial Nastran: python run.py [--quick] [--evidence DIR].
+"""Compare decks with modes listed by commercial Nastran: python run.py [--quick] [--evidence DIR].
 
-The decks are not ours and not part of this project: they are read from ../shared/data beside the checkout, or from
-$FEMTUNE_SHARED_DATA; without them the example says so and ends. Asserts 1 % on every listed mode.
+The decks are not part of this project. They are read from ../shared/data beside the checkout, or from
+$FEMTUNE_SHARED_DATA; without them the example reports this and ends. Asserts 1 % for every listed mode.
 """
 
 from __future__ import annotations
@@ -125,18 +125,20 @@ def tetrahedra(folder: Path) -> str:
     assert (lumped < 0.0).all(), lumped
     assert (consistent > 0.0).all(), consistent
     return (
-        f"- `tet10.bdf` (two CTETRA with mid-side nodes, {TETRAHEDRA[0]:.6g} to {TETRAHEDRA[-1]:.6g} Hz): found "
-        f"{lumped.min():+.1f} to {lumped.max():+.1f} % with\n  lumped mass, as the deck asks, and "
-        f"{consistent.min():+.1f} to {consistent.max():+.1f} % with consistent mass. Two elements hold no wave: their\n"
-        "  modes are those of the mass's formulation. Listed static displacements are closer: see the theory of solids."
+        f"- `tet10.bdf` (two CTETRA with mid-side nodes, {TETRAHEDRA[0]:.6g} to {TETRAHEDRA[-1]:.6g} Hz): "
+        f"differences of {lumped.min():+.1f} to {lumped.max():+.1f} % with\n  lumped mass, as requested in the deck, "
+        f"and {consistent.min():+.1f} to {consistent.max():+.1f} % with consistent mass. Two elements cannot "
+        "represent\n"
+        "  a wave: their modes depend on the formulation of the mass. Listed static displacements are closer: see the "
+        "theory of solids."
     )
 
 
 def main() -> None:
     """Solve every deck and write the table where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: it takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = Path(os.environ.get("FEMTUNE_SHARED_DATA", beside)) / "nastran_decks"

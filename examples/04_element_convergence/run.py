@@ -1,7 +1,7 @@
-"""Convergence of the bar element to exact beams: python run.py [--quick] [--evidence DIR].
+"""Measure the convergence of the bar element to exact beams: python run.py [--quick] [--evidence DIR].
 
-Relative errors of the first three elastic modes with 16 and 32 elements, and the order between them; asserts the
-orders that theory gives.
+Relative errors of the first three elastic modes with 16 and 32 elements, and the order of convergence between them.
+Asserts the theoretical orders.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def row(support: Support, consistent: bool, shear: bool) -> str:
 def main() -> None:
     """All supports, both kinds of mass, with and without shear flexibility."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: it takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
     cases = [(s, c, t) for t in (False, True) for s in SUPPORTS for c in (False, True)]
     text = "\n".join(

@@ -85,9 +85,9 @@ def locking(quick: bool) -> str:
     return section("Locking", TEXT.format(n=n), slender, BENT, bent)
 
 
-TEXT = """Simply supported square plate, {n} × {n} cells, consistent mass, errors in percent of four modes against the
-closed form with shear flexibility. Asserted: they do not grow with slenderness.
+TEXT = """Simply supported square plate, {n} × {n} cells, consistent mass, errors in per cent of four modes against the
+closed-form solution with shear flexibility. Asserted: they do not increase with slenderness.
 """
-BENT = """One cell bent in its plane by a pair of forces: deflection over the beam's, by length : depth. Asserted for
-the rectangle: 1 to 1e-6, whatever K6ROT.
+BENT = """One cell in in-plane bending by a pair of forces: ratio of the deflection to that of a beam, by length :
+depth. Asserted for the rectangle: 1 within 1e-6, for any K6ROT.
 """

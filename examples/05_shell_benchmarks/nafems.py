@@ -92,8 +92,8 @@ def nafems(quick: bool) -> str:
     return section("NAFEMS", TEXT, *parts)
 
 
-TEXT = """Errors in percent of the published values: FV12 (free thin square plate, modes 4 to 11), Test 13 (simply
+TEXT = """Errors in per cent of the published values: FV12 (free thin square plate, modes 4 to 11), Test 13 (simply
 supported thin plate) and FV32 (cantilevered tapered membrane, half as many cells across). The published values of
-Test 13 are those of a finite-element model: its modes 5 and 6 are 12.133 Hz where Kirchhoff's plate has 11.884, 2.1 %
-less, which is what is left on the finer mesh.
+Test 13 are those of a finite element model: its modes 5 and 6 are at 12.133 Hz, those of the Kirchhoff plate at
+11.884 Hz, 2.1 % lower. This difference remains on the finer mesh.
 """

@@ -85,15 +85,15 @@ def other_plates(quick: bool) -> str:
     head = ("skew", "edges", "elements", "reference", f"{n} × {n}", f"{2 * n} × {2 * n}")
     m = 8 if quick else 12
     discs = [row for edge in ("CF" if quick else "CSF") for row in disc_rows(edge, m, masses)]
-    discs_head = ("edge", "elements", "exact", f"errors in percent, {2 * m} × {2 * m}", "orders")
+    discs_head = ("edge", "elements", "exact", f"errors in per cent, {2 * m} × {2 * m}", "orders")
     skew = section("Skew plates", SKEW, table(head, rows))
     return skew + "\n" + section("Circular plates", DISC, table(discs_head, discs))
 
 
-SKEW = """Rhombi, L/t = 1000, ω L² √(ρt/D), errors of four modes in percent. Reference: the Ritz method (20 × 20
+SKEW = """Rhombi, L/t = 1000, ω L² √(ρt/D), errors of four modes in per cent. Reference: the Ritz method (20 × 20
 terms, to .1 %); simply supported: the eigenvalues of the membrane of the same shape, which are those of the plate for
-every convex polygon, to 1e-5 (polynomials for the plate itself stay 3 % too high at 60°, because of the moments in
-the obtuse corners). The same corners make simply supported meshes converge slowly, quadrilaterals from above.
+every convex polygon, to 1e-5 (polynomials for the plate itself remain 3 % too high at 60°, because of the moments in
+the obtuse corners). For the same reason simply supported meshes converge slowly, quadrilaterals from above.
 Asserted order of the clamped plates with quadrilaterals: 2 in modes 1 to 3.
 """
 DISC = """A square map of the unit disc, R/t = 1000, ω R² √(ρt/D) from the roots of Bessel functions, six modes, ν =

@@ -1,8 +1,8 @@
-"""Shells against closed forms, an independent Ritz solution and published tables: run.py [--quick] [--evidence DIR].
+"""Compare shells with closed-form, Ritz and published solutions: python run.py [--quick] [--evidence DIR].
 
-Every table asserts its errors, and the orders of convergence that theory gives. Tables of NAFEMS need the folder
-../shared/data beside the checkout (or $FEMTUNE_SHARED_DATA), the twisted beam's modes need CalculiX; where they are
-absent the page says so.
+Every table asserts its errors and the theoretical orders of convergence. The NAFEMS tables require the folder
+../shared/data beside the checkout (or $FEMTUNE_SHARED_DATA), the modes of the twisted beam require CalculiX. If one of
+these is missing, the page states this.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument(
         "--quick", action="store_true", help="coarser meshes and fewer cases; the bounds scale with them"
     )
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     pages = [TITLE]
     for section in SECTIONS:

@@ -70,15 +70,15 @@ def square_plates(quick: bool) -> str:
     for name, t in (("thin, L/t = 1000", 1e-3),) if quick else (("thin, L/t = 1000", 1e-3), ("thick, L/t = 10", 0.1)):
         rows = [row(edges, t, n) for edges in supports()[:: 4 if quick else 1]]
         parts += [f"\n**{name}**\n", table([*HEAD, "triangles, lumped"], rows)]
-    return section("Square plates in all supports", *parts)
+    return section("Square plates with all boundary conditions", *parts)
 
 
 TEXT = """Edges in the order u = 0, v = 0, u = 1, v = 1: S simply supported, C clamped, F free; ν = .3. The reference
 is ω L² √(ρt/D) by the Ritz method with Legendre polynomials, written for this page without femtune (Kirchhoff's
 plate, 16 × 16 terms, six elastic modes to a part in 10⁴ or better; thick plates: Mindlin's without rotary inertia,
-which shells do not have). Errors are the largest of six modes in percent on {n} × {n} cells; orders are between
-{coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theory's order is 2, asserted within
-.3. With lumped mass errors of stiffness and mass have opposite signs and nearly cancel, so that orders say nothing.
-At free edges a thick plate, and a triangle, whose residual flexibility is the shear flexibility of a plate as thick
-as the cell is wide, have a boundary layer; there the order is lower (near 1 where a free edge is twisted; errors that
-change their sign give any number), and is listed but not asserted."""
+which shells do not have). Errors are the largest of six modes in per cent on {n} × {n} cells; orders are between
+{coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theoretical order is 2, asserted
+within .3. With lumped mass errors of stiffness and mass have opposite signs and nearly cancel, so that the order has no
+meaning. At free edges there is a boundary layer in thick plates, and in triangles, whose residual flexibility is the
+shear flexibility of a plate with a thickness equal to the cell width. There the order is lower (near 1 if a free edge
+is twisted; any number if the error changes its sign). It is listed but not asserted."""

@@ -131,7 +131,7 @@ def statics(quick: bool) -> str:
     )
 
 
-TEXT = """A single row of cells in the beams (triangles: two a cell), across the twisted one as many as stated and six
-times as many along; n × n cells elsewhere. A row of triangles bends badly in its plane (first number of the straight
-and of the curved beam); that is listed and not asserted.
+TEXT = """The beams have a single row of cells (triangles: two per cell), the twisted beam as many across as stated and
+six times as many along; all other meshes have n × n cells. A row of triangles is too stiff in in-plane bending (first
+number of the straight and of the curved beam); these values are listed but not asserted.
 """

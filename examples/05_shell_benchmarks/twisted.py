@@ -87,8 +87,8 @@ def twisted_modes(quick: bool) -> str:
 
 # in percent, on the finer mesh of the full form
 BOUNDS = {(0.32, "quad"): 5.0, (0.05, "quad"): 1.0, (0.32, "union"): 7.0, (0.05, "union"): 7.0}
-TEXT = """MacNeal and Harder's beam (12 × 1.1, turned by 90°, clamped) in steel and metres: six modes, difference in
-percent from CalculiX's C3D20R, 24 × 4 × 2 (quick: × 1) on the same shape. Consistent mass. The fifth mode of the
-thick beam is its twisting, and 4 % of its difference are right: shells have no rotary inertia (Nastran's have none),
-which is t²/(b² + t²) = 8 % of the section's inertia about its axis.
+TEXT = """MacNeal and Harder's beam (12 × 1.1, twisted by 90°, clamped) in steel and metres: six modes, difference in
+per cent from CalculiX's C3D20R, 24 × 4 × 2 (quick: × 1) on the same shape. Consistent mass. The fifth mode of the
+thick beam is torsion. 4 % of its difference are expected: shells have no rotary inertia (as in Nastran), which is
+t²/(b² + t²) = 8 % of the section's inertia about its axis.
 """

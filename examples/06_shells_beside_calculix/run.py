@@ -1,8 +1,8 @@
-"""Shells beside CalculiX with quadratic elements on the same meshes: python run.py [--quick] [--evidence DIR].
+"""Compare shells with quadratic elements of CalculiX on the same meshes: python run.py [--quick] [--evidence DIR].
 
-CalculiX (`ccx`) is looked for on the path, or taken from $FEMTUNE_CALCULIX; without it the example says so and ends.
-Asserts .5 % on the first ten modes of each structure on its finest mesh; the quick form ends at a coarser mesh of the
-box beam and the bracket, with 2 % there.
+CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the example reports this and
+ends. Asserts .5 % for the first ten modes of each structure on its finest mesh. The quick form uses a coarser finest
+mesh for the box beam and the bracket, and asserts 2 % there.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def main() -> None:
     """Every structure on its meshes, and the table where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="without the finest meshes of two structures")
-    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
     program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
     if program is None:

@@ -1,7 +1,8 @@
-"""The GARTEUR SM-AG19 aeroplane from its mesh and its test to its modes: python run.py [--quick] [--evidence DIR].
+"""Compute the modes of the GARTEUR SM-AG19 aeroplane from its mesh: python run.py [--quick] [--evidence DIR].
 
-The mesh is not ours and not part of this project: it is read from ../shared/data/garteur beside the checkout, or from
-$FEMTUNE_SHARED_DATA; without it the example says so and ends. Decks and pages go into the folder `run` here.
+The computed modes are compared with those of a test. The mesh is not part of this project. It is read from
+../shared/data/garteur beside the checkout, or from $FEMTUNE_SHARED_DATA; without it the example reports this and ends.
+Decks and pages are written to the folder `run` beside this file.
 """
 
 from __future__ import annotations
@@ -77,8 +78,8 @@ def table(states: list[Aeroplane]) -> str:
 def main() -> None:
     """Both decks, their modes, and a page with pictures of each."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: it takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the table that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the table of the documentation")
     arguments = parser.parse_args()
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     mesh_file = Path(os.environ.get("FEMTUNE_SHARED_DATA", beside)) / "garteur" / "shell_mesh.mail"

@@ -1,8 +1,8 @@
-"""Frequency responses of a damped plate by three ways: python run.py [--quick] [--evidence DIR].
+"""Compute FRFs of a damped plate by three methods: python run.py [--quick] [--evidence DIR].
 
-A plate of shells, clamped at one edge and held at the other by a rubber bush, with loss factors, a dashpot and a table
-of modal damping. On a small mesh with all modes the three ways must agree to 1e-8; on a finer one the errors of
-truncation are measured with and without residual vectors, beside the direct solution.
+A plate of shells is clamped at one edge and supported at the opposite edge by a rubber bush, with loss factors, a
+dashpot and a table of modal damping. On a small mesh with all modes the three methods must agree within 1e-8. On a
+finer mesh the truncation errors with and without residual vectors are compared with the direct solution.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def main() -> None:
     """Print the tables, and write them where they are wanted."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a coarser mesh")
-    parser.add_argument("--evidence", type=Path, help="folder for the tables that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
     text = evidence(arguments.quick)
     print(text)

@@ -1,8 +1,8 @@
-"""Element matrices and one-element decks beside commercial Nastran's: python run.py [--quick] [--evidence DIR].
+"""Compare element matrices and small decks with commercial Nastran: python run.py [--quick] [--evidence DIR].
 
-The decks and the matrices are not ours and not part of this project: they are read from ../shared/data beside the
-checkout, or from $FEMTUNE_SHARED_DATA; without them the example says so and ends. Asserts that bars, beams, rods and
-all masses agree to digits, and that every difference of the one-element deck is explained by its matrices.
+The decks and the matrices are not part of this project. They are read from ../shared/data beside the checkout, or from
+$FEMTUNE_SHARED_DATA; without them the example reports this and ends. Asserts that bars, beams, rods and all masses
+agree to the written digits, and that the matrices explain every difference of the one-element deck.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def main() -> None:
     """Compare and write the tables where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="coarser meshes of the one-element deck")
-    parser.add_argument("--evidence", type=Path, help="folder for the tables that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     source = Path(os.environ.get("FEMTUNE_SHARED_DATA", beside)) / "nastran_decks"

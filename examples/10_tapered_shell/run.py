@@ -1,9 +1,9 @@
-"""A shell of strongly varying thickness beside CalculiX: python run.py [--quick] [--evidence DIR].
+"""Compare a shell of strongly varying thickness with CalculiX: python run.py [--quick] [--evidence DIR].
 
-The deck, shellf.inp of CalculiX's tests, is not ours and not part of this project: it is read from ../shared/data
-beside the checkout, or from $FEMTUNE_SHARED_DATA. CalculiX (`ccx`) is looked for on the path, or taken from
-$FEMTUNE_CALCULIX. Without either of them the example says so and ends. Asserts 1 % on the first ten modes on the
-finest mesh of CQUAD4, .5 % of CQUAD8; the quick form ends at coarser meshes, with 2 % there.
+The deck, shellf.inp of CalculiX's tests, is not part of this project. It is read from ../shared/data beside the
+checkout, or from $FEMTUNE_SHARED_DATA. CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX.
+If either is missing, the example reports this and ends. Asserts 1 % for the first ten modes on the finest mesh of
+CQUAD4 and .5 % for CQUAD8. The quick form uses coarser meshes and asserts 2 %.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def main() -> None:
     """Solve with both programs and write the tables where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="coarser meshes")
-    parser.add_argument("--evidence", type=Path, help="folder for the tables that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     source = Path(os.environ.get("FEMTUNE_SHARED_DATA", beside)) / "calculix_decks"

@@ -1,9 +1,9 @@
-"""Solids beside CalculiX on the same meshes: python run.py [--quick] [--evidence DIR].
+"""Compare solids with CalculiX on the same meshes: python run.py [--quick] [--evidence DIR].
 
-CalculiX (`ccx`) is looked for on the path, or taken from $FEMTUNE_CALCULIX; without it the example says so and ends.
-Elements with mid-side nodes are compared mesh by mesh with those of CalculiX, all four kinds with and without them with
-its hexahedra on the finest mesh. Asserts .5 % on the first ten modes of each structure on its finest mesh; the quick
-form ends at the middle mesh, with 4 % there.
+CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the example reports this and
+ends. Elements with mid-side nodes are compared with those of CalculiX on each mesh; all four shapes, with and without
+mid-side nodes, are compared with its hexahedra on the finest mesh. Asserts .5 % for the first ten modes of each
+structure on its finest mesh. The quick form ends at the middle mesh and asserts 4 %.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def main() -> None:
     """Every structure on its meshes, and the tables where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="without the finest meshes")
-    parser.add_argument("--evidence", type=Path, help="folder for the tables that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
     program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
     if program is None:

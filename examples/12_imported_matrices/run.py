@@ -1,8 +1,8 @@
-"""A model of matrices updated like the deck that they came from: python run.py [--quick] [--evidence DIR].
+"""Update a model of imported matrices and compare it with its deck: python run.py [--quick] [--evidence DIR].
 
-A portal of columns, a beam and a shell panel is written as matrices, one group a file: stiffness of the columns, of the
-beam, of the panel at five thicknesses, mass likewise. The matrices are imported, compared with the modes that the deck
-lists, and updated against a simulated test beside the deck itself. Both must find the same values.
+A portal of columns, a beam and a shell panel is written as matrices, one file per group: the stiffness of the columns,
+of the beam, and of the panel at five thicknesses, and likewise the mass. The matrices are imported, compared with the
+modes listed for the deck, and updated with a simulated test, as is the deck. Both must give the same values.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a coarser mesh")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         text = evidence(Path(folder).resolve(), 4 if options.quick else 10)

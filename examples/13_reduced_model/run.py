@@ -1,8 +1,8 @@
-"""A reduced model of a shell frame beside the full one at random points: python run.py [--quick] [--evidence DIR].
+"""Compare a reduced model of a shell frame with the full model: python run.py [--quick] [--evidence DIR].
 
-A welded frame of six regions, thickness and Young's modulus of each within ±25 %. A reduced model is trained on this
-box and compared with the full model at points that the training has not seen. The full form has 40,000 DOF and takes
-minutes.
+A welded frame has six regions, whose thickness and Young's modulus vary within ±25 %. A reduced model is trained within
+these bounds and compared with the full model at random points that were not used in the training. The full form has
+40,000 DOFs and takes minutes.
 """
 
 from __future__ import annotations
@@ -244,7 +244,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a small frame, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     text = evidence(QUICK if options.quick else FULL)
     print(text)

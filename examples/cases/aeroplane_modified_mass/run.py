@@ -1,10 +1,11 @@
-"""An aeroplane updated in one state, predicted in two others: python run.py [--quick] [--evidence DIR].
+"""Update an aeroplane in one mass state and predict two others: python run.py [--quick] [--evidence DIR].
 
-A deck of the dimensions of the GARTEUR SM-AG19 testbed is updated on a simulated ground vibration test of a twin whose
-six parameters are known, and predicts the tests with masses on the wing tips and on the tail, which the update has not
-seen. Verdicts by MIL-STD-1540C and own numbers. Two more twins have a soft joint below the tailplane that the deck
-lacks: the predictions of both fail, and noise does not explain it; the residuals of the update tell of the softer one
-only. The full form updates twenty tests of the right twin.
+A deck with the dimensions of the GARTEUR SM-AG19 testbed is updated with a simulated ground vibration test of a
+reference structure whose six parameters are known. It then predicts the tests with masses on the wing tips and on the
+tail, which were not used in the update. The predictions are assessed by MIL-STD-1540C and by limits of the study. Two
+more reference structures have an elastic joint below the tailplane that the deck does not have: both predictions fail,
+and measurement noise does not explain this; the residuals of the update show only the softer joint. The full form
+updates twenty tests of the reference structure without the joint.
 """
 
 from __future__ import annotations
@@ -238,7 +239,7 @@ def main() -> None:
     """Run, check, and write the evidence where it is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one test of each twin")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         found, many = run_all(Path(temporary), 1 if options.quick else 20)

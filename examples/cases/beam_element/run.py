@@ -1,8 +1,8 @@
-"""What a beam element is made of: python run.py [--quick] [--evidence DIR].
+"""Decompose the stiffness of a beam element into eigenvalues: python run.py [--quick] [--evidence DIR].
 
-The stiffness of a beam element in its plane, decomposed: K = Φ κ Φᵀ. Two rigid-body modes without stiffness, and two
-shapes that strain, with κ = 2EI/l and EI(24/l³ + 6/l): 2 and 30 for EI = l = 1. Then κ as parameters: one of them is
-changed, and the rigid-body modes stay.
+The stiffness of a beam element in its plane is decomposed, K = Φ κ Φᵀ. There are two rigid-body modes without
+stiffness, and two modes with strain, κ = 2EI/l and EI(24/l³ + 6/l), which are 2 and 30 for EI = l = 1. Then κ are
+parameters: both are changed, and the rigid-body modes remain.
 """
 
 from __future__ import annotations
@@ -165,8 +165,8 @@ def text(found: list[tuple[float, float, float, float]]) -> str:
 def main() -> None:
     """Check, print, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     page = text(check())
     print(page)

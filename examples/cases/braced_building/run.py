@@ -1,8 +1,9 @@
-"""Seven modes where six were expected: a building in ambient vibration. python run.py [--quick] [--evidence DIR].
+"""Identify seven modes instead of six of a building in ambient vibration: python run.py [--quick] [--evidence DIR].
 
-The two-storey benchmark building in its three mass configurations, simulated on a ground that shakes and hums at
-7.8 Hz. Upper braces that nobody instrumented split the fourth mode into 4a and 4b. ERA, FDD and TFIE are applied to
-fragments of the record; nothing is picked by hand. Half an hour of record; the example takes a minute.
+The two-storey benchmark building in its three mass configurations is simulated with random ground motion that contains
+a harmonic component at 7.8 Hz. The upper braces, which have no sensors, split the fourth mode into 4a and 4b. ERA, FDD
+and TFIE are applied to fragments of the record; no mode is selected manually. The record is half an hour long; the
+example takes a minute.
 """
 
 from __future__ import annotations
@@ -199,7 +200,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a shorter record, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL
     states = [identify(name, size, seed) for seed, name in enumerate(STATES)]

@@ -1,9 +1,9 @@
-"""Does the chi-square test reject a right model in 5 % of all tests? python run.py [--quick] [--evidence DIR].
+"""Test the rejection rate of the chi-square test for a correct model: python run.py [--quick] [--evidence DIR].
 
-Every kind of residual, in every form and scaling: noise of the stated standard deviation is drawn on the data, the
-residual of the noisy data is taken at the true parameters, the linearised fit is made, and the sum of squares is held
-against chi-square with the degrees of freedom that the residual states. The full form has 20,000 draws of each and
-takes about twenty minutes of processor time.
+For every kind of residual, in every form and scaling, noise with the stated standard deviation is added to the data,
+the residual is evaluated at the true parameters, the linearised fit is made, and the sum of squares is compared with
+chi-square with the degrees of freedom that the residual states. The level of the test is 5 %. The full form has 20,000
+draws for each and takes about twenty minutes of processor time.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer draws, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL
     page = text(study(size), size)

@@ -1,9 +1,9 @@
-"""2302-DOF concrete frame: how many random starts find the truth? python run.py [--quick] [--evidence DIR].
+"""Update a concrete frame with 2302 DOFs from random starts: python run.py [--quick] [--evidence DIR].
 
-A published simulated case of twelve stiffness parameters, three modes at 43 sensors, and starts drawn in the whole box
-of ±1: a bounded trust region on differences of mode shapes reaches the truth from about half of them, and by the MAC
-it failed. The matrices are read from the folder of shared measurements (../shared/data beside the checkout, or
-$FEMTUNE_SHARED_DATA); without it the example says so and does nothing.
+A published simulated case with twelve stiffness parameters, three modes at 43 sensors, and random initial values within
+the bounds of ±1. In the publication a bounded trust region method with differences of mode shapes finds the true values
+from about half of the starts, and fails with the MAC. The matrices are read from the folder of shared measurements
+(../shared/data beside the checkout, or $FEMTUNE_SHARED_DATA); without them the example reports this and ends.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def main() -> None:
     """Search by both residuals, check, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="six starts by shape differences")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     source = shared_file()
     if not source.is_file():

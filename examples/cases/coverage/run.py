@@ -1,8 +1,9 @@
-"""Do 95 % intervals hold the truth in 95 % of all tests? python run.py [--quick] [--evidence DIR].
+"""Test whether 95 % intervals contain the true value in 95 % of all tests: python run.py [--quick] [--evidence DIR].
 
-Many simulated tests, each with noise of its own seed, of two problems whose parameters are known: a chain of springs
-whose scatter is stated, and a cantilever whose scatter is estimated from two spare residuals. A third problem has a
-spring that the model lacks. The full form updates 1000 tests of each of the first two and takes minutes.
+Many simulated tests, each with a different sample of noise, of two problems with known parameters: a chain of springs
+with stated standard deviations, and a cantilever whose standard deviation is estimated with two degrees of freedom. In
+a third problem the model lacks one spring. The full form updates 1000 tests of each of the first two problems and takes
+minutes.
 """
 
 from __future__ import annotations
@@ -150,7 +151,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer tests, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL
     found, wrong = study(size)

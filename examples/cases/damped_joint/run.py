@@ -1,9 +1,9 @@
-"""Stiffness, loss factors and a viscous joint from noisy FRFs: python run.py [--quick] [--evidence DIR].
+"""Update stiffness, loss factors and a viscous joint with noisy FRFs: python run.py [--quick] [--evidence DIR].
 
-A clamped plate of two materials stands with a free corner on a joint of spring and dashpot. Its accelerances are
-simulated with noise of known size, and six parameters (two moduli, two loss factors, stiffness and damping of the
-joint) are sought by the complex logarithm, by magnitudes and by differences: from several starts, and in several tests.
-Then damping alone, around the resonances, with a stiffness that is a little wrong.
+A clamped plate of two materials has a free corner on a joint of spring and dashpot. Its accelerances are simulated with
+noise of known standard deviation. Six parameters (two moduli, two loss factors, stiffness and damping of the joint) are
+updated with the complex logarithm, with magnitudes and with differences, from several starts and for several tests.
+Then only the damping is updated around the resonances, with small errors of the stiffness.
 """
 
 from __future__ import annotations
@@ -275,7 +275,7 @@ def main() -> None:
     """Print the page, and write it where it is wanted."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer lines, starts and tests")
-    parser.add_argument("--evidence", type=Path, help="folder for the tables that the documentation shows")
+    parser.add_argument("--evidence", type=Path, help="folder for the tables of the documentation")
     arguments = parser.parse_args()
     n, count, tests = (4, 3, 6) if arguments.quick else (4, 12, 24)
     with tempfile.TemporaryDirectory() as name:

@@ -1,8 +1,9 @@
-"""A tube-and-muffler system updated bottom-up: python run.py [--quick] [--evidence DIR].
+"""Update an exhaust system bottom-up: python run.py [--quick] [--evidence DIR].
 
-In the manner of the exhaust system of the handbook chapter (section 9): a front part, a rear part and a clamp. Each
-part is tested by itself, then the whole; all tests are simulated with noise, so that every joint and damping is known.
-Masses first, then stiffnesses, then dampings in the resonance regions; then the joint. The full form has several seeds.
+Similar to the exhaust system of the handbook chapter (section 9): a front part, a rear part with a muffler, and a
+clamp. Each part is tested separately, then the assembly. All tests are simulated with noise, so that all true values
+are known. Masses are updated first, then stiffnesses, then damping in the resonance regions, and finally the joint.
+The full form has several samples of noise.
 """
 
 from __future__ import annotations
@@ -317,7 +318,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="one seed of noise, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     parser.add_argument("--folder", type=Path, help="keep study and run there")
     options = parser.parse_args()
     size = QUICK if options.quick else FULL

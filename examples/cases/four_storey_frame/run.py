@@ -1,9 +1,10 @@
-"""Three formulations on a real test, and what they predict: python run.py [--quick] [--evidence DIR].
+"""Compare three formulations and their predictions for a measured frame: python run.py [--quick] [--evidence DIR].
 
-Storey stiffnesses of a four-storey laboratory frame from modes 1 and 2 at the three lower floors, by eigenvalues with
-the MAC, by eigenvalues with shape differences, and by the modal dynamic residual, beside the published changes. Modes 3
-and 4 are held out: what each formulation predicts of them gets its verdict. The measured modes are read from the folder
-of shared measurements (../shared/data beside the checkout, or $FEMTUNE_SHARED_DATA); without it nothing is done.
+The storey stiffnesses of a four-storey laboratory frame are updated with modes 1 and 2 at the three lower floors: with
+eigenvalues and the MAC, with eigenvalues and shape differences, and with the modal dynamic residual. The changes are
+compared with the published ones. Modes 3 and 4 are held out, and the predictions of each formulation are assessed. The
+measured modes are read from the folder of shared measurements (../shared/data beside the checkout, or
+$FEMTUNE_SHARED_DATA); without them the example reports this and ends.
 """
 
 from __future__ import annotations
@@ -222,8 +223,8 @@ def _row(name: str, alpha: tuple[float, ...] | list[float], upper: object, outco
 def main() -> None:
     """Run the three formulations, compare, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     source = shared_file()
     if not source.is_file():

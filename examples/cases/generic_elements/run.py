@@ -1,8 +1,8 @@
-"""A joint that nobody can describe, by its own eigenvalues: python run.py [--quick] [--evidence DIR].
+"""Update a joint with the eigenvalues of a generic element: python run.py [--quick] [--evidence DIR].
 
-The three beams again, with an offset that is .8 of the true one. The elements about both joints are one generic element
-K = Φ κ Φᵀ; κ₁ and κ₂ bring modes 2 and 3 right. Mode 1, which hardly strains the joints, stays 2.7 % low: a stiffness
-that fits is not the cause. The offset itself as parameter brings all modes right.
+The three beams again, with an offset of .8 of the true one. The elements at both joints are one generic element
+K = Φ κ Φᵀ; κ₁ and κ₂ are updated with modes 2 and 3. Mode 1, in which the joints have little strain, remains 2.7 % too
+low: parameters that fit the data are not necessarily the cause. With the offset itself as parameter all modes agree.
 """
 
 from __future__ import annotations
@@ -163,8 +163,8 @@ def figure(joint: Found, offset: Found) -> str:
 def main() -> None:
     """Update, compare, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     modes = generic_modes(three_beams(SHARE * OFFSET_M), JOINTS)
     joint, right_mass, offset = by_kappa(None), by_kappa(OFFSET_M), by_offset()

@@ -1,7 +1,7 @@
-"""What happens where parameters are updated that do not scatter: python run.py [--quick] [--evidence DIR].
+"""Update parameters that do not vary between the tests: python run.py [--quick] [--evidence DIR].
 
-The three masses of the stochastic example: k1, k2 and k5 scatter. Updated are the right set, a set of two that lacks
-one of them, and two sets in which the fixed k3 or k4 stands for k5.
+The three masses of the stochastic example, in which k1, k2 and k5 vary. The correct set is updated, a set of two in
+which one of them is missing, and sets in which another spring replaces one of them.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer samples, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     samples = 150 if options.quick else 1000
     found = study(samples)

@@ -1,8 +1,8 @@
-"""Lowest and highest eigenvalues where stiffnesses lie in intervals: python run.py [--quick] [--evidence DIR].
+"""Compute the lowest and highest eigenvalues for stiffnesses in intervals: python run.py [--quick] [--evidence DIR].
 
-Three masses with well separated eigenvalues, and three with a repeated one. The corners are proven to be the extrema;
-a search that knows nothing of that and random points confirm them. Turned round, the intervals of the stiffnesses are
-found from those of the eigenvalues.
+Three masses with separated eigenvalues, and three with a repeated one. The corners are proven to be the extrema; a
+search without this proof and random points confirm them. In the inverse problem the intervals of the stiffnesses are
+determined from those of the eigenvalues.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer random points, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     points = 60 if options.quick else 500
     found = [study(problem, points) for problem in (APART, REPEATED)]

@@ -1,8 +1,8 @@
-"""Modes from functions, where the truth is known and where it is not: python run.py [--quick] [--evidence DIR].
+"""Identify modes from simulated and measured FRFs: python run.py [--quick] [--evidence DIR].
 
-A simulated structure of 56 channels and two shakers, with close modes and noise; the functions of the GARTEUR
-aeroplane and those of a hammer test of a beam. The last two are not ours and not part of this project: they are read
-from ../shared/data beside the checkout, or from $FEMTUNE_SHARED_DATA; without them the example says so.
+A simulated structure with 56 channels and two shakers, with close modes and noise; the FRFs of the GARTEUR aeroplane;
+and those of a hammer test of a beam. The last two are not part of this project. They are read from ../shared/data
+beside the checkout, or from $FEMTUNE_SHARED_DATA; without them the example reports this.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer channels and lines")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     truth, frfs, sd = simulated(24, 1500) if options.quick else simulated(56, 3000)
     case = timed("simulated", frfs, InputKnown(largest_order=100), sd)

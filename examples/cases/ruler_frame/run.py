@@ -1,8 +1,9 @@
-"""Scatter of the storeys of a real frame from 50 repeated tests: python run.py [--quick] [--evidence DIR].
+"""Determine the variability of a real frame from 50 repeated tests: python run.py [--quick] [--evidence DIR].
 
 A frame of four blocks on steel rulers was assembled and tested fifty times. Mean and covariance of its four storey
-stiffnesses are found from the 50 × 4 frequencies, and the cloud of the updated model is laid over the measured one.
-The measurements are read from the folder that FEMTUNE_SHARED_DATA names, or from shared/data beside the checkout.
+stiffnesses are determined from the 50 × 4 frequencies, and the sample of the updated model is compared with the
+measured one. The measurements are read from the folder in $FEMTUNE_SHARED_DATA, or from ../shared/data beside the
+checkout.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer samples, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     source, samples = shared_file(), 150 if options.quick else 1000
     if not source.is_file():

@@ -1,9 +1,9 @@
-"""Three springs, two loads and noise: what a side constraint does. python run.py [--quick] [--evidence DIR].
+"""Show the effect of a side constraint with three springs and two loads: python run.py [--quick] [--evidence DIR].
 
 The static example of the handbook chapter (Mottershead, Link and Friswell 2011, Fig. 1 and Table 1): springs k1 and k3
-to ground, k2 between two nodes; the residual is the force f − K(θ0)u that the initial values leave. The chapter's noise
-is not printed: NOISY are displacements of five digits that were sought so that all rows of its table come out, with a
-second load of (1, .002) N for which the matrix has the condition of 880 that it states.
+to ground, k2 between two nodes; the residual is the force f − K(θ0)u at the initial values. The noise of the chapter is
+not published: NOISY are displacements with five digits that reproduce all rows of its table, with a second load of
+about (1, .002) N, for which the matrix has the stated condition number of 880.
 """
 
 from __future__ import annotations
@@ -172,8 +172,8 @@ def page(rows: dict[str, Reals], found: dict[str, tuple[SideConstraint, Reals]])
 def main() -> None:
     """Check, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes a second")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes a second")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     rows, found = check(), corners()
     text = page(rows, found)

@@ -1,8 +1,9 @@
-"""A T-joint with a rigid core: python run.py [--quick] [--evidence DIR].
+"""Update the half-widths of a T-joint with a rigid core: python run.py [--quick] [--evidence DIR].
 
-Three members meet in a joint whose core is rigid over a half-width x along the beam and y along the stem. Motion of the
-joint reaches the members as u = u₀ − yθ, v = v₀ ± xθ. The matrices against the closed form, rigid-body motion without
-strain, stiffness that grows with both offsets, and both of them found again from four frequencies.
+Three members meet in a joint whose core is rigid over a half-width x along the beam and y along the stem. The motion of
+the joint is transferred to the members by u = u₀ − yθ, v = v₀ ± xθ. The example compares the matrices with the
+closed-form solution, checks that rigid-body motions cause no strain and that frequencies increase with both offsets,
+and updates both half-widths with four frequencies.
 """
 
 from __future__ import annotations
@@ -244,8 +245,8 @@ def _names(axes: Axes, x: float, ends: Reals, colours: Sequence[str]) -> None:
 def main() -> None:
     """Check, print, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     clamped, free = model(CLAMPED), model(FREE)
     found = found_again(clamped)

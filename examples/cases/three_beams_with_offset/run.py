@@ -1,7 +1,8 @@
-"""Three beams in line, the middle one off the axis: python run.py [--quick] [--evidence DIR].
+"""Update the offset of the middle one of three beams: python run.py [--quick] [--evidence DIR].
 
-Young's modulus and the offset of the middle beam from five natural frequencies, by the textbook's Gauss-Newton steps on
-eigenvalues, beside the published iterates. The offset enters the matrices as (1, a, a²), so derivatives are exact.
+Young's modulus and the offset of the middle beam are updated with five natural frequencies by Gauss-Newton steps on
+eigenvalues, and compared with the published iterates. The matrices contain the offset a as (1, a, a²), so that the
+derivatives are exact.
 """
 
 from __future__ import annotations
@@ -175,8 +176,8 @@ def _names(axes: Axes, x: float, ends: Reals, colours: Sequence[str]) -> None:
 def main() -> None:
     """Update, compare, and write the evidence where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same: the whole example takes seconds")
-    parser.add_argument("--evidence", type=Path, help="folder for the page that the documentation shows")
+    parser.add_argument("--quick", action="store_true", help="the same as the full form, which takes seconds")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     arguments = parser.parse_args()
     beams = model()
     result = update(problem(beams), SensitivityMethod(search=GaussNewton()))

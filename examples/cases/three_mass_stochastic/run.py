@@ -1,7 +1,8 @@
-"""Mean and covariance of three stiffnesses from 30 structures: python run.py [--quick] [--evidence DIR].
+"""Determine mean and covariance of three stiffnesses from 30 structures: python run.py [--quick] [--evidence DIR].
 
-Three masses and six springs; k1, k2 and k5 scatter by 20 %. Four formulations of stochastic updating start from means
-and standard deviations that are far off, and are compared with the truth of the sample and with published values.
+Three masses and six springs; k1, k2 and k5 vary with a standard deviation of 20 %. Stochastic updating in four
+formulations starts from inaccurate means and standard deviations, and is compared with the true values of the sample
+and with published values.
 """
 
 from __future__ import annotations
@@ -139,8 +140,8 @@ def figure(forward: ForwardCheck) -> str:
 def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="smaller clouds, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--quick", action="store_true", help="smaller samples, for continuous integration")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     samples = 100 if options.quick else 1000
     truth, found, forward = study(samples)

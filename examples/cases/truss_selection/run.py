@@ -1,9 +1,9 @@
-"""Which bars of a truss scatter, from the covariance of its eigenvalues: python run.py [--quick] [--evidence DIR].
+"""Select the varying bars of a truss by the covariance of its eigenvalues: python run.py [--quick] [--evidence DIR].
 
-The handbook chapter's truss of five bays (Figs 16 to 21): its five diagonals scatter. The distance of every bar's
-sensitivities to the leading space of the covariance tells them from the other sixteen, with the linear covariance
-exactly, and with the covariance of simulated tests as long as the scatter allows it. The number of independent causes
-is estimated, not given.
+In the truss of five bays of the handbook chapter (Figs 16 to 21) the five diagonals vary. The distance of the
+sensitivities of each bar from the leading subspace of the covariance distinguishes them from the other sixteen bars:
+exactly with the linear covariance, and with the covariance of simulated tests if the standard deviations are not too
+large. The number of independent causes is estimated.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def main() -> None:
     """Run the example."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer trusses, for continuous integration")
-    parser.add_argument("--evidence", type=Path, help="folder for the documentation's page")
+    parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     samples = 200 if options.quick else 1000
     found = study(samples)
