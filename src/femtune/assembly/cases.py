@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +17,8 @@ from femtune.model import AddedMass, Configuration, configure
 if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
     from femtune.correlation import SensorMap
-    from femtune.errors import Notice
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
-    from femtune.files.uff import UffFile
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.residuals import ComparedCase
     from femtune.testdata import ModalTest
@@ -110,25 +107,16 @@ def overlay(entry: ConfigurationEntry) -> Configuration:
     )
 
 
-def study_case(
-    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry, tests: dict[Path, UffFile]
-) -> tuple[StudyCase, tuple[Notice, ...]]:
-    """A configuration with what was found while its test was read; `tests` are files that others have parsed.
+def study_case(file: StudyFile, model: ParametricModel, entry: ConfigurationEntry) -> StudyCase:
+    """The model in the state of a configuration, still without its test.
 
     Raises
     ------
-    FemtuneError : what is wrong with the overlay, the test or the sensors
+    FemtuneError : what is wrong with the overlay
     """
     _check_nodes(file, entry, model.structure.nodes)
     with errors_at_configuration(file, entry):
-        configured = configure(model, overlay(entry))
-    case = StudyCase(entry, configured)
-    if entry.test is None:
-        return case, ()
-    # reading tests and finding sensors is imported where there is a test
-    from femtune.assembly.measured import with_test  # noqa: PLC0415
-
-    return with_test(file, case, tests)
+        return StudyCase(entry, configure(model, overlay(entry)))
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:

@@ -182,12 +182,21 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     for i, entry in enumerate(file.configurations):
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
-            case, remarks = study_case(file, base, entry, tests)
+            case, remarks = _with_test(file, study_case(file, base, entry), tests)
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+
+
+def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
+    """The configuration with its test; reading tests and finding sensors is imported where there is a test."""
+    if case.entry.test is None:
+        return case, ()
+    from femtune.assembly.measured import with_test  # noqa: PLC0415
+
+    return with_test(file, case, tests)
 
 
 def _with_residuals(file: StudyFile, case: StudyCase, built: BuiltModel) -> StudyCase:
