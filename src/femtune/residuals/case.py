@@ -233,6 +233,11 @@ class CaseState:
         """The modes where they have been solved, None where nothing requested them."""
         return self.__dict__.get("solution", self.known)
 
+    @cached_property
+    def further(self) -> dict[tuple[int | None, float | None], EigenSolution]:
+        """Modes of the full model other than those of the case, by number and upper frequency: kept by who asks."""
+        return {}
+
     @property
     def full(self) -> ModelPoint:
         """The full model at this point, whatever model the modes come from."""

@@ -75,6 +75,9 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    for found in update.frf_truncation:
+        if not found.small:
+            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
     yield from _of_stages(update.stages)
     if update.goodness is not None and update.goodness.verdict == "fail":
         yield alert("warning", "update.misfit", outcome=update.goodness.sentence)

@@ -23,6 +23,7 @@ from femtune.results.reduction import ReductionResults
 from femtune.results.search import StartsResults, WeightChoiceResults, starts_results, weight_choice_results
 from femtune.results.selection import SelectionMeasures
 from femtune.results.stages import StageResults
+from femtune.results.truncation import FrfTruncation
 from femtune.results.validation import GoodnessResults, goodness, goodness_results
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
@@ -314,6 +315,8 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    frf_truncation: tuple[FrfTruncation, ...] = ()
+    """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
 
 
 class EditedField(Record):

@@ -21,6 +21,7 @@ from femtune.results.results import Results
 from femtune.results.solved import solutions_of
 from femtune.results.stages import stage_results
 from femtune.results.step_results import RunResult
+from femtune.results.truncation import frf_truncations
 from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
+    from femtune.results.truncation import FrfTruncation
     from femtune.results.update import SelectionResults
     from femtune.results.versions import ModelRecords
     from femtune.study.find_parameters import FoundParameters
@@ -67,6 +69,7 @@ class Known:
     selection : which parameters the data determine
     parameters : the update
     sensitivities : those of the frequencies that the updated model predicts
+    truncation : errors of the FRFs of residuals, at start and end of the update
     quantify : covariance of the parameters from the repeats
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
@@ -82,6 +85,7 @@ class Known:
     parameters: FoundParameters = _LATER
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
+    truncation: tuple[FrfTruncation, ...] = ()
     quantify: QuantifyResults | None = None
     written: WriteBack | None = None
     study_as_written: Study = _LATER
@@ -171,7 +175,9 @@ class Run:
         values = {} if written is None else written.written
         update = update_results(
             self.study, found.result, values, known.error_as_written, found.reduction, found.starts
-        ).model_copy(update={"stages": stage_results(self.study, found.stages)})
+        ).model_copy(
+            update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation}
+        )
         predicted = predictions(self.study, found.result, known.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for v in versions for m in v.modes)),
@@ -230,6 +236,13 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"parameters": find_parameters(run.study, run.folder, known.start, run.progress)}
 
 
+def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
+    run.progress.step("truncation of the FRFs", 0, None)
+    before = frf_truncations(known.start, "before")
+    return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after"))}
+
+
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
     records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
@@ -277,6 +290,7 @@ UNTIL_UPDATED = (
     Step("respond", _respond),
     Step("select", _select),
     Step("update", _update),
+    Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
 )
 ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the parameters"),)

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.model.configured import ModelPoint
 from femtune.model.derivatives.modes import complement
+from femtune.model.derivatives.streamed import derivatives_by_parameter
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
+TIMES_HIGHEST_LINE = 2.0
+"""FRFs are superposed from the modes up to this many times the highest frequency line, where nothing else is stated."""
 _DEPENDENT, _ROUNDING = 1e-10, 1e-17
+Slopes = Callable[[Reals], Iterator[Reals]]
+"""G (n_free, g) -> Q′ᵀG (r, g) by each parameter, for a basis Q; Q′ without its part in the span of Q.
+
+What is computed on a basis depends on its span only, so that this part has no effect. G has no part in the span of Q in
+what it is used for: residuals of equations that the basis solves.
+"""
 _MOST_DAMPED = 24
 """Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs."""
 
@@ -29,12 +40,14 @@ class ModalBasis:
     stiffness, mass : (r,) diagonals of QᵀKQ and QᵀMQ; real modes come first with mass 1, rigid-body ones with
         stiffness 0; residual vectors have stiffness 1, and mass 0 where they move no mass
     n_modes : number of real modes among them
+    slopes : how the vectors change with the parameters
     """
 
     vectors: Reals
     stiffness: Reals
     mass: Reals
     n_modes: int
+    slopes: Slopes
 
 
 def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
@@ -43,9 +56,42 @@ def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
     keep = max(modes.wanted, int(rigid.sum()))
     phi, stiffness = modes.shapes[:, :keep], np.where(rigid, 0.0, modes.eigenvalues)[:keep]
     if forces is None or not forces.shape[1]:
-        return ModalBasis(phi, stiffness, np.ones(keep), keep)
-    extra, k, m = ritz_vectors(modes.point, residual_vectors(modes, keep, forces))
-    return ModalBasis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
+        forces = np.zeros((len(phi), 0))
+    missed, seen = residual_vectors(modes, keep, forces)
+    turn, k, m = ritz_vectors(modes.point, missed)
+    extra, pushed = missed @ turn, forces[:, seen] @ turn
+    return ModalBasis(
+        np.hstack([phi, extra]),
+        np.concatenate([stiffness, k]),
+        np.concatenate([np.ones(keep), m]),
+        keep,
+        lambda columns: static_slopes(modes, keep, extra, pushed, columns),
+    )
+
+
+def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals, columns: Reals) -> Iterator[Reals]:
+    """`Slopes` of the first `keep` modes Φ and of their static complements V = A P (n_free, x) of forces P.
+
+    With A = Σ φφᵀ/λ over the other modes, A′ = −A K′ A − A (MΦΦᵀ)′ but for a part in the span of Φ.
+    """
+    point, g = modes.point, columns.shape[1]
+    phi = modes.shapes[:, :keep]
+    columns = columns - (point.mass @ phi) @ (phi.T @ columns)
+    static = static_complement(modes, keep, columns) if vectors.shape[1] else np.zeros_like(columns)
+    rows, pushed = np.hstack([columns, point.mass @ static]), forces.T @ phi
+    for i, seen in enumerate(_outside(modes, keep, rows)):
+        by_stiffness = vectors.T @ (point.stiffness_derivatives[i] @ static)
+        by_modes = pushed @ (phi.T @ (point.mass_derivatives[i] @ static) + seen[:, g:])
+        yield np.vstack([seen[:, :g], -by_stiffness - by_modes])
+
+
+def _outside(modes: EigenSolution, keep: int, rows: Reals) -> Iterator[Reals]:
+    """Φ′ᵀ rows (keep, r) by each parameter, for rows that have no part in the modes."""
+    if not keep:
+        yield from (np.zeros((0, rows.shape[1])) for _ in range(modes.point.n_parameters))
+        return
+    for (one,) in derivatives_by_parameter(modes, [range(keep)]):
+        yield one.outside[:, :, 0].T @ rows
 
 
 def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
@@ -58,26 +104,28 @@ def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
     return np.asarray(known + complement(modes, 0.0, forces))
 
 
-def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
-    """The columns of the static complement that are more than the rounding of the whole static response."""
+def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> tuple[Reals, NDArray[np.bool_]]:
+    """The columns of the static complement that are more than the rounding of the whole static response; which."""
     missed = static_complement(modes, keep, forces)
     energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
     whole = np.einsum("ij,ij->j", forces, modes.factor.solve(forces))
-    return np.asarray(missed[:, energy > _ROUNDING * whole])
+    some = energy > _ROUNDING * whole
+    return np.asarray(missed[:, some]), np.asarray(some)
 
 
 def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals]:
-    """Independent combinations of elastic vectors that are orthogonal in K and M, with QᵀKQ = 1 and QᵀMQ = θ.
+    """Independent combinations Q = VR of elastic vectors V, orthogonal in K and M, with QᵀKQ = 1 and QᵀMQ = θ.
 
-    Returns Q, the ones and θ. A vector that is not independent of the others is dropped.
+    Returns R, the ones and θ. A vector that is not independent of the others is dropped.
     """
     k = vectors.T @ (point.stiffness @ vectors)
     own = np.sqrt(np.maximum(np.diag(k), 0.0))
     scale = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
     energy, turn = la.eigh(scale[:, None] * (0.5 * (k + k.T)) * scale)
     kept = energy > _DEPENDENT * energy.max(initial=1.0)
-    unit = vectors @ (scale[:, None] * turn[:, kept] / np.sqrt(energy[kept]))
-    m = unit.T @ (point.mass @ unit)
+    unit = scale[:, None] * turn[:, kept] / np.sqrt(energy[kept])
+    moved = vectors @ unit
+    m = moved.T @ (point.mass @ moved)
     theta, turn = la.eigh(0.5 * (m + m.T))
     return unit @ turn, np.ones(len(theta)), np.maximum(theta, 0.0)
 
