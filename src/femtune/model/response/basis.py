@@ -30,6 +30,11 @@ _MOST_DAMPED = 24
 """Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs."""
 
 
+def no_slopes(columns: Reals) -> Iterator[Reals]:
+    """`Slopes` of a basis of a model without parameters."""
+    return iter(())
+
+
 @dataclass(frozen=True, eq=False)
 class ModalBasis:
     """Vectors Q that are orthogonal in K and M.
@@ -47,7 +52,7 @@ class ModalBasis:
     stiffness: Reals
     mass: Reals
     n_modes: int
-    slopes: Slopes
+    slopes: Slopes = no_slopes
 
 
 def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
