@@ -45,14 +45,19 @@ OUTPUTS = ("7Y+", "12Y+", f"{N + 1}Y+")
 def measured(bench: Bench, lines: np.ndarray) -> None:
     """FRFs of the true deck, by the inverse of its dynamic stiffness at each line."""
     bench.write("beam.bdf", BEAM)
-    deck = bench.truth(TRUE, BEAM)
+    write_functions(bench, BEAM, lines, "frfs.uff", OUTPUTS)
+
+
+def write_functions(bench: Bench, text: str, lines: np.ndarray, name: str, outputs: tuple[str, ...]) -> None:
+    """Those of a deck with the true values."""
+    deck = bench.truth(TRUE, text)
     model = configure(
         parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
     )
-    exact = frf(model.at(np.zeros(0)), make_ports(model, ["7Y+"], OUTPUTS), lines, "accelerance", "direct")
+    exact = frf(model.at(np.zeros(0)), make_ports(model, ["7Y+"], outputs), lines, "accelerance", "direct")
     nodes = np.arange(1, N + 2)
     frame = WireFrame(nodes, np.column_stack([(nodes - 1.0) / N, np.zeros((N + 1, 2))]))
-    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=exact))
+    write_uff_frfs(bench.folder / name, ModalTest("frfs", SI, frame, frfs=exact))
 
 
 def run_with(bench: Bench, residual: str, modes: str = "") -> RunResult:

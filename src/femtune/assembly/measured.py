@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, HoldOutEntry, StudyFile
     from femtune.files.uff import UffContent
-    from femtune.modal import ModeSet
+    from femtune.modal import FrfSet, ModeSet
     from femtune.model import ConfiguredModel
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
@@ -49,12 +49,14 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")):
         found = _sensor_map(file, test, structure)
-    case, notices = replace(case, test=test, sensors=found, all_sensors=found), (*notices, *found.notices)
+    held = HeldOut(functions=_held_functions(file, entry, test.frfs))
+    case = replace(case, test=test, sensors=found, all_sensors=found, held=held)
+    notices = (*notices, *found.notices)
     if test.modes is None:
         return case, notices
     sensors = _of_modes(found, test.modes)
     compared = _compared(file, entry, case.configured, test.modes, sensors)
-    return replace(case, sensors=sensors, compared=compared, held=held_out(file, entry, compared)), notices
+    return replace(case, sensors=sensors, compared=compared, held=replace(held_out(file, entry, compared), functions=held.functions)), notices
 
 
 def held_out(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase) -> HeldOut:
@@ -102,6 +104,46 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
                 label=label,
             )
         yield at[dof.node, dof.direction]
+
+
+def _held_functions(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> frozenset[tuple[int, int]]:
+    """FRFs of the outputs or inputs that a table names; of those between them, where it names both."""
+    mine = [
+        (i, one)
+        for i, one in enumerate(file.hold_out)
+        if entry.use == "update" and one.configuration in (None, entry.name) and (one.outputs or one.inputs)
+    ]
+    if frfs is None:
+        for i, one in mine:
+            if one.configuration is not None or len(file.configurations) == 1:
+                raise FemtuneError("study.hold-out/no-frfs", where=file.where("hold_out", i), configuration=entry.name)
+        return frozenset()
+    found: set[tuple[int, int]] = set()
+    for i, one in mine:
+        rows = _channels(file, (i, "outputs"), one.outputs, frfs.responses)
+        columns = _channels(file, (i, "inputs"), one.inputs, frfs.references)
+        found |= {(row, column) for row in rows for column in columns}
+    measured = {(int(i), int(j)) for i, j in zip(*np.nonzero(np.isfinite(frfs.values).any(axis=2)))}
+    if found and not measured - found:
+        where = file.where("hold_out")
+        raise FemtuneError("study.hold-out", where=where, configuration=entry.name, remaining="no FRF")
+    return frozenset(found & measured)
+
+
+def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:
+    """Positions of the DOFs with some labels; of all without labels."""
+    at = {(dof.node, dof.direction): k for k, dof in enumerate(dofs)}
+    named = [parse_dof(label) for label in labels]
+    for j, dof in enumerate(named):
+        if (dof.node, dof.direction) not in at:
+            raise FemtuneError(
+                "study.hold-out/unknown-channel",
+                where=file.where("hold_out", *key, j),
+                values={key[1]: _some(dofs)},
+                label=labels[j],
+                key=key[1],
+            )
+    return [at[dof.node, dof.direction] for dof in named] if named else list(at.values())
 
 
 def _some(dofs: Iterable[object]) -> str:

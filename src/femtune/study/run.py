@@ -15,6 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.results.alerts import alerts_of
 from femtune.results.base import Alert, alert
 from femtune.results.folder import RESULTS_FILE, write_results
+from femtune.results.frf_validation import unused_frfs
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.journal.journal import Journal
     from femtune.residuals import Evaluation
+    from femtune.results.frf_validation import UnusedFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
     from femtune.results.truncation import FrfTruncation
@@ -70,6 +72,7 @@ class Known:
     parameters : the update
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
+    unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     quantify : covariance of the parameters from the repeats
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
@@ -86,6 +89,7 @@ class Known:
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
+    unused_frfs: tuple[UnusedFrfs, ...] = ()
     quantify: QuantifyResults | None = None
     written: WriteBack | None = None
     study_as_written: Study = _LATER
@@ -189,7 +193,7 @@ class Run:
             "update": update,
             "quantify": known.quantify,
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, versions[0], versions[-1], predicted),
+            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs),
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
@@ -249,6 +253,10 @@ def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"after": records, "sensitivities": sensitivities}
 
 
+def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"unused_frfs": unused_frfs(run.study, known.parameters.result.x, run.progress)}
+
+
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if known.repeats is None:
         return {}
@@ -292,6 +300,7 @@ UNTIL_UPDATED = (
     Step("update", _update),
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
+    Step("unused FRFs", _unused_frfs),
 )
 ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the parameters"),)
 ON_WRITTEN_DECK = (

@@ -28,6 +28,7 @@ from femtune.reporting.numbers import (
     percent,
     short,
     signed_percent,
+    unit_fraction,
     value,
     with_unit,
 )
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from femtune.reporting.source import ReportSource
     from femtune.results.base import ModelVersion
     from femtune.results.correlation import CriterionRecord
+    from femtune.results.frf_validation import PredictedResonance
     from femtune.results.validation import GoodnessResults, Prediction, ValidationResults, ValidationVerdict
 
 # ----------------------------------------------------------------------------------------------------
@@ -66,6 +68,7 @@ def validation(source: ReportSource) -> list[Block]:
         *_picture(found),
         *prediction_blocks(found, [m.reason for m in source.left_out()]),
         *sensor_blocks(found),
+        *frf_blocks(found),
         Heading("What was not tested"),
         _listing([*untested_reasons(found), *found.not_tested]),
     ]
@@ -197,6 +200,37 @@ def sensor_blocks(found: ValidationResults) -> list[Block]:
     note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
     note += "The error is the RMS of test − model relative to that of the shape; it is scaled at the used sensors."
     return [Table("Shapes at held-out sensors", heads, rows, note)]
+
+
+_UNFOLDED = 16
+
+
+def frf_blocks(found: ValidationResults) -> list[Block]:
+    """Measured FRFs that were not used beside those of the model, and their resonance peaks."""
+    if not found.frfs:
+        return []
+    heads = columns("Configuration", "Data", "FRF", ">FRAC", ">Mean level error dB", ">Largest dB", ">at Hz")
+    rows = tuple(
+        row(f.configuration, f.data, f"{f.output} / {f.input}", unit_fraction(f.frac, NONE), short(f.mean_db),
+            short(f.max_db), freq(f.max_hz))
+        for f in found.frfs
+    )  # fmt: skip
+    peaks = columns("Configuration", "Input", ">Test Hz", ">Model Hz", ">Error %")
+    resonances = tuple(
+        row(r.configuration, r.input, freq(r.test_hz), freq(r.model_hz, "no peak"), _peak_error(r))
+        for r in found.resonances
+    )
+    note = "Level error: |20 lg(|H|/|H_test|)| over the frequency lines. FRAC is 1 for proportional functions."
+    of_peaks = "Peaks of the sum of squares of the FRFs of one input."
+    return [
+        Heading("Measured FRFs that the update did not use"),
+        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
+        *([Table("Resonance peaks of these FRFs", peaks, resonances, of_peaks)] if resonances else []),
+    ]
+
+
+def _peak_error(r: PredictedResonance) -> str:
+    return NONE if r.model_hz is None else signed_percent(100.0 * (r.model_hz / r.test_hz - 1.0))
 
 
 # ----------------------------------------------------------------------------------------------------
