@@ -105,6 +105,14 @@ _register(
     year="1996",
 )
 _register(
+    "pascual1997",
+    "inproceedings",
+    author="Pascual, R. and Golinval, J. C. and Razeto, M.",
+    title="A frequency domain correlation technique for model correlation and updating",
+    booktitle="Proceedings of the 15th International Modal Analysis Conference, Orlando",
+    year="1997",
+)
+_register(
     "dvorkin1984",
     "article",
     author="Dvorkin, E. N. and Bathe, K.-J.",

@@ -18,10 +18,13 @@ from femtune.results.step_results import RunResult
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
+from ..messages.shown import check_shown
 from .conftest import Bench
 
 N, HIGHEST = 16, 600.0
-BARS = "\n".join(f"CBAR    {i:<8d}{1 if i <= N // 2 else 2:<8d}{i:<8d}{i + 1:<8d}0.0     1.0     0.0" for i in range(1, N + 1))
+BARS = "\n".join(
+    f"CBAR    {i:<8d}{1 if i <= N // 2 else 2:<8d}{i:<8d}{i + 1:<8d}0.0     1.0     0.0" for i in range(1, N + 1)
+)
 GRIDS = "\n".join(f"GRID    {i + 1:<8d}        {i / N:<8.5f}0.0     0.0" for i in range(N + 1))
 BEAM = f"""SOL 103
 CEND
@@ -108,8 +111,9 @@ def test_a_study_that_states_the_band_only_ends_at_the_truth(with_frfs: Bench, m
     if modes:
         assert "count = 4 of [modes]" in told[0]
         assert f"{TIMES_HIGHEST_LINE:g} times" in told[0]
-    report = (run.folder / "report.html")
-    assert "superposition of modes beside direct solutions" in report.read_text() if report.exists() else True
+        check_shown("residual.frf-more-modes", f"[residual.frf-more-modes] {told[0]}")
+    assert run.report is not None
+    assert "superposition of modes beside direct solutions" in Path(run.report).read_text(encoding="utf-8")
 
 
 def test_too_few_modes_are_named_in_a_warning(with_frfs: Bench) -> None:
@@ -119,6 +123,7 @@ def test_too_few_modes_are_named_in_a_warning(with_frfs: Bench) -> None:
     assert '"count = 2" of the residual limits the modes' in told[0]
     assert "missing: modes 3 to" in told[0]
     assert "1200 Hz" in told[0]
+    check_shown("residual.frf-truncated", f"[residual.frf-truncated] {told[0]}")
 
 
 def test_the_direct_method_has_no_truncation(with_frfs: Bench) -> None:

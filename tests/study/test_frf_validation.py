@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 from femtune.results.validation import ValidationVerdict
 
+from ..messages.shown import check_shown
 from .conftest import Bench
 from .test_frf_truncation import BEAM, OUTPUTS, measured, write_functions
 
@@ -43,7 +44,11 @@ masses = [{{ node = {node}, mass = {mass} }}]
 
 def by_criterion(run: RunResult, configuration: str = "as the deck") -> dict[str, ValidationVerdict]:
     assert run.results.validation is not None
-    return {v.criterion.removesuffix(", own criterion"): v for v in run.results.validation.verdicts if v.configuration == configuration}
+    return {
+        v.criterion.removesuffix(", own criterion"): v
+        for v in run.results.validation.verdicts
+        if v.configuration == configuration
+    }
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +74,9 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     assert verdicts["FRAC"].measured == pytest.approx(1.0, abs=1e-6)
     (frf,) = found.frfs
     assert (frf.output, frf.input) == ("12Y+", "7Y+")
-    assert frf.max_db < 1e-3
+    # the largest one at an antiresonance
+    assert frf.mean_db < 0.01
+    assert frf.max_db < 0.1
     assert [r.test_hz for r in found.resonances] == pytest.approx([r.model_hz for r in found.resonances], rel=1e-5)
     # levels were tested on data that were not used, damping ratios were not compared
     (alert,) = [a for a in run.results.alerts if a.code == "update.frfs-alone"]
@@ -87,6 +94,7 @@ def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frf
     (alert,) = [a for a in run.results.alerts if a.code == "update.frfs-alone"]
     assert "modal damping" in alert.sentence
     assert "forced response levels" in alert.sentence
+    check_shown("update.frfs-alone", f"[update.frfs-alone] {alert.sentence}")
     assert run.results.validation is not None
     assert any("forced response levels" in s for s in run.results.validation.not_tested)
 

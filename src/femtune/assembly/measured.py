@@ -56,7 +56,12 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
         return case, notices
     sensors = _of_modes(found, test.modes)
     compared = _compared(file, entry, case.configured, test.modes, sensors)
-    return replace(case, sensors=sensors, compared=compared, held=replace(held_out(file, entry, compared), functions=held.functions)), notices
+    return replace(
+        case,
+        sensors=sensors,
+        compared=compared,
+        held=replace(held_out(file, entry, compared), functions=held.functions),
+    ), notices
 
 
 def held_out(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase) -> HeldOut:

@@ -40,6 +40,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_held_masses(study),
         *_of_silent_modes(study),
         *_of_residuals(study),
+        *_of_truncation(results),
         *_of_frfs_alone(study, results),
         *(told for r in results.responses for told in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
@@ -56,6 +57,13 @@ def _of_residuals(study: Study) -> Iterable[Alert]:
         for residual in () if case.compared is None else case.compared.residuals:
             if isinstance(residual, AtFirstState):
                 yield from map(alert_of, residual.notices)
+
+
+def _of_truncation(results: Results) -> Iterable[Alert]:
+    """FRFs of residuals that lack modes."""
+    for found in () if results.update is None else results.update.frf_truncation:
+        if not found.small:
+            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
 
 
 def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
@@ -90,9 +98,6 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
-    for found in update.frf_truncation:
-        if not found.small:
-            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
     yield from _of_stages(update.stages)
     if update.goodness is not None and update.goodness.verdict == "fail":
         yield alert("warning", "update.misfit", outcome=update.goodness.sentence)

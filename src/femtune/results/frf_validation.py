@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from femtune.assembly.error_places import errors_at_deck
 from femtune.assembly.progress import silent
 from femtune.assembly.response import response_request, solved_frfs
+from femtune.errors import FemtuneError
 from femtune.files.study_file import ResponseTable
 from femtune.files.study_file.residual import FrfResidualEntry
 from femtune.files.study_file.stage import RESONANCES
@@ -77,18 +78,17 @@ class UnusedFrfs:
 def unused_frfs(study: Study, x: Reals, progress: Progress = silent) -> tuple[UnusedFrfs, ...]:
     """Those of all configurations with a test, if the study compares FRFs or has criteria for them.
 
-    Raises
-    ------
-    FemtuneError : as `femtune.assembly.response.response_request` and `solved_frfs`
+    What cannot be computed is not tested, with the reason: the update does not depend on it.
     """
     if not of_frfs(study) and not _entries(study):
         return ()
-    cases = [c for c in study.cases if c.test is not None]
-    for_all = [c for c in cases if c.test is not None and c.test.frfs is not None]
-    out = []
-    for i, case in enumerate(cases if for_all else []):
+    cases, out = [c for c in study.cases if c.test is not None], []
+    for i, case in enumerate(cases):
         progress.step(f"FRFs that were not used: {case.name}", i, len(cases))
-        out.append(_unused(study, case, x))
+        try:
+            out.append(_unused(study, case, x))
+        except FemtuneError as error:
+            out.append(UnusedFrfs(case, None, f"{error.what} ({error.code})"))
     return tuple(out)
 
 
@@ -141,9 +141,9 @@ def _used(study: Study, case: StudyCase) -> NDArray[np.bool_]:
             columns, _ = settled.measured.references.align(frfs.references)
             used[np.ix_(rows, columns)] |= np.isfinite(settled.measured.values).any(axis=2)
         elif isinstance(settled, AntiresonanceResidual):
-            rows, columns = frfs.responses.labels(), frfs.references.labels()
+            outputs, inputs = frfs.responses.labels(), frfs.references.labels()
             for zero in settled.zeros:
-                used[rows.index(str(zero.response)), columns.index(str(zero.reference))] = True
+                used[outputs.index(str(zero.response)), inputs.index(str(zero.reference))] = True
     return used
 
 

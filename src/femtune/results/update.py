@@ -468,7 +468,8 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
     kinds = sorted({batch.kind for batch in study.built.structure.batches})
     elements = (key for kind in kinds for key in KINDS[kind].papers)
     moved = any(a.ref.card in BARS for a in study.model.assignments)
-    responses = () if study.file.response is None else ("heylen1996",)
+    compared = study.file.response is not None or study.file.validation.frac is not None
+    responses = ("heylen1996",) * compared + ("pascual1997",) * (study.file.validation.fdac is not None)
     return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
 
 

@@ -179,9 +179,7 @@ class Run:
         values = {} if written is None else written.written
         update = update_results(
             self.study, found.result, values, known.error_as_written, found.reduction, found.starts
-        ).model_copy(
-            update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation}
-        )
+        ).model_copy(update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation})
         predicted = predictions(self.study, found.result, known.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for v in versions for m in v.modes)),

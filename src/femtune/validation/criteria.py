@@ -31,7 +31,7 @@ class Criterion:
 
     @property
     def unit(self) -> str:
-        """"%", "dB" or "" (none)."""
+        """ "%", "dB" or "" (none)."""
         return "%" if self.percent else "dB" if self.quantity in IN_DECIBELS else ""
 
     def text(self, value: float) -> str:

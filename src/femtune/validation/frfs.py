@@ -111,9 +111,7 @@ class PredictedFrfs:
         level = np.abs(20.0 * np.log10(np.abs(model / test)))
         at = int(level.argmax())
         same = frac(model, test) if len(lines) > 1 else None
-        return FrfMatch(
-            self.outputs[i], self.inputs[j], same, float(level.mean()), float(level[at]), float(lines[at])
-        )
+        return FrfMatch(self.outputs[i], self.inputs[j], same, float(level.mean()), float(level[at]), float(lines[at]))
 
     def fdac(self) -> list[tuple[str, float]]:
         """|uᴴu_test|²/(uᴴu · u_testᴴu_test) of the deflections u at one frequency: the mean over the lines, by input.
@@ -140,8 +138,7 @@ class PredictedFrfs:
         lines = np.flatnonzero(self.known[some, j].all(axis=0)) if some.any() else np.zeros(0, int)
         if not len(lines):
             return
-        at = np.ix_(np.flatnonzero(some), [j], lines)
-        model, test = (_peaks(self.freq_hz[lines], h[at][:, 0]) for h in (self.model, self.test))
+        model, test = (_peaks(self.freq_hz[lines], h[some, j][:, lines]) for h in (self.model, self.test))
         far = np.abs(np.log(model[None, :] / test[:, None])) if len(model) else np.zeros((len(test), 0))
         partner = dict(zip(*linear_sum_assignment(far))) if far.size else {}
         for i, hz in enumerate(test):
@@ -151,12 +148,16 @@ class PredictedFrfs:
 
 
 def _peaks(freq_hz: Reals, values: Complexes) -> Reals:
-    """Frequencies of the peaks of Σ|H|², by a parabola through three lines of its level."""
+    """Frequencies of the peaks of Σ|H|².
+
+    Near a resonance 1/Σ|H|² is a parabola, even if the lines are wider apart than the resonance is.
+    """
     from scipy.signal import find_peaks  # noqa: PLC0415  most commands want none
 
-    level = 10.0 * np.log10(np.sum(np.abs(values) ** 2, axis=0))
+    power = np.sum(np.abs(values) ** 2, axis=0)
+    level = 10.0 * np.log10(power)
     at = find_peaks(level, prominence=_PROMINENCE_DB, height=level.max() - _DEPTH_DB)[0]
-    x, y = (np.array([one[at - 1], one[at], one[at + 1]]) for one in (freq_hz, level))
+    x, y = (np.array([one[at - 1], one[at], one[at + 1]]) for one in (freq_hz, power.max() / power))
     first, second = (y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1])
     bend = (second - first) / (x[2] - x[0])
     return np.asarray(0.5 * (x[0] + x[1]) - 0.5 * first / bend)

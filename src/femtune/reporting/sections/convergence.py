@@ -76,11 +76,19 @@ def _truncation(update: UpdateResults) -> list[Block]:
 
 
 def _truncated(t: FrfTruncation) -> tuple[Cell, ...]:
-    missing = Cell("none" if t.small else f"{t.missing}{f' ({t.limit})' if t.limit else ''}", tone="" if t.small else "poor")
+    missing = Cell(f"{t.missing} ({t.limit})" if t.limit else t.missing, tone="poor")
     return row(
-        t.configuration, t.stage, NONE if t.modes is None else str(t.modes), freq(t.modes_to_hz), freq(t.highest_line_hz),
-        str(len(t.lines_hz)), short(t.largest_sd), short(t.rms_sd), percent(t.largest_percent), missing,
-    )  # fmt: skip
+        t.configuration,
+        t.stage,
+        NONE if t.modes is None else str(t.modes),
+        freq(t.modes_to_hz),
+        freq(t.highest_line_hz),
+        str(len(t.lines_hz)),
+        short(t.largest_sd),
+        short(t.rms_sd),
+        percent(t.largest_percent),
+        Cell("none") if t.small else missing,
+    )
 
 
 def _comparison(c: ComparisonResults) -> tuple[Cell, ...]:

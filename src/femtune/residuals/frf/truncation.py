@@ -101,7 +101,7 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     few, values = _at_lines(residual, at), values[:, :, at]
     exact = replace(few, way=replace(way, method="direct")).functions(solved)[0]
     known = np.isfinite(few.sd)
-    differences, _ = FORMS[residual.form](values[known], np.zeros((int(known.sum()), 0)), exact[known])
+    differences, _ = FORMS[residual.form](values[known], np.zeros((int(known.sum()), 0), complex), exact[known])
     errors = np.abs(differences.reshape(-1, int(known.sum()))).max(axis=0) / few.sd[known]
     i, j, k = (int(axis[errors.argmax()]) for axis in np.nonzero(known))
     return Truncation(
