@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from femtune.assembly.progress import silent
 from femtune.residuals.frf.truncation import SMALL, truncations
 from femtune.results.base import Record
 
 if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
     from femtune.residuals import Evaluation
     from femtune.residuals.frf.truncation import Truncation
 
@@ -47,9 +49,16 @@ class FrfTruncation(Record):
     """Outcome in a sentence."""
 
 
-def frf_truncations(at: Evaluation, stage: Literal["before", "after"]) -> tuple[FrfTruncation, ...]:
+def frf_truncations(
+    at: Evaluation, stage: Literal["before", "after"], progress: Progress = silent
+) -> tuple[FrfTruncation, ...]:
     """Those of all FRF residuals at an evaluated point of the update."""
-    return tuple(_record(found, stage) for state in at.states for found in truncations(state))
+    found = []
+    for state in at.states:
+        for one in truncations(state):
+            progress.step(f"truncation of the FRFs, {stage}: {state.case.name}", len(found), None)
+            found.append(_record(one, stage))
+    return tuple(found)
 
 
 def _record(found: Truncation, stage: Literal["before", "after"]) -> FrfTruncation:

@@ -240,9 +240,8 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
-    run.progress.step("truncation of the FRFs", 0, None)
-    before = frf_truncations(known.start, "before")
-    return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after"))}
+    before = frf_truncations(known.start, "before", run.progress)
+    return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
 
 
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:

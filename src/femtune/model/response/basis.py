@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.model.configured import ModelPoint
+from femtune.model.derivatives.chosen import subspace_derivative
 from femtune.model.derivatives.modes import complement
-from femtune.model.derivatives.streamed import derivatives_by_parameter
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
 TIMES_HIGHEST_LINE = 2.0
 """FRFs are superposed from the modes up to this many times the highest frequency line, where nothing else is stated."""
 _DEPENDENT, _ROUNDING = 1e-10, 1e-17
+_PART_OF_SPAN, _SLOPES = 1e-8, 1e-6
 Slopes = Callable[[Reals], Iterator[Reals]]
 """G (n_free, g) -> Q′ᵀG (r, g) by each parameter, for a basis Q; Q′ without its part in the span of Q.
 
@@ -79,24 +80,38 @@ def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals
 
     With A = Σ φφᵀ/λ over the other modes, A′ = −A K′ A − A (MΦΦᵀ)′ but for a part in the span of Φ.
     """
-    point, g = modes.point, columns.shape[1]
-    phi = modes.shapes[:, :keep]
-    columns = columns - (point.mass @ phi) @ (phi.T @ columns)
-    static = static_complement(modes, keep, columns) if vectors.shape[1] else np.zeros_like(columns)
-    rows, pushed = np.hstack([columns, point.mass @ static]), forces.T @ phi
-    for i, seen in enumerate(_outside(modes, keep, rows)):
+    point, phi = modes.point, modes.shapes[:, :keep]
+    few, back = _independent(columns, columns - (point.mass @ phi) @ (phi.T @ columns))
+    g = few.shape[1]
+    static = static_complement(modes, keep, few) if vectors.shape[1] else np.zeros_like(few)
+    pushed, inertia = forces.T @ phi, np.asarray(point.mass @ static)
+    outside = _outside(modes, keep, np.hstack([few, inertia]))
+    for i in range(point.n_parameters):
         by_stiffness = vectors.T @ (point.stiffness_derivatives[i] @ static)
-        by_modes = pushed @ (phi.T @ (point.mass_derivatives[i] @ static) + seen[:, g:])
-        yield np.vstack([seen[:, :g], -by_stiffness - by_modes])
+        by_modes = pushed @ (phi.T @ (point.mass_derivatives[i] @ static) + outside[i, :, g:])
+        yield np.vstack([outside[i, :, :g], -by_stiffness - by_modes]) @ back
 
 
-def _outside(modes: EigenSolution, keep: int, rows: Reals) -> Iterator[Reals]:
-    """Φ′ᵀ rows (keep, r) by each parameter, for rows that have no part in the modes."""
-    if not keep:
-        yield from (np.zeros((0, rows.shape[1])) for _ in range(modes.point.n_parameters))
-        return
-    for (one,) in derivatives_by_parameter(modes, [range(keep)]):
-        yield one.outside[:, :, 0].T @ rows
+def _independent(whole: Reals, columns: Reals) -> tuple[Reals, Reals]:
+    """Orthonormal U (n, k) and R (k, g) with `columns` = U R but for what is rounding of the `whole` ones (n, g)."""
+    size = np.linalg.norm(whole, axis=0)
+    scaled = columns / np.where(size > 0.0, size, 1.0)
+    U, R, order = la.qr(scaled, mode="economic", pivoting=True)
+    kept = np.abs(np.diag(R)) > _PART_OF_SPAN
+    back = np.empty((int(kept.sum()), len(order)))
+    back[:, order] = R[: len(back)] * size[order]
+    return np.asarray(U[:, : len(back)]), back
+
+
+def _outside(modes: EigenSolution, keep: int, rows: Reals) -> Reals:
+    """(p, keep, r) Φ′ᵀ rows by each parameter, for rows (n_free, r) that have no part in the modes."""
+    p, r = modes.point.n_parameters, rows.shape[1]
+    if not (keep and r and p):
+        return np.zeros((p, keep, r))
+    size = np.linalg.norm(rows, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    found = subspace_derivative(modes, range(keep), sp.csr_array((rows / size).T), _SLOPES)
+    return np.asarray(found.outside.transpose(2, 1, 0) * size)
 
 
 def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
