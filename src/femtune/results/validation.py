@@ -499,11 +499,13 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
     predicted : whether FRFs that were not used are beside those of the model
     responses : those of [response] at the end
     """
-    if not compares_frfs(study):
-        measured = any(r.frfs is not None and r.frfs.test_values_key for r in responses)
-        return () if predicted or measured else (_FORCED,)
     # no residual and no criterion compares the damping ratio of a mode
-    return (_DAMPING,) if predicted else (_DAMPING, _LEVELS)
+    if predicted:
+        return (_DAMPING,)
+    if compares_frfs(study):
+        return _DAMPING, _LEVELS
+    measured = any(r.frfs is not None and r.frfs.test_values_key for r in responses)
+    return () if measured else (_FORCED,)
 
 
 def compares_frfs(study: Study) -> bool:
