@@ -654,7 +654,7 @@ def _reason(result: UpdateResult, name: str) -> str:
 
 def _bound(result: UpdateResult, name: str) -> BoundState:
     for i, p in enumerate(result.parameters.free):
-        if p.name == name and name in result.history[-1].at_bound:
+        if p.name == name and name in result.at_bound:
             lower, upper = result.parameters.bounds
             return "lower" if result.x[i] - lower[i] < upper[i] - result.x[i] else "upper"
     return ""

@@ -332,8 +332,8 @@ class _Search:
             result = update(self.problem, self.method, start=self.problem.start(x), active=self.active)
         except FemtuneError as error:
             return StartResult(so_far.number, so_far.start, x, np.nan, None, tries, iterations, error.what)
-        objective = result.history[-1].objective
-        if self.best is None or objective < self.best.history[-1].objective:
+        objective = result.objective
+        if self.best is None or objective < self.best.objective:
             self.best = result
         iterations += len(result.history) - 1
         return StartResult(so_far.number, so_far.start, result.x, objective, result.status, tries, iterations)
