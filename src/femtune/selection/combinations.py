@@ -33,7 +33,7 @@ def determined(singular_values: Reals) -> NDArray[np.bool_]:
 
 def determined_combinations(scaled: Reals) -> int:
     """How many combinations a Jacobian (n, k) by parameters in prior standard deviations determines."""
-    return int(determined(np.linalg.svd(scaled, compute_uv=False)).sum())
+    return int(determined(np.asarray(np.linalg.svd(scaled, compute_uv=False), dtype=float)).sum())
 
 
 WEAK = 0.5

@@ -80,12 +80,12 @@ class LocalModel:
     def compressed(self) -> tuple[Reals, Reals]:
         """Residuals and Jacobian by no more rows than there are parameters.
 
-        What is left out is the part of the residuals that no parameter changes: it has no effect on a step but rounding.
+        The part of the residuals that no parameter changes is left out: it has no effect on a step but rounding.
         """
         n, k = self.jacobian.shape
         if n <= k:
             return self.residuals, self.jacobian
-        rows = np.linalg.qr(np.column_stack([self.jacobian, self.residuals]), mode="r")[:k]
+        rows = np.asarray(np.linalg.qr(np.column_stack([self.jacobian, self.residuals]), mode="r"))[:k]
         return rows[:, -1], rows[:, :-1]
 
     def step(self, damping: float = LEAST) -> Reals:

@@ -341,8 +341,8 @@ class _Search:
     def _phase(self, phase: UpdateProblem, x: Reals) -> tuple[Reals, int]:
         """Final point and iterations of a first phase; none if it cannot be solved."""
         try:
-            result = update(phase, replace(self.method, regularisation=NoRegularisation()), start=phase.start(x),
-                            active=self.active)  # fmt: skip
+            method = replace(self.method, regularisation=NoRegularisation(), smallest_change=0.0)
+            result = update(phase, method, start=phase.start(x), active=self.active)
         except FemtuneError:
             return x, 0
         return result.x, len(result.history) - 1
