@@ -191,7 +191,7 @@ class SensitivityMethod:
     Parameters
     ----------
     max_iterations : accepted steps at most
-    tolerance : largest change of a normalised parameter that counts as none
+    tolerance : largest change that counts as none, relative to a parameter's size or prior standard deviation
     regularisation : side constraints, settled at the first iteration and kept
     search : how the length of a step is found
     adapt : whether a weight that a rule finds is found again at every iteration, instead of being kept from the first
@@ -365,7 +365,11 @@ class _Update:
             return 0.0
         local = self.walk.local(point)
         d = local.step()
-        return 0.0 if np.abs(d).max(initial=0.0) <= self.method.tolerance else local.gain(d)
+        return 0.0 if self._none(local, d) else local.gain(d)
+
+    def _none(self, local: LocalModel, d: Reals) -> bool:
+        """True if a step changes nothing."""
+        return bool(np.abs(d / local.scale).max(initial=0.0) <= self.method.tolerance)
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
         """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
@@ -374,7 +378,7 @@ class _Update:
         while trying is not None:
             state = trying
             d = search.step(local, state)
-            if np.abs(d).max(initial=0.0) <= self.method.tolerance:
+            if self._none(local, d):
                 break
             trial = self._try(point, d)
             gain = -1.0 if trial is None else self._gain(local, d, point, trial)
