@@ -111,7 +111,10 @@ def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays:
     }  # fmt: skip
     document = build_report(Results.model_validate(data), arrays)
     text = " ".join(_texts(_section(document, "convergence")).split())
-    assert "exceeds the minimum within the bounds by at most 0.25: χ² is 13.56 at the minimum and 13.8" in text
+    assert (
+        "exceeds the minimum within the bounds by at most 0.25: χ² is 13.56 at the minimum, and 0.24 more in the result"
+        in text
+    )
     assert "2 prior standard deviations long, against 7.5 at the minimum" in text
     assert "where Icx2 would be at a bound" in text
 

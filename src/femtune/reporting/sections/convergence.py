@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.convergence import convergence_svg
-from femtune.reporting.numbers import NONE, counted, percent, short
+from femtune.reporting.numbers import NONE, counted, percent, short, value
 from femtune.reporting.sections.parameters import places
 from femtune.reporting.sections.stages import stages
 from femtune.reporting.sections.starts import reduced_models, starts, weight_choice
@@ -107,7 +107,7 @@ def _optimality(update: UpdateResults) -> list[Block]:
         f"would reduce the sum of squares by {short(found.predicted_decrease)} of its value; {bounds}."
     )
     if small is None:
-        which = f"The result is the minimum within the bounds: χ² = {short(update.chi_square)}."
+        which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
         return [Paragraph(f"{which} {conditions}")]
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
 
@@ -118,8 +118,8 @@ def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str
     return (
         "The data leave combinations of the parameters undetermined, so that noise decides where the minimum of χ² "
         "lies. The result is the smallest change from the nominal values, in prior standard deviations, whose χ² "
-        f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {short(small.chi_square)} at "
-        f"the minimum and {short(small.chi_square + small.increase)} in the result. The change is {short(small.size)} "
+        f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
+        f"the minimum, and {short(small.increase)} more in the result. The change is {short(small.size)} "
         f"prior standard deviations long, against {short(small.optimum_size)} at the minimum (iteration {last[-1]}), "
         f"where {at_bound} would be at a bound."
     )
