@@ -53,7 +53,7 @@ def frf_truncations(
     at: Evaluation, stage: Literal["before", "after"], progress: Progress = silent
 ) -> tuple[FrfTruncation, ...]:
     """Those of all FRF residuals at an evaluated point of the update."""
-    found = []
+    found: list[FrfTruncation] = []
     for state in at.states:
         for one in truncations(state):
             progress.step(f"truncation of the FRFs, {stage}: {state.case.name}", len(found), None)
