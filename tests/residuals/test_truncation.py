@@ -1,4 +1,4 @@
-"""Error of superposed FRFs beside the inverse of the dynamic stiffness, and the modes that are used without a number."""
+"""Error of superposed FRFs beside the inverse of the dynamic stiffness, and how many modes are used by default."""
 
 from __future__ import annotations
 

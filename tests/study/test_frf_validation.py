@@ -84,6 +84,12 @@ def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     assert "forced response" not in alert.sentence
     page = Path(steps.report(run.folder)).read_text()
     assert "Measured FRFs that the update did not use" in page
+    assert "Measured FRFs of as the deck that the update did not use, and those of the updated model" in page
+    (curves,) = found.curves
+    test = run.arrays[curves.test_values_key]
+    known = [curves.outputs[i] for i in np.flatnonzero(np.isfinite(test).any(axis=(1, 2)))]
+    assert known == ["12Y+"]
+    assert run.arrays[curves.values_key].shape == test.shape == (3, 1, len(LINES))
 
 
 def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frfs: Bench) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import Record
+from femtune.results.correlation import array_prefix
 from femtune.results.criteria import of_frfs
 from femtune.validation.frfs import PredictedFrfs
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.model import EigenSolution
+    from femtune.model.response import Kind
 
 
 class PredictedFrf(Record):
@@ -66,19 +68,71 @@ class PredictedResonance(Record):
     """That of the nearest peak of the model; None if there is none within 20 %."""
 
 
+class PredictedCurves(Record):
+    """Measured FRFs of a configuration that the update did not use, line by line, and those of the updated model."""
+
+    configuration: str
+    """Name of the configuration."""
+    data: str
+    """Kind of data: "unused FRFs", "modified structure" …"""
+    kind: Literal["receptance", "mobility", "accelerance"]
+    """Motion over force: displacement, velocity or acceleration."""
+    outputs: tuple[str, ...]
+    """DOFs of the first axis of the values."""
+    inputs: tuple[str, ...]
+    """DOFs of the second axis."""
+    freq_key: str
+    """Key of the frequency lines, shape (lines,), Hz."""
+    values_key: str
+    """Key of the values of the model, complex, shape (outputs, inputs, lines)."""
+    test_values_key: str
+    """Key of the measured values, likewise; NaN where the update used them or nothing was measured."""
+
+
 @dataclass(frozen=True, eq=False)
 class UnusedFrfs:
-    """Measured FRFs of a configuration that the update did not use; `found` is None with the reason in `why`."""
+    """Measured FRFs of a configuration that the update did not use.
+
+    Parameters
+    ----------
+    found : they and those of the model; None with the reason in `why`
+    key : head of the keys of their arrays
+    """
 
     case: StudyCase
     found: PredictedFrfs | None
     why: str = ""
+    key: str = ""
+
+    def keep(self, arrays: dict[str, NDArray]) -> None:
+        """Put lines and values into the arrays of the results."""
+        if self.found is not None:
+            arrays[f"{self.key}_hz"] = self.found.freq_hz
+            arrays[f"{self.key}_values"] = self.found.model
+            arrays[f"{self.key}_test_values"] = self.found.test
+
+    def curves(self, data: str) -> Iterable[PredictedCurves]:
+        """The record of these arrays."""
+        if self.found is not None and self.case.test is not None and self.case.test.frfs is not None:
+            yield PredictedCurves(
+                configuration=self.case.name,
+                data=data,
+                kind=cast("Kind", self.case.test.frfs.kind),
+                outputs=tuple(self.found.outputs),
+                inputs=tuple(self.found.inputs),
+                freq_key=f"{self.key}_hz",
+                values_key=f"{self.key}_values",
+                test_values_key=f"{self.key}_test_values",
+            )
 
 
-def unused_frfs(study: Study, x: Reals, progress: Progress = silent) -> tuple[UnusedFrfs, ...]:
+def unused_frfs(
+    study: Study, x: Reals, arrays: dict[str, NDArray], progress: Progress = silent
+) -> tuple[UnusedFrfs, ...]:
     """Those of all configurations with a test, if the study compares FRFs or has criteria for them.
 
-    What cannot be computed is not tested, with the reason: the update does not depend on it.
+    What cannot be computed is not tested, with the reason: the update does not depend on it. Lines and values are put
+    into `arrays`.
     """
     if not of_frfs(study) and not _entries(study):
         return ()
@@ -86,7 +140,9 @@ def unused_frfs(study: Study, x: Reals, progress: Progress = silent) -> tuple[Un
     for i, case in enumerate(cases):
         progress.step(f"FRFs that were not used: {case.name}", i, len(cases))
         try:
-            out.append(_unused(study, case, x))
+            found = replace(_unused(study, case, x), key=f"{array_prefix('after', case.name, i + 1)}/unused_frf")
+            found.keep(arrays)
+            out.append(found)
         except FemtuneError as error:
             out.append(UnusedFrfs(case, None, f"{error.what} ({error.code})"))
     return tuple(out)

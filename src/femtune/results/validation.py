@@ -13,7 +13,13 @@ from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidua
 from femtune.residuals import state_at
 from femtune.results.base import Record, VerdictWord
 from femtune.results.criteria import criteria_profile, of_frfs
-from femtune.results.frf_validation import PredictedFrf, PredictedResonance, predicted_frfs, predicted_resonances
+from femtune.results.frf_validation import (
+    PredictedCurves,
+    PredictedFrf,
+    PredictedResonance,
+    predicted_frfs,
+    predicted_resonances,
+)
 from femtune.updating.covariance import parameter_covariance
 from femtune.validation import (
     assess,
@@ -143,6 +149,8 @@ class ValidationResults(Record):
     """Measured FRFs that were not used, beside those of the updated model."""
     resonances: tuple[PredictedResonance, ...] = ()
     """Resonance peaks of these FRFs."""
+    curves: tuple[PredictedCurves, ...] = ()
+    """These FRFs line by line, by configuration."""
 
 
 class KindOfResiduals(Record):
@@ -316,6 +324,7 @@ def validation(
         verdicts=tuple(verdicts),
         frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
         resonances=tuple(r for one in frfs for r in predicted_resonances(one)),
+        curves=tuple(c for one in frfs for c in one.curves(_frf_data(study, one.case))),
         held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
         shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
     )

@@ -251,7 +251,7 @@ def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 
 def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    return {"unused_frfs": unused_frfs(run.study, known.parameters.result.x, run.progress)}
+    return {"unused_frfs": unused_frfs(run.study, known.parameters.result.x, arrays, run.progress)}
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
