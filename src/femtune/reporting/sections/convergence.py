@@ -87,7 +87,7 @@ def _truncated(t: FrfTruncation) -> tuple[Cell, ...]:
         str(len(t.lines_hz)),
         short(t.largest_sd),
         short(t.rms_sd),
-        percent(t.largest_percent),
+        short(t.largest_percent),
         Cell("none") if t.small else missing,
     )
 
