@@ -38,6 +38,7 @@ from femtune.files.nastran.inventory import (
     missing_notice,
     take_inventory,
 )
+from femtune.files.nastran.left_out import left_out
 from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
@@ -115,7 +116,7 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
 
 
 def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool) -> None:
-    building.notices += [*ignored_notices(cards), *ignored_params(building.deck)]
+    building.notices += [*ignored_notices(cards), *ignored_params(building.deck), *left_out(building.deck)]
     missing = [count for count in cards if count.use == MISSING]
     if allow_missing:
         building.notices += [missing_notice(count) for count in missing]
