@@ -215,8 +215,10 @@ def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> S
     ------
     FemtuneError : as `with_modes`
     """
+    if count is None and max_hz is None:
+        return study
     file = with_modes(study.file, count, max_hz)
-    count, max_hz = file.modes.wanted, file.modes.max_hz
+    count, max_hz = file.modes.count, file.modes.max_hz
     cases = []
     for case in study.cases:
         compared = None if case.compared is None else replace(case.compared, count=count, max_hz=max_hz)
