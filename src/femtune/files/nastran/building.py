@@ -85,7 +85,7 @@ class Building:
             with self.errors.catch():
                 number = record.card.integer(record.start)
                 if number < 1:
-                    raise record.card.error("deck.field-value/number", index=record.start, what=what)
+                    raise record.card.error("deck.field-value/number", index=record.start, kind=what)
                 if number in found:
                     raise duplicate(record.card, f"{what} {number}", found[number].card)
                 found[number] = record
