@@ -42,8 +42,10 @@ _FACTORS = {
     304.8: "feet where the model has millimetres",
     1.0 / 304.8: "millimetres where the model has feet",
 }
-# how near to a factor the ratio of extents must be, and the least number of places
-_NEAR_EXTENT, _NEAR_FIT, _LEAST_PLACES = 0.15, 0.03, 4
+# how near to a factor the ratio of places must be, and their least number
+_NEAR_FIT, _LEAST_PLACES = 0.03, 4
+# extents differ by a factor of this size or more; the sensors cover 45 to 110 % of the extent of the model
+_LARGE_FACTOR, _COVERED = 9.9, (0.9, 2.2)
 
 
 @dataclass(frozen=True)
@@ -381,12 +383,12 @@ def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Reque
         return ()
     points = np.array([p for p, _ in pairs])
     grids = np.array([request.nodes.xyz[request.nodes.position(m.node or 0)] for _, m in pairs])
-    if all(m.how == "nearest" for _, m in pairs):
-        collapsed = 2 * len({m.node for _, m in pairs}) <= len(np.unique(points, axis=0))
-        ratio, near = (_extent_ratio(points, request.nodes.xyz), _NEAR_EXTENT) if collapsed else (1.0, _NEAR_EXTENT)
+    if any(m.how != "nearest" for _, m in pairs):
+        words = _fitted_words(_fitted_ratio(points, grids))
+    elif 2 * len({m.node for _, m in pairs}) <= len(np.unique(points, axis=0)):
+        words = _extent_words(points, request.nodes.xyz)
     else:
-        ratio, near = _fitted_ratio(points, grids), _NEAR_FIT
-    words = _length_words(ratio, near)
+        words = ""
     return (Notice("sensor.units", words=words),) if words else ()
 
 
@@ -399,18 +401,22 @@ def _fitted_ratio(points: Reals, grids: Reals) -> float:
     return ratio if ratio > 0.0 and left <= _NEAR_FIT * np.linalg.norm(grids) else 1.0
 
 
-def _extent_ratio(points: Reals, grids: Reals) -> float:
-    """Ratio of the largest extent of the model to that of the test; 1 where one has none."""
+def _fitted_words(ratio: float) -> str:
+    """The units that a ratio of places belongs to; "" where it is near 1 or none that is known."""
+    factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
+    near = abs(np.log(ratio / factor)) <= _NEAR_FIT
+    return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
+
+
+def _extent_words(points: Reals, grids: Reals) -> str:
+    """The units that the ratio of the largest extents of model and test belongs to; "" where there are none."""
     of_test, of_model = (float(np.ptp(x, axis=0).max()) if len(x) else 0.0 for x in (points, grids))
-    return of_model / of_test if of_test > 0.0 and of_model > 0.0 else 1.0
-
-
-def _length_words(ratio: float, near: float) -> str:
-    """The units that a ratio of lengths belongs to; "" where it is near 1 or none that is known."""
-    closest = min(_FACTORS, key=lambda factor: abs(np.log(ratio / factor)))
-    if not _FACTORS[closest] or abs(np.log(ratio / closest)) > near:
+    if not (0.0 < of_test < np.inf and of_model > 0.0):
         return ""
-    return _in_words(_FACTORS[closest], closest, "X, Y, Z")
+    ratio, (least, most) = of_model / of_test, _COVERED
+    large = (f for f in _FACTORS if max(f, 1.0 / f) >= _LARGE_FACTOR and least <= ratio / f <= most)
+    factor = min(large, key=lambda known: abs(np.log(ratio / known)), default=1.0)
+    return _in_words(_FACTORS[factor], factor, "X, Y, Z")
 
 
 def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
@@ -425,7 +431,7 @@ def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Reque
     points = np.array([u.position for u in unmatched])
     guess = request.search.looks_like(points) if len(unmatched) == total else ""
     if not guess and 2 * len(unmatched) > total >= _LEAST_PLACES:
-        guess = _length_words(_extent_ratio(points, request.nodes.xyz), _NEAR_EXTENT)
+        guess = _extent_words(points, request.nodes.xyz)
     return FemtuneError(
         "sensor.unmatched",
         values=values,

@@ -42,12 +42,12 @@ def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice
     ratio = float(np.median(ratios))
     if np.abs(np.log(ratios / ratio)).max() > _SPREAD:
         return ()
-    for factor, cause in FACTORS.items():
-        for of_model, word in ((factor, "higher"), (1.0 / factor, "lower")):
-            if abs(np.log(ratio / of_model)) < _NEAR:
-                size = max(ratio, 1.0 / ratio)
-                return (Notice("correlate.unit-factor", modes=len(ratios), ratio=size, word=word, cause=cause),)
-    return ()
+    size = max(ratio, 1.0 / ratio)
+    factor = min(FACTORS, key=lambda known: abs(np.log(size / known)))
+    if abs(np.log(size / factor)) > _NEAR:
+        return ()
+    word = "higher" if ratio > 1.0 else "lower"
+    return (Notice("correlate.unit-factor", modes=len(ratios), ratio=size, word=word, cause=FACTORS[factor]),)
 
 
 def _ratios(test: ModeSet, model: ModeSet) -> Reals:

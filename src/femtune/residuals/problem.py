@@ -184,5 +184,9 @@ def _largest(block: ResidualBlock) -> float:
 
 def _no_pairs(state: CaseState) -> FemtuneError:
     """The error that no test mode found a partner."""
-    reasons = {u.test: u.reason for u in pair_case(state.case, state.solution).unpaired_test}
-    return no_pairs(state.case.test, reasons, f"configuration {state.case.name}")
+    pairing = pair_case(state.case, state.solution)
+    reasons = {u.test: u.reason for u in pairing.unpaired_test}
+    error = no_pairs(state.case.test, reasons, f"configuration {state.case.name}")
+    for notice in unit_factor(state.case.test, modes_at_sensors(state.case, state.solution), pairing):
+        error.hint = notice.what
+    return error
