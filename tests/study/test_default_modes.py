@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.files.nastran import read_deck
@@ -84,6 +85,7 @@ def test_no_more_than_a_limit_and_a_notice(tmp_path: Path, monkeypatch: pytest.M
     assert found.wanted == 30
     (notice,) = [n for n in found.notices if n.code == "eigen.many-modes"]
     assert notice.what.startswith("the model has 50 modes up to ")
+    check_shown("eigen.many-modes", notice)
 
 
 def test_reduced_models_do_the_same(tmp_path: Path) -> None:

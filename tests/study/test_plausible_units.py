@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.assembly.plausible_units import COMMON, SYSTEMS
@@ -17,6 +18,8 @@ from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.modal import ModeSet
 from femtune.units import unit_system
+
+from .conftest import EI
 
 Bench = Any
 MATERIAL = "MAT1    1       2.1+11          0.3     7850."
@@ -34,6 +37,7 @@ def _mat1(modulus: float, density: float) -> str:
     return f"MAT1*   1               {modulus:16.9E}                {0.3:16.3f}\n*       {density:16.9E}"
 
 
+MIXED = "the modulus is that of steel in mm-t-s, but the density in m-kg-s"
 WRONG = {
     "tonnes and millimetres": ((2.1e5, 7.85e-9), "m-kg-s", "", "in mm-t-s they are those of steel"),
     "kilograms and millimetres": ((2.1e8, 7.85e-6), "mm-t-s", "", "in mm-kg-s they are those of steel"),
@@ -42,14 +46,13 @@ WRONG = {
     "weight in inches": ((3.0e7, 0.283), "in-slinch-s", "", "PARAM WTMASS = 0.0025901"),
     "weight in millimetres": ((2.1e5, 7.7e-5), "mm-t-s", "", "PARAM WTMASS = 0.00010197"),
     "weight in SI": ((2.1e11, 77000.0), "m-kg-s", "", "PARAM WTMASS = 0.10197"),
-    "modulus in MPa": ((2.1e5, 7850.0), "m-kg-s", "", "the modulus is that of steel in mm-t-s, but the density in m-kg-s"),
-    "density in kg/m³": ((2.1e5, 7850.0), "mm-t-s", "", "the modulus is that of steel in mm-t-s, but the density in m-kg-s"),
+    "modulus in MPa": ((2.1e5, 7850.0), "m-kg-s", "", MIXED),
+    "density in kg/m³": ((2.1e5, 7850.0), "mm-t-s", "", MIXED),
     "density in g/cm³": ((2.1e11, 7.85e-6), "m-kg-s", "", "but the density in mm-kg-s"),
-    "WTMASS applied to masses": ((3.0e7, 7.33e-4), "in-slinch-s", "PARAM,WTMASS,.00259\n", "in in-slinch-s"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [n for n in WRONG if n != "WTMASS applied to masses"])
+@pytest.mark.parametrize("name", WRONG)
 def test_materials_of_other_units_are_warned_of(bench: Bench, name: str) -> None:
     values, units, more, text = WRONG[name]
     (what,) = _notices(bench, _mat1(*values), units, more)
@@ -76,6 +79,16 @@ def test_common_materials_in_their_units_are_not(bench: Bench, name: str, units:
 def test_fictitious_and_unusual_materials_are_not(bench: Bench, values: tuple[float, float], more: str) -> None:
     """Smeared masses, rubber, foam, rigid bars, unit values, massless ones, and any beside a possible material."""
     assert _notices(bench, _mat1(*values), "m-kg-s", more) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("", (2.1e5, 7.85e-9)), (", weight density", (2.1e11, 77000.0)), (", two systems", (2.1e5, 7850.0))],
+)
+def test_the_message(bench: Bench, name: str, values: tuple[float, float]) -> None:
+    bench.write("beam.bdf", bench.text.replace(MATERIAL, _mat1(*values)))
+    (notice,) = [n for n in load_study(bench.study("", test=None)).notices if n.code == "study.units-doubtful"]
+    check_shown(f"study.units-doubtful{name}", str(notice).replace(f"{bench.folder}/", ""))
 
 
 def test_weight_density_with_wtmass_is_right(bench: Bench) -> None:
@@ -129,6 +142,10 @@ def test_the_correlation_says_it(bench: Bench) -> None:
     (found,) = steps.correlate(bench.study("")).records
     (alert,) = [n for n in found.alerts if n.code == "correlate.unit-factor"]
     assert "31.62 times higher" in alert.sentence
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(bench.study(EI))
+    assert caught.value.code == "correlate.no-pairs"
+    assert "31.62 times higher" in str(caught.value.hint)
 
 
 # ----------------------------------------------------------------------------------------------------

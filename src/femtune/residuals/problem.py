@@ -10,11 +10,12 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.correlation import no_pairs
+from femtune.correlation.unit_factor import unit_factor
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
-from femtune.residuals.pairing import keep_paired, pair_case
+from femtune.residuals.pairing import keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from femtune.errors import FemtuneError
-from femtune.files.nastran.edit import edit_fields
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.edit import edit_fields
 
 DeckOf = Callable[..., Deck]
 

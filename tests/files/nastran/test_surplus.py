@@ -8,8 +8,8 @@ import pytest
 
 from femtune.errors import FemtuneErrors
 from femtune.files.nastran.build import build_structure
-from femtune.files.nastran.surplus import surplus_fields
 from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.surplus import surplus_fields
 
 DeckOf = Callable[..., Deck]
 
@@ -44,7 +44,8 @@ def test_fields_that_a_card_does_not_have_are_warned_of(deck_of: DeckOf, text: s
     "text",
     ["MAT1,1,2.1+11,,.3,7850.,1.-5,20.,.01\n,2.+8,2.+8,2.+8,4\n", "SPC1,1,123,1,2,3,4,5,6\n,7,8,9\n",
      "EIGR,1,MGIV,0.,100.,5,5,,1.-4\n,MAX\n", "PBAR,1,1,.01,1.-6,1.-6,1.-6\n,1.,1.,1.,1.,1.,1.,1.,1.\n,.8,.8,0.\n",
-     "PELAS,1,2.,,,2,3.\n", "PARAM,GRDPNT,0\n", "CORD2R,1,0,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n", "PSHELL,1,1,.1,1,,1,,0.\n,1.,2.,1\n",
+     "PELAS,1,2.,,,2,3.\n", "PARAM,GRDPNT,0\n", "CORD2R,1,0,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n",
+     "PSHELL,1,1,.1,1,,1,,0.\n,1.,2.,1\n",
      "CHEXA,1,1,1,2,3,4,5,6\n,7,8,9,10,11,12,13,14\n,15,16,17,18,19,20\n", "FORCE,1,2,3,4.,5.,6.,7.,8\n,9\n",
      "MPC,1,1,1,1.,2,1,-1.\n,,3,1,.5\n", "PBARL,5,1,,BAR\n,1.,2.,5.\n",
      "GRID           1              0.      0.      0.                        00000010\n"],

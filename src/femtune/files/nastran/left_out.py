@@ -14,15 +14,15 @@ _OF_STATSUB = ("", "(PRELOAD)")
 
 # commands that change stiffness or mass, with the wording of the warning
 _COMMANDS = {
-    "NLIC": "nonlinear",
-    "MFLUID": "fluid",
-    "A2GG": "fluid",
-    "BGSET": "glue",
-    "BCSET": "contact",
-    "BCTABLE": "contact",
-    "BCONTACT": "contact",
-    "BOLTLD": "bolts",
-    "RGYRO": "rotation",
+    "NLIC": "deck.left-out/nonlinear",
+    "MFLUID": "deck.left-out/fluid",
+    "A2GG": "deck.left-out/fluid",
+    "BGSET": "deck.left-out/glue",
+    "BCSET": "deck.left-out/contact",
+    "BCTABLE": "deck.left-out/contact",
+    "BCONTACT": "deck.left-out/contact",
+    "BOLTLD": "deck.left-out/bolts",
+    "RGYRO": "deck.left-out/rotation",
 }
 
 
@@ -62,9 +62,9 @@ def _nonlinear(deck: Deck) -> Iterator[Notice]:
 
 def _commands(deck: Deck) -> Iterator[Notice]:
     for command in deck.case_control.effective:
-        variant = _COMMANDS.get(command.name)
-        if variant and command.value.upper() not in ("NONE", "NO", "0"):
-            yield Notice(f"deck.left-out/{variant}", where=command.where, request=_text(command))
+        code = _COMMANDS.get(command.name)
+        if code and command.value.upper() not in ("NONE", "NO", "0"):
+            yield Notice(code, where=command.where, request=_text(command))
 
 
 def _text(command: CaseCommand) -> str:
