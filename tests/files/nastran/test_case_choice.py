@@ -37,11 +37,12 @@ def _case(deck_of: DeckOf, case: str, solution: str = "103") -> CaseControl:
 
 CHOICES = {
     "METHOD in the second": ("SUBCASE 1; SPC=1; LOAD=3; SUBCASE 2; SPC=2; METHOD=5", (2, 2, 5), "info"),
-    "ANALYSIS in the second": ("METHOD=5; SUBCASE 1; SPC=1; ANALYSIS=STATICS; SUBCASE 2; SPC=2; ANALYSIS=MODES", (2, 2, 5),
-                               "info"),
+    "ANALYSIS in the second":
+        ("METHOD=5; SUBCASE 1; SPC=1; ANALYSIS=STATICS; SUBCASE 2; SPC=2; ANALYSIS=MODES", (2, 2, 5), "info"),
     "METHOD of buckling": ("SUBCASE 1; SPC=1; ANALYSIS=BUCK; METHOD=6; SUBCASE 2; SPC=2; ANALYSIS=MODES; METHOD=5",
                            (2, 2, 5), "info"),
-    "several METHOD": ("SUBCASE 1; SPC=1; SUBCASE 2; SPC=2; METHOD=6; SUBCASE 3; SPC=1; METHOD=5", (2, 2, 6), "warning"),
+    "several METHOD":
+        ("SUBCASE 1; SPC=1; SUBCASE 2; SPC=2; METHOD=6; SUBCASE 3; SPC=1; METHOD=5", (2, 2, 6), "warning"),
     "METHOD for all": ("METHOD=5; SUBCASE 1; SPC=2; SUBCASE 2; SPC=1", (1, 2, 5), "warning"),
     "METHOD for all, one is a preload": ("METHOD=5; SUBCASE 1; SPC=2; SUBCASE 2; SPC=1; STATSUB=1", (2, 1, 5), "info"),
     "no METHOD": ("SUBCASE 1; SPC=1; SUBCASE 2; SPC=2", (1, 1, None), "warning"),
@@ -49,7 +50,8 @@ CHOICES = {
     "combination": ("SUBCASE 1; SPC=2; METHOD=5; SUBCOM 9; SUBSEQ=1.; SPC=1; METHOD=6", (1, 2, 5), None),
     "one subcase": ("SPC=1; SUBCASE 4; SPC=2; METHOD=5", (4, 2, 5), None),
     "step": ("SPC=1; SUBCASE 1; STEP 1; LOAD=3; STEP 2; ANALYSIS=MODES; METHOD=5; SPC=2", (1, 2, 5), "info"),
-    "step inherits": ("SUBCASE 1; SPC=2; STEP 1; ANALYSIS=NLSTATICS; STEP 2; ANALYSIS=MODES; METHOD=5", (1, 2, 5), "info"),
+    "step inherits":
+        ("SUBCASE 1; SPC=2; STEP 1; ANALYSIS=NLSTATICS; STEP 2; ANALYSIS=MODES; METHOD=5", (1, 2, 5), "info"),
 }  # fmt: skip
 
 

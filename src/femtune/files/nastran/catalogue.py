@@ -170,44 +170,11 @@ _STARTS = {
 
 
 # cards with a list at their end
-_OPEN = frozenset(
-    [
-        "SPOINT",
-        "CORD1R",
-        "CORD1C",
-        "CORD1S",
-        "PCOMP",
-        "PCOMPG",
-        "PBEAM",
-        "PBARL",
-        "PBEAML",
-        "PBCOMP",
-        "PBUSH",
-        "PBUSH1D",
-        "RBE2",
-        "RBE1",
-        "RBE3",
-        "MPC",
-        "MPCADD",
-        "SPC1",
-        "SPCADD",
-        "ASET1",
-        "OMIT1",
-        "BSET1",
-        "CSET1",
-        "QSET1",
-        "BNDFIX1",
-        "BNDFRE1",
-        "USET1",
-        "NSM",
-        "NSM1",
-        "NSML",
-        "NSML1",
-        "NSMADD",
-        "EIGRL",
-        "TABDMP1",
-    ]
-)
+_OPEN_NAMES = """
+    SPOINT CORD1R CORD1C CORD1S PCOMP PCOMPG PBEAM PBARL PBEAML PBCOMP PBUSH PBUSH1D RBE2 RBE1 RBE3 MPC MPCADD
+    SPC1 SPCADD ASET1 OMIT1 BSET1 CSET1 QSET1 BNDFIX1 BNDFRE1 USET1 NSM NSM1 NSML NSML1 NSMADD EIGRL TABDMP1
+"""
+_OPEN = frozenset(_OPEN_NAMES.split())
 # numbers of fields where a card has more than those that are read: allowable stresses, thermal expansion, pairs
 _LENGTHS = {
     "MAT1": 12,

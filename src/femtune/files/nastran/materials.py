@@ -103,7 +103,7 @@ class Materials:
         return given
 
     def _shear(self, record: CardEntry, mid: int) -> int:
-        """G of a card that gives E and ν too: it follows them where the material is isotropic, else it is a value alone.
+        """G of a card that gives E and ν too: it follows them where the material is isotropic, else it is on its own.
 
         It follows in the ratio that the card has, so that the values of the deck are kept to the last digit.
         """

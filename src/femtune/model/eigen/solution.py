@@ -86,7 +86,9 @@ def solve_modes(
     """The `count` lowest modes, or all up to `max_hz` but at least one.
 
     Where neither is given, there are ten elastic modes (`default_count`) beside the rigid-body modes. Where both are,
-    all up to `max_hz`, at least `count` elastic ones, and at most as many as `MOST_MODES`, with a notice. That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
+    all up to `max_hz`, at least `count` elastic ones, and at most as many as `MOST_MODES`, with a notice.
+
+    That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
 
     Parameters
     ----------

@@ -51,7 +51,9 @@ class ReducedModes:
 
 
 def reduced_modes(point: ReducedPoint, count: int | None = None, max_hz: float | None = None) -> ReducedModes:
-    """Modes by a dense solution: the `count` lowest or those up to `max_hz`; without one and with both as `solve_modes`.
+    """Modes by a dense solution: the `count` lowest or those up to `max_hz`.
+
+    Their number without either, and with both, is that of `solve_modes`.
 
     Raises
     ------
