@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from femtune.correlation import NotTested, correlate, reduce_mass
 from femtune.residuals import modes_at_sensors
-from femtune.results.base import ModelVersion, Record, VerdictWord
+from femtune.results.base import Alert, ModelVersion, Record, VerdictWord
+from femtune.results.model import alert_of
 from femtune.validation import assess
 
 if TYPE_CHECKING:
     from femtune.correlation import Correlation, Pair
+    from femtune.errors import Notice
     from femtune.model import EigenSolution
     from femtune.residuals import ComparedCase
     from femtune.validation import Criterion, Verdict
@@ -164,6 +166,8 @@ class CorrelationResults(Record):
     """Number of rigid-body modes of the model; 0 in older results without this field."""
     mac_gate: float | None = None
     """Smallest MAC of a pair required by the study, 0 to 1; None if not recorded."""
+    alerts: tuple[Alert, ...] = ()
+    """Findings of the comparison and of the solution of the modes, such as sensors that move against the model."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -207,10 +211,12 @@ def correlation_results(
     arrays: Arrays,
     criteria: Sequence[Criterion],
     rigid: int = 0,
+    notices: Sequence[Notice] = (),
 ) -> CorrelationResults:
     """The record; its matrices are put into `arrays` under keys that begin with `prefix`.
 
-    `criteria` are those requested in the study, `rigid` is the number of rigid-body modes of the model.
+    `criteria` are those requested in the study, `rigid` is the number of rigid-body modes of the model, `notices` are
+    those of the solution.
     """
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
@@ -241,6 +247,7 @@ def correlation_results(
         cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
         cross_orthogonality_dropped=c.orthogonality_dropped,
         criteria=tuple(_criterion(v) for v in assess(c, criteria)),
+        alerts=tuple(alert_of(notice) for notice in (*notices, *c.notices)),
     )
 
 

@@ -63,7 +63,8 @@ def correlate(
     arrays: dict[str, NDArray[Any]] = {}
     with looking_up(study, fresh) as found:
         records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
-    return CorrelateResult(records, arrays=arrays, remarks=tuple(found.remarks))
+    remarks = [f"[{a.code}] {a.sentence}" for record in records for a in record.alerts if a.level != "info"]
+    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks))
 
 
 @checked
