@@ -97,7 +97,9 @@ def _settled_functions(
 def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Notice, ...]:
     """Says so where [modes] has fewer modes than the lines need."""
     case = state.case
-    if way.limit or way.modes is None or way.modes == (case.count, case.max_hz):
+    # [modes] has one of the two keys; without it both may be set, or none
+    stated = (case.count is None) != (case.max_hz is None)
+    if way.limit or way.modes is None or way.modes == (case.count, case.max_hz) or not stated:
         return ()
     few = f"count = {case.count}" if case.max_hz is None else f"max_hz = {case.max_hz:g}"
     return (

@@ -52,10 +52,10 @@ class ModelWay:
         if self.modes is not None or not self.needs_modes(state.full):
             return self
         case, top = state.case, TIMES_HIGHEST_LINE * highest_hz
-        if case.max_hz is not None and case.max_hz >= top:
-            return replace(self, modes=(None, case.max_hz))
         number = full_modes(state, (None, top)).wanted
-        return replace(self, modes=(max(number, case.count or 0), None))
+        reaches = case.full is None and (case.max_hz is None or case.max_hz >= top)
+        shared = reaches and state.solution.wanted >= number
+        return replace(self, modes=(case.count, case.max_hz) if shared else (number, None))
 
 
 def full_modes(state: CaseState, modes: ModesWanted | None) -> EigenSolution:
