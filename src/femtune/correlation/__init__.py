@@ -6,6 +6,13 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.correlation.correlation import Correlation, correlate, paired_shapes
+    from femtune.correlation.expansion import (
+        ExpandedShapes,
+        dynamic_expansion,
+        expand_shapes,
+        minimum_residual,
+        serep,
+    )
     from femtune.correlation.generalised import GeneralisedSensor, rigid_motion_sensor
     from femtune.correlation.noise import NoiseShare
     from femtune.correlation.pairing import ClusterMatch, Pair, Pairing, Unpaired, no_pairs, pair_modes
@@ -17,6 +24,7 @@ else:
 __all__ = [
     "ClusterMatch",
     "Correlation",
+    "ExpandedShapes",
     "GeneralisedSensor",
     "Match",
     "NoiseShare",
@@ -28,10 +36,14 @@ __all__ = [
     "Unmatched",
     "Unpaired",
     "correlate",
+    "dynamic_expansion",
+    "expand_shapes",
     "map_sensors",
+    "minimum_residual",
     "no_pairs",
     "pair_modes",
     "paired_shapes",
     "reduce_mass",
     "rigid_motion_sensor",
+    "serep",
 ]

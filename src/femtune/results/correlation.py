@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femtune.correlation import NotTested, correlate, reduce_mass
 from femtune.residuals import modes_at_sensors
 from femtune.results.base import ModelVersion, Record, VerdictWord
+from femtune.results.expansion import ExpansionResults
 from femtune.validation import assess
 
 if TYPE_CHECKING:
@@ -164,6 +165,8 @@ class CorrelationResults(Record):
     """Number of rigid-body modes of the model; 0 in older results without this field."""
     mac_gate: float | None = None
     """Smallest MAC of a pair required by the study, 0 to 1; None if not recorded."""
+    expansion: ExpansionResults | None = None
+    """Test shapes expanded to the model; None if the study does not request it."""
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
 from femtune.study.damping_values import write_damping
+from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
 from femtune.study.find_parameters import find_parameters
 from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
@@ -233,7 +234,14 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
     records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
+    if run.study.file.imported:
+        _write_expanded(run, run.study, records, arrays)
     return {"after": records, "sensitivities": sensitivities}
+
+
+def _write_expanded(run: Run, study: Study, records: ModelRecords, arrays: Arrays) -> None:
+    """The test shapes expanded to the model at its last version."""
+    write_expanded_files(study, records.correlations, arrays, uff_paths(run.folder / EXPANDED_FILE, study))
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -253,6 +261,7 @@ def _correlate_as_written(run: Run, known: Known, arrays: Arrays) -> Outcome:
     study = known.study_as_written
     at = as_written(study, known.parameters.result.after)
     records = model_records(study, "after as written", at.x, solutions_of(at), arrays, run.progress)
+    _write_expanded(run, study, records, arrays)
     return {"as_written": records, "error_as_written": at.mean_error}
 
 

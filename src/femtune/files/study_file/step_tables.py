@@ -103,11 +103,14 @@ class RigidFloorEntry(TomlTable):
 
 
 class CorrelateTable(TomlTable):
-    """[correlate]: criteria for mode pairing and for close modes."""
+    """[correlate]: criteria for mode pairing and for close modes, and the expansion of test shapes to the model."""
 
     frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
     cluster_gap: NotNegative = 0.01
+    expand: Literal["none", "serep", "dynamic", "mdre"] = "none"
+    expand_modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    expand_noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
 
 
 class CorrelationEntry(TomlTable):

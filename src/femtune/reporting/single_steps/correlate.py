@@ -20,6 +20,7 @@ from femtune.reporting.sections.correlation import (
 )
 from femtune.reporting.sections.modes import cluster_paragraphs, mac_cell, pair_remark
 from femtune.reporting.sections.validation import criterion_cells, tested, untested
+from femtune.reporting.sections.expansion import expansion_table
 from femtune.reporting.short_form import agreement
 from femtune.reporting.source import left_out_modes, scores_of
 
@@ -61,6 +62,7 @@ def _configuration(c: CorrelationResults, arrays: Arrays) -> list[Block]:
         *_mac(c, arrays),
         _comac(c),
         *_orthogonality(c, arrays),
+        *(expansion_table(c, c.expansion) if c.expansion is not None else []),
         *_criteria(c),
     ]
 
