@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -143,3 +144,24 @@ def test_a_file_without_an_expansion_is_refused_before_anything_is_solved(beam: 
     with pytest.raises(FemtuneError) as error:
         steps.correlate(beam.study(), expand="serep", uff=beam.folder / "beam.uff")
     assert error.value.code == "write.overwrites-input"
+
+
+def test_a_reversed_sensor_is_the_one_that_lowers_the_mac(bench: Bench) -> None:
+    test = bench.measure(bench.folder / "beam.bdf")
+    assert test.modes is not None
+    shapes = test.modes.shapes.copy()
+    shapes[test.modes.dofs.labels().index("3Z+")] *= -1.0
+    bench.uff(replace(test, modes=replace(test.modes, shapes=shapes)))
+    study = bench.study(EI)
+    found = steps.correlate(study)
+    rows = {c.dof: c for c in found[0].contributions}
+    best = max(rows.values(), key=lambda c: c.mac_change)
+    assert best.dof == "3Z+"
+    assert max(rows.values(), key=lambda c: c.ecomac).dof == "3Z+"
+    assert found[0].mac_without_key is not None
+    without = found.arrays[found[0].mac_without_key]
+    assert without.shape == (8, len(found[0].pairs))
+    np.testing.assert_allclose(without[list(rows).index("3Z+")], 1.0, rtol=1e-6)
+    assert found.contributions.column("dof").tolist() == list(rows)
+    shown = CliRunner().invoke(main, ["correlate", str(study)]).output
+    assert "MAC without one DOF" in shown

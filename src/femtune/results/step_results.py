@@ -348,6 +348,16 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
         )
 
     @property
+    def contributions(self) -> Rows:
+        """eCOMAC of each measured DOF, and the change of the MAC when it is left out."""
+        columns = ("dof", "ecomac", "mac_change", "largest_change", "largest_change_label")
+        return Rows.of(
+            {"configuration": c.configuration, **row}
+            for c in self.records
+            for row in rows_of(c.contributions, *columns)
+        )
+
+    @property
     def expanded(self) -> dict[str, ModeSet]:
         """Test shapes expanded to the DOFs of the model's grid points, in basic axes, by configuration."""
         from femtune.results.expansion import expanded_modes  # noqa: PLC0415

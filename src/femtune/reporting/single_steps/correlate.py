@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.reporting.document import Cell, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import NONE, as_sentence, freq, listed, signed_percent, typeset, unit_fraction
 from femtune.reporting.sections.correlation import (
+    contribution_table,
     dropped_sensors,
     highest_hz,
     model_mode_remark,
@@ -61,6 +62,7 @@ def _configuration(c: CorrelationResults, arrays: Arrays) -> list[Block]:
         *_unpaired_model(c, arrays),
         *_mac(c, arrays),
         _comac(c),
+        *contribution_table(c, most=5),
         *_orthogonality(c, arrays),
         *(expansion_table(c, c.expansion) if c.expansion is not None else []),
         *_criteria(c),
