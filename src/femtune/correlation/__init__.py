@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from femtune.correlation.generalised import GeneralisedSensor, rigid_motion_sensor
     from femtune.correlation.noise import NoiseShare
     from femtune.correlation.pairing import ClusterMatch, Pair, Pairing, Unpaired, no_pairs, pair_modes
+    from femtune.correlation.placement import SensorPlacement, sensor_placement
     from femtune.correlation.reduced_mass import NotTested, ReducedMass, reduce_mass
     from femtune.correlation.sensor_map import Match, SensorMap, Unmatched, map_sensors
 else:
@@ -33,6 +34,7 @@ __all__ = [
     "Pairing",
     "ReducedMass",
     "SensorMap",
+    "SensorPlacement",
     "Unmatched",
     "Unpaired",
     "correlate",
@@ -45,5 +47,6 @@ __all__ = [
     "paired_shapes",
     "reduce_mass",
     "rigid_motion_sensor",
+    "sensor_placement",
     "serep",
 ]

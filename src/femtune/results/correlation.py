@@ -13,6 +13,7 @@ from femtune.correlation import NotTested, correlate, reduce_mass
 from femtune.residuals import modes_at_sensors
 from femtune.results.base import ModelVersion, Record, VerdictWord
 from femtune.results.expansion import ExpansionResults
+from femtune.results.placement import PlacementResults
 from femtune.validation import assess
 
 if TYPE_CHECKING:
@@ -187,6 +188,8 @@ class CorrelationResults(Record):
     mac_without_key: str | None = None
     """Key of the MAC of each pair without one DOF, shape (DOFs, pairs): DOFs as in `contributions`, pairs as in `pairs`;
     NaN where it is not defined. None in older results and where no shapes were measured."""
+    placement: PlacementResults | None = None
+    """Effect of errors in the placement of the sensors; None if the study states none."""
     expansion: ExpansionResults | None = None
     """Test shapes expanded to the model; None if the study does not request it."""
 

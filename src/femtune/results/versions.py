@@ -18,6 +18,7 @@ from femtune.results.correlation import array_prefix, correlate_case, correlatio
 from femtune.results.criteria import of_whole_tests
 from femtune.results.expansion import expansion_results
 from femtune.results.model import model_modes
+from femtune.results.placement import placement_results
 from femtune.results.shapes import mode_shapes
 from femtune.results.solved import nominal, solve, solved_if_any
 
@@ -108,6 +109,7 @@ def model_records(
                 case.name, version, raw[case.name], prefix, arrays, criteria, found[-1].rigid_body_modes
             )
             more: dict[str, object] = {"mac_gate": case.modal.rules.mac_gate}
+            more["placement"] = placement_results(case, raw[case.name], solution)
             if last and study.file.correlate.expand != "none":
                 progress.step(f"expansion of the test shapes, {version}: {case.name}", i, len(study.cases))
                 more["expansion"] = expansion_results(

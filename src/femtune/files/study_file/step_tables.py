@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
+    ByNode,
     DofLabel,
     NotNegative,
     Number,
@@ -66,6 +67,8 @@ class SensorsTable(TomlTable):
     tolerance: Positive | None = None
     by_id: bool = False
     nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
+    position_sd: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
+    angle_sd_deg: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
 
 
 class SensorTerm(TomlTable):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femtune.reporting.document import Cell, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import NONE, as_sentence, freq, listed, signed_percent, typeset, unit_fraction
+from femtune.reporting.sections.compared import placement_blocks
 from femtune.reporting.sections.correlation import (
     contribution_table,
     dropped_sensors,
@@ -63,6 +64,7 @@ def _configuration(c: CorrelationResults, arrays: Arrays) -> list[Block]:
         *_mac(c, arrays),
         _comac(c),
         *contribution_table(c, most=5),
+        *placement_blocks(c),
         *_orthogonality(c, arrays),
         *(expansion_table(c, c.expansion) if c.expansion is not None else []),
         *_criteria(c),
