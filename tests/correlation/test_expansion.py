@@ -133,7 +133,10 @@ def test_minimum_residual_with_noise_is_the_minimum_of_the_weighted_sum() -> Non
     load = Z @ solve(K, Z @ found)
     weight = float(load @ (C.T @ gap) / np.sum((C.T @ gap) ** 2))
     best = minimize(
-        lambda v: (Z @ v) @ solve(K, Z @ v) + weight * np.sum((psi - C @ v) ** 2), found + 0.01, method="BFGS", tol=1e-12
+        lambda v: (Z @ v) @ solve(K, Z @ v) + weight * np.sum((psi - C @ v) ** 2),
+        found + 0.01,
+        method="BFGS",
+        tol=1e-12,
     )
     np.testing.assert_allclose(best.x, found, atol=1e-4 * np.abs(found).max())
 
@@ -155,7 +158,9 @@ def test_held_out_entries_are_those_of_an_expansion_without_these_sensors(name: 
     np.testing.assert_allclose(every @ make(every).shape(psi), wanted, rtol=1e-8)
 
 
-def _test(factor: float, noise: float = 0.0, sensors: int = 8) -> tuple[EigenSolution, sp.csr_array, ModeSet, np.ndarray]:
+def _test(
+    factor: float, noise: float = 0.0, sensors: int = 8
+) -> tuple[EigenSolution, sp.csr_array, ModeSet, np.ndarray]:
     solution, _ = _model()
     truth, _ = _model(factor)
     configured = factor_model(spring_structure(SPRINGS, np.linspace(1.0, 2.0, N)), {"k2": [2]})

@@ -12,8 +12,8 @@ from femtune.correlation.placement import SensorPlacement
 from femtune.dofs import DofSet
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
-from femtune.model import Configuration, ConfiguredModel, configure, parametric_model
 from femtune.modal import ModeSet
+from femtune.model import Configuration, ConfiguredModel, configure, parametric_model
 from femtune.parameters import ParameterSet
 from femtune.testdata import ModalTest, WireFrame, sensors_at
 from femtune.units import SI
@@ -62,7 +62,9 @@ def test_a_beam_s_transverse_sensor_has_the_slope_of_its_rotation(tmp_path: Path
     """w = sin kx along Z, rotation RY = −w′: standard deviation |w′|σ, whatever the mesh."""
     configured, k, sigma = _beam(tmp_path), 5.0, 0.01
     found = _placement(configured, ["4Z+", "11Z-", "4Y+", "4X+"], sigma)
-    u = _field(configured, lambda x: np.array([0, 0, np.sin(k * x[0])]), lambda x: np.array([0, -k * np.cos(k * x[0]), 0]))
+    u = _field(
+        configured, lambda x: np.array([0, 0, np.sin(k * x[0])]), lambda x: np.array([0, -k * np.cos(k * x[0]), 0])
+    )
     P = found.covariance(u)
     slope = k * np.cos(k * np.array([0.3, 1.0]))
     np.testing.assert_allclose(np.sqrt(np.diag(P))[:2], np.abs(slope) * sigma, rtol=1e-9)
@@ -102,11 +104,8 @@ def _plate(folder: Path, card: str, section: str) -> ConfiguredModel:
     n = 9
     x, y = np.meshgrid(np.linspace(0.0, 0.4, n), np.linspace(0.0, 1.2, n))
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(n * n)])
-    quads = [
-        f"{card:<8s}{i * n + j + 1:<8d}1       {i * n + j + 1:<8d}{i * n + j + 2:<8d}{(i + 1) * n + j + 2:<8d}{(i + 1) * n + j + 1:<8d}"
-        for i in range(n - 1)
-        for j in range(n - 1)
-    ]
+    first = [i * n + j + 1 for i in range(n - 1) for j in range(n - 1)]
+    quads = [f"{card:<8s}{a:<8d}1       {a:<8d}{a + 1:<8d}{a + n + 1:<8d}{a + n:<8d}" for a in first]
     return _configured(folder, [*_grids(points), section, *quads])
 
 
@@ -158,7 +157,9 @@ def test_a_solid_takes_the_whole_gradient_from_its_neighbours(tmp_path: Path) ->
 def test_the_covariance_is_that_of_displaced_sensors(tmp_path: Path) -> None:
     """Monte Carlo on a cantilever shape whose value is known everywhere."""
     configured, sigma, k = _beam(tmp_path), 0.004, 3.0
-    u = _field(configured, lambda x: np.array([0, 0, 1 - np.cos(k * x[0])]), lambda x: np.array([0, -k * np.sin(k * x[0]), 0]))
+    u = _field(
+        configured, lambda x: np.array([0, 0, 1 - np.cos(k * x[0])]), lambda x: np.array([0, -k * np.sin(k * x[0]), 0])
+    )
     P = _placement(configured, ["3Z+", "7Z+", "10Z+"], sigma).covariance(u)
     at = np.array([0.2, 0.6, 0.9])
     readings = 1 - np.cos(k * (at + sigma * np.random.default_rng(0).standard_normal((20000, 3))))

@@ -65,9 +65,7 @@ def test_the_file_has_the_shapes_on_the_mesh_of_the_model(few: Bench) -> None:
     wanted = found.expanded["as the deck"]
     np.testing.assert_allclose(test.modes.freq_hz, wanted.freq_hz, rtol=1e-5)
     one = test.modes.select_dofs(wanted.dofs.common(test.modes.dofs))
-    np.testing.assert_allclose(
-        one.shapes, wanted.select_dofs(one.dofs).shapes, atol=2e-6 * np.abs(wanted.shapes).max()
-    )
+    np.testing.assert_allclose(one.shapes, wanted.select_dofs(one.dofs).shapes, atol=2e-6 * np.abs(wanted.shapes).max())
 
 
 def test_a_run_keeps_shapes_of_both_versions_and_writes_the_last(beam: Bench) -> None:

@@ -28,7 +28,9 @@ LINES = np.linspace(0.5, 12.0, 400)
 
 def _frfs(factor: float = 1.0, damping: float = 0.01, noise: float = 0.0, seed: int = 0) -> FrfSet:
     """FRFs of three masses whose frequencies are `factor` times those of the first level."""
-    plant = plant_of_matrices(np.eye(3), factor**2 * STIFFNESS, damping, np.eye(3), DOFS, np.eye(3)[:1], DOFS.select([0]))
+    plant = plant_of_matrices(
+        np.eye(3), factor**2 * STIFFNESS, damping, np.eye(3), DOFS, np.eye(3)[:1], DOFS.select([0])
+    )
     frfs = accelerance(plant, LINES)
     rng = np.random.default_rng(seed)
     error = rng.standard_normal((2, *frfs.values.shape)) * noise / np.sqrt(2.0)
@@ -63,7 +65,8 @@ def test_a_change_within_its_noise_is_no_evidence() -> None:
     change = 0.01 * _modes().freq_hz
     wanted = [bool(c <= 3.0 * np.hypot(sd, sd * 1.01)) for c in change]
     assert [m.linear for m in found.modes] == wanted
-    assert wanted[0] and not wanted[2]
+    assert wanted[0]
+    assert not wanted[2]
     trend = found.modes[2].frequency
     hz = _modes().freq_hz[2]
     assert trend.largest_sd == pytest.approx(np.hypot(sd, 1.01 * sd) / hz)
@@ -74,7 +77,10 @@ def test_a_change_within_its_noise_is_no_evidence() -> None:
 def test_functions_of_a_linear_structure_differ_by_their_noise() -> None:
     noise = 0.002
     sd = np.full((3, 1, 400), noise)
-    levels = [ForceLevel("a", 1.0, _modes(), _frfs(noise=noise), sd), ForceLevel("b", 5.0, _modes(), _frfs(noise=noise, seed=1), sd)]
+    levels = [
+        ForceLevel("a", 1.0, _modes(), _frfs(noise=noise), sd),
+        ForceLevel("b", 5.0, _modes(), _frfs(noise=noise, seed=1), sd),
+    ]
     found = check_linearity(levels)
     assert found.linear is True
     (of_level,) = found.functions
@@ -130,11 +136,12 @@ def _files(folder: Path, factors: tuple[float, ...], tail: str = "", **more: flo
         frfs = _frfs(factor, seed=k, **more)
         write_uff_frfs(folder / f"level{k + 1}.unv", ModalTest("t", SI, frfs=frfs))
     levels = "".join(
-        f'[[level]]\nfrfs = "level{k + 1}.unv"\nforce = {4.0**k}\nname = "{4.0**k:g} N"\n' for k in range(1, len(factors))
+        f'[[level]]\nfrfs = "level{k + 1}.unv"\nforce = {4.0**k}\nname = "{4.0**k:g} N"\n'
+        for k in range(1, len(factors))
     )
     path = folder / "identify.toml"
-    text = f'[identify]\nfrfs = "level1.unv"\nlargest_order = 12\nmethods = ["pLSCF"]\n{levels}[linearity]\nforce = 1.0\n{tail}'
-    path.write_text(text, encoding="utf-8")
+    text = '[identify]\nfrfs = "level1.unv"\nlargest_order = 12\nmethods = ["pLSCF"]\n'
+    path.write_text(f"{text}{levels}[linearity]\nforce = 1.0\n{tail}", encoding="utf-8")
     return path
 
 
@@ -175,7 +182,10 @@ def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
         ("[linearity]\nforce = 1.0\n", "identify.level"),
         ('[[level]]\nfrfs = "level1.unv"\nforce = 0.0\n[linearity]\nforce = 1.0\n', "study.value"),
         ('[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\nleast_frac = 1.5\n', "study.value"),
-        ('[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\naverages = 4\n', "identify.no-coherence"),
+        (
+            '[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\naverages = 4\n',
+            "identify.no-coherence",
+        ),
     ],
 )
 def test_bad_levels_are_errors(tmp_path: Path, text: str, code: str) -> None:

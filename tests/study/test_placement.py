@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from femtune import steps
+from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError
+from femtune.residuals.weights import ResidualBlock
 from femtune.results.solved import nominal
 from femtune.results.versions import start
-from femtune.assembly.progress import silent
-from femtune.residuals.weights import ResidualBlock
 
 from .conftest import EI, Bench, modes_of_deck
 
@@ -37,7 +37,9 @@ def test_the_covariance_of_a_shape_residual_has_the_slopes_of_the_mode(bench: Be
     deck = bench.folder / "beam.bdf"
     test = bench.measure(deck)
     bench.uff(test)
-    study = bench.study(EI + "[sensors]\nposition_sd = 0.02\n" + SHAPES.format('scaling = "mass"\nmass_scaled = true\n'))
+    study = bench.study(
+        EI + "[sensors]\nposition_sd = 0.02\n" + SHAPES.format('scaling = "mass"\nmass_scaled = true\n')
+    )
     found = start(read_study(study), silent)
     assert test.modes is not None
     labels = test.modes.dofs.labels()
@@ -74,7 +76,9 @@ def test_residuals_of_displaced_sensors_have_unit_covariance(bench: Bench, scali
 
 def test_the_jacobian_is_weighted_like_the_residuals(beam: Bench) -> None:
     """Central differences of the residuals, whose weights stay those of the start."""
-    study = read_study(beam.study(f"{EI}[sensors]\nposition_sd = 0.01\nangle_sd_deg = 1.0\n[residuals]\nshape_sd = 0.01\n"))
+    study = read_study(
+        beam.study(f"{EI}[sensors]\nposition_sd = 0.01\nangle_sd_deg = 1.0\n[residuals]\nshape_sd = 0.01\n")
+    )
     problem = study.problem()
     x = nominal(study)
     at, h = problem.start(x), 1e-5
@@ -85,7 +89,9 @@ def test_the_jacobian_is_weighted_like_the_residuals(beam: Bench) -> None:
 
 
 def test_results_and_report_have_the_effect_of_the_placement(beam: Bench) -> None:
-    study = beam.study(f"{EI}[sensors]\nposition_sd = {{ 5 = 0.01 }}\nangle_sd_deg = 2.0\n[residuals]\nshape_sd = 0.01\n")
+    study = beam.study(
+        f"{EI}[sensors]\nposition_sd = {{ 5 = 0.01 }}\nangle_sd_deg = 2.0\n[residuals]\nshape_sd = 0.01\n"
+    )
     result = steps.run(study)
     found = result.results.correlations[0].placement
     assert found is not None

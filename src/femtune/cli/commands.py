@@ -232,9 +232,7 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
 @_fresh
 @_json
 @_quiet
-def correlate(
-    study: Path, expand: str | None, uff: Path | None, fresh: bool, as_json: bool, quiet: bool
-) -> None:
+def correlate(study: Path, expand: str | None, uff: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: frequencies, MAC, mode pairs."""
     result = run_step("of_study:correlate", study, quiet, fresh=fresh, expand=expand, uff=uff)
     out.say(result.remarks, quiet)

@@ -10,8 +10,8 @@ node is
 and that of sensors of different nodes is zero.
 
 The gradient at a grid point comes from the rotation θ there and from the neighbours j along the elements: for motion
-normal to the mesh g = P (d_n × θ), for motion along the mesh the least-squares solution of g·r_j = d·(u_j − u). P projects
-on the directions that the neighbours span (the axis of a beam, the plane of a shell): a sensor stays on the structure.
+normal to the mesh g = P (d_n × θ), for motion along the mesh the least-squares solution of g·r_j = d·(u_j − u). P
+projects on the directions that the neighbours span (the axis of a beam, the plane of a shell): a sensor stays on the structure.
 Without rotations, as in solids, the neighbours give all of it; on a rigid body without elements the rotation does.
 """
 
@@ -151,15 +151,15 @@ def _rows(
     others, arms, lengths = [o for o, n in zip(others, lengths) if n > 0.0], arms[lengths > 0.0], lengths[lengths > 0.0]
     plane, inverse = _spanned(arms / lengths[:, None])
     by_rotation = first == 0 and at in turning
-    if by_rotation and not len(others):
+    if by_rotation and not others:
         plane = np.eye(3)
-    along = plane @ d if by_rotation and len(others) else d
+    along = plane @ d if by_rotation and others else d
     gradient: _Entries = []
     for j, o in enumerate(others):
         weights = np.outer(inverse[:, j], along) / lengths[j]
         gradient += field(o, weights, first) + field(at, -weights, first)
     if by_rotation:
-        gradient += field(at, plane @ _cross(d - along if len(others) else d), 3)
+        gradient += field(at, plane @ _cross(d - along if others else d), 3)
     return gradient, field(at, _cross(d), first)
 
 

@@ -22,7 +22,7 @@ from femtune.modal.shape_criteria import mac_where_defined
 _LARGEST_SHIFT, _LEAST_MAC = 0.2, 0.5
 """A mode is looked for at another level within this relative distance of its frequency, and above this MAC."""
 _SIGNIFICANT, _BEYOND = 3.0, 0.01
-"""Standard deviations of a change; part of the lines beyond three of them, of a function that differs by more than noise."""
+"""Standard deviations of a change; part of the lines beyond three of them where a function differs by more than noise."""
 _SAME_LINE = 1e-6
 
 
@@ -248,7 +248,10 @@ def _functions(first: ForceLevel, other: ForceLevel, limits: LinearityLimits) ->
         return FunctionsAtLevel(reason="no functions were measured")
     if first.frfs.kind != other.frfs.kind:
         return FunctionsAtLevel(reason=f"the functions are of different kinds: {first.frfs.kind}, {other.frfs.kind}")
-    rows, columns = (first.frfs.responses.common(other.frfs.responses), first.frfs.references.common(other.frfs.references))
+    rows, columns = (
+        first.frfs.responses.common(other.frfs.responses),
+        first.frfs.references.common(other.frfs.references),
+    )
     lines = _common_lines(first.frfs.freq_hz, other.frfs.freq_hz)
     if not len(rows) or not len(columns) or len(lines[0]) < 2:
         return FunctionsAtLevel(reason="the levels have no functions, or fewer than two frequency lines, in common")

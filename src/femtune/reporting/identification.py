@@ -223,9 +223,10 @@ def _linearity(made: IdentifyResult) -> Iterator[Block]:
         return
     yield Paragraph(as_sentence(found.sentence), "poor" if found.linear is False else "")
     note = (
-        f"Changes relative to {found.names[0]}, the largest over the levels, ± one standard deviation, and for twice the "
-        f"force. A mode is not linear if its frequency changes by more than {found.frequency_limit_percent:g} % or its damping "
-        f"ratio by more than {found.damping_limit_percent:g} %, and by more than three standard deviations where these are known."
+        f"Changes relative to {found.names[0]}, the largest over the levels, ± one standard deviation, and for twice "
+        f"the force. A mode is not linear if its frequency changes by more than {found.frequency_limit_percent:g} % or "
+        f"its damping ratio by more than {found.damping_limit_percent:g} %, and by more than three standard deviations "
+        "where these are known."
     )
     heads = columns(
         "Mode", *(f">{name}, Hz" for name in found.names), ">Change %", ">Per doubling %",
@@ -258,18 +259,28 @@ def _trend_cells(trend: LevelTrend) -> list[str]:
 
 def _level_functions(found: LinearityResults) -> Table:
     heads = columns(
-        "Level", ">Functions", ">Lines", ">FRAC", ">Lowest FRAC", "Response / reference", ">Change %", ">Noise %", "Remark"
+        "Level",
+        ">Functions",
+        ">Lines",
+        ">FRAC",
+        ">Lowest FRAC",
+        "Response / reference",
+        ">Change %",
+        ">Noise %",
+        "Remark",
     )
     rows = [
         row(
-            name, str(f.functions), str(f.lines), unit_fraction(f.frac, NONE), unit_fraction(f.lowest_frac, NONE), f.lowest,
-            percent(f.change_percent), percent(f.noise_percent), as_sentence(f.reason) if f.reason else _differing(f),
+            name, str(f.functions), str(f.lines), unit_fraction(f.frac, NONE), unit_fraction(f.lowest_frac, NONE),
+            f.lowest, percent(f.change_percent), percent(f.noise_percent),
+            as_sentence(f.reason) if f.reason else _differing(f),
         )
         for name, f in zip(found.names[1:], found.functions)
     ]  # fmt: skip
     note = (
-        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (– if the noise is not "
-        f"known). A level is not linear if the FRAC is below {found.frac_limit:g} and the functions differ by more than noise."
+        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (– if the noise "
+        f"is not known). A level is not linear if the FRAC is below {found.frac_limit:g} and the functions differ by "
+        "more than noise."
     )
     return Table("FRFs at several levels of force", heads, tuple(rows), note)
 

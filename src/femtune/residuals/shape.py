@@ -139,8 +139,8 @@ class ShapeResidual(PairResidual):
     weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order
     scaling : see `scaled_difference`
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
-    placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`. It
-        is computed from the motion of the model at the first evaluation of a mode, on the full model, and kept
+    placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`.
+        It is computed from the motion of the model at the first evaluation of a mode, on the full model, and kept
     """
 
     weights: float | Weights

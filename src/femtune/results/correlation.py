@@ -108,11 +108,11 @@ class SensorContribution(Record):
     dof: str
     """Label of the DOF in the test."""
     ecomac: float | None
-    """Enhanced COMAC: half the mean difference of the shapes at this DOF, relative to the largest entry of the test shape;
-    0 for agreement. None if not measured in a paired mode."""
+    """Enhanced COMAC: half the mean difference of the shapes at this DOF, relative to the largest entry of the test
+    shape; 0 for agreement. None if not measured in a paired mode."""
     mac_change: float | None
-    """Mean over the pairs of the MAC without this DOF minus the MAC with it: positive if the DOF lowers the MAC. None if
-    fewer than two other DOFs were measured."""
+    """Mean over the pairs of the MAC without this DOF minus the MAC with it: positive if the DOF lowers the MAC. None
+    if fewer than two other DOFs were measured."""
     largest_change: float | None
     """The change of largest magnitude among the pairs."""
     largest_change_label: str
@@ -186,8 +186,8 @@ class CorrelationResults(Record):
     contributions: tuple[SensorContribution, ...] = ()
     """Effect of each measured DOF on the MAC of the pairs."""
     mac_without_key: str | None = None
-    """Key of the MAC of each pair without one DOF, shape (DOFs, pairs): DOFs as in `contributions`, pairs as in `pairs`;
-    NaN where it is not defined. None in older results and where no shapes were measured."""
+    """Key of the MAC of each pair without one DOF, shape (DOFs, pairs): DOFs as in `contributions`, pairs as in
+    `pairs`; NaN where it is not defined. None in older results and where no shapes were measured."""
     placement: PlacementResults | None = None
     """Effect of errors in the placement of the sensors; None if the study states none."""
     expansion: ExpansionResults | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,7 +76,12 @@ class ExpansionResults(Record):
 
 
 def expansion_results(
-    case: StudyCase, table: CorrelateTable, correlation: Correlation, solution: EigenSolution, prefix: str, arrays: Arrays
+    case: StudyCase,
+    table: CorrelateTable,
+    correlation: Correlation,
+    solution: EigenSolution,
+    prefix: str,
+    arrays: Arrays,
 ) -> ExpansionResults | None:
     """The record; None if the study does not request it or no shapes were measured. Its arrays go into `arrays`."""
     if table.expand == "none" or case.modal is None or not len(case.modal.test.dofs):
@@ -106,7 +112,7 @@ def expansion_results(
 
 
 def _basis(table: CorrelateTable, correlation: Correlation, solution: EigenSolution) -> list[int]:
-    """Modes of SEREP: the lowest ones that the study wants, else those that are paired, with the rest of their clusters."""
+    """Modes of SEREP: the lowest ones that the study wants, else the paired ones with the rest of their clusters."""
     if table.expand_modes is not None:
         return list(range(min(table.expand_modes, solution.wanted)))
     pairing = correlation.pairing
@@ -126,7 +132,7 @@ def _percent(value: float) -> float | None:
     return 100.0 * float(value) if np.isfinite(value) else None
 
 
-def expanded_modes(record: ExpansionResults, arrays: Arrays) -> ModeSet:
+def expanded_modes(record: ExpansionResults, arrays: Mapping[str, NDArray]) -> ModeSet:
     """The expanded shapes as modes of the test at the DOFs of the grid points that move, in the basic system."""
     nodes, shapes = arrays[record.nodes_key], arrays[record.shapes_key]
     known = [j for j, mode in enumerate(record.modes) if mode.misfit_percent is not None]

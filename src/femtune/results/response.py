@@ -79,10 +79,11 @@ class FdacResults(Record):
     functions: int
     """Number of measured functions that are compared."""
     mean: float | None
-    """Mean FDAC at equal frequencies, 0 to 1; None if fewer than half of the measured lines are in the model's range."""
+    """Mean FDAC at equal frequencies, 0 to 1; None if fewer than half of the measured lines are in the range of the
+    model."""
     shift_percent: float | None
-    """(model − test)/test of the frequencies at which the deflection shapes agree best, one ratio for all lines, in %; None
-    if it was not found."""
+    """(model − test)/test of the frequencies at which the deflection shapes agree best, one ratio for all lines, in %;
+    None if it was not found."""
     mean_shifted: float | None
     """Mean FDAC with this shift."""
     values_key: str
@@ -473,19 +474,19 @@ def _fdac(
     if not len(test_at) or not len(model_at):
         return
     test, model = measured.values[:, :, test_at], values[:, :, model_at]
-    known = np.isfinite(test).any(axis=2)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(test).any(axis=2))
     by_input = (known.sum(axis=0) >= _LEAST_FUNCTIONS).any()
     if not by_input:
         test, model, known = test.transpose(1, 0, 2), model.transpose(1, 0, 2), known.T
     labels = (request.inputs if by_input else request.outputs).labels
-    for j in np.flatnonzero(known.sum(axis=0) >= _LEAST_FUNCTIONS):
+    for j in map(int, np.flatnonzero(known.sum(axis=0) >= _LEAST_FUNCTIONS)):
         key = f"{prefix}_fdac_{j + 1}"
         found = fdac(test[known[:, j], j], model[known[:, j], j])
         shift = frequency_shift(found, measured.freq_hz[test_at], model_hz[model_at])
         arrays |= {key: found, f"{key}_test_hz": measured.freq_hz[test_at], f"{key}_hz": model_hz[model_at]}
         yield FdacResults(
             axis="input" if by_input else "output",
-            dof=str(labels[int(j)]),
+            dof=str(labels[j]),
             functions=int(known[:, j].sum()),
             mean=None if shift is None else _or_none(shift.mean_unshifted),
             shift_percent=None if shift is None else _or_none(100.0 * (shift.ratio - 1.0)),

@@ -310,7 +310,7 @@ def frf_set(record: FrfResults, arrays: Arrays) -> FrfSet:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CorrelateResult(OfConfigurations["CorrelationResults"]):
-    """Test against model in each configuration that has a test; `arrays` by the keys of the records, `files` written."""
+    """Test against model in each configuration with a test; `arrays` by the keys of the records, `files` written."""
 
     arrays: Arrays = field(kw_only=True)
     files: tuple[Path, ...] = field(default=(), kw_only=True)

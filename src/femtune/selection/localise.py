@@ -73,8 +73,8 @@ def residual_energy(
     psi, C = shape[known], sp.csr_array(sensors[np.flatnonzero(known)])
     try:
         expansion = minimum_residual(solution, C, freq_hz, noise)
-    except SingularMatrixError as error:
-        raise _no_expansion("the dynamic stiffness is singular at the measured frequency") from error
+    except SingularMatrixError as problem:
+        raise _no_expansion("the dynamic stiffness is singular at the measured frequency") from problem
     f, K = expansion.coefficients(psi), expansion.stiffness
     r, phi = expansion.static @ f, expansion.vectors @ f
     misfit = float(np.linalg.norm(psi - C @ phi) / np.linalg.norm(psi))

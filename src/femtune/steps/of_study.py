@@ -53,8 +53,8 @@ def correlate(
 
     Raises
     ------
-    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, ``uff.cannot-write``, ``write.overwrites-input``, and
-        errors in the files
+    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, ``uff.cannot-write``, ``write.overwrites-input``,
+        and errors in the files
 
     Examples
     --------

@@ -163,7 +163,7 @@ def _weight(value: object) -> None:
 
 def _by_node(value: object) -> None:
     """A number of 0 or more, or such a number for some test nodes."""
-    numbers = value.items() if isinstance(value, dict) else [(1, value)]
+    numbers: list[tuple[Any, Any]] = list(value.items()) if isinstance(value, dict) else [(1, value)]
     if not all(is_integer(n) and is_number(x) for n, x in numbers):
         raise FemtuneError("study.type/by-node")
     if not all(n > 0 and 0 <= x < float("inf") for n, x in numbers):

@@ -187,8 +187,8 @@ def contribution_table(comparison: CorrelationResults, most: int = 10) -> list[B
     )  # fmt: skip
     some = f"the {most} of {len(known)} DOFs with the largest increase" if len(known) > most else "all DOFs"
     note = (
-        f"Change of the MAC of the pairs when the DOF is left out, {some}: positive where the DOF lowers the MAC. eCOMAC is "
-        "0 for agreement."
+        f"Change of the MAC of the pairs when the DOF is left out, {some}: positive where the DOF lowers the MAC. "
+        "eCOMAC is 0 for agreement."
     )
     title = f"{comparison.configuration}: MAC without one DOF, {VERSION_HEADS[comparison.stage]}"
     return [Table(title, heads, rows, note)] if rows else []

@@ -65,8 +65,8 @@ def _note(record: ExpansionResults) -> str:
     words = "At sensors: misfit of the expanded shape at all sensors. "
     if record.groups:
         words += (
-            f"Methods: error at sensors that were left out, in {counted(record.groups, 'group')} of test nodes, relative "
-            "to the shape. "
+            f"Methods: error at sensors that were left out, in {counted(record.groups, 'group')} of test nodes, "
+            "relative to the shape. "
         )
     else:
         words += "The error at sensors that are left out is not tested: all sensors are at one test node. "

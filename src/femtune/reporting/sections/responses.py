@@ -171,14 +171,16 @@ def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
         row(
             one.dof, str(one.functions),
             *(cell for f in frfs for cell in (
-                unit_fraction(f.fdac[k].mean), signed_percent(f.fdac[k].shift_percent), unit_fraction(f.fdac[k].mean_shifted)
+                unit_fraction(f.fdac[k].mean), signed_percent(f.fdac[k].shift_percent),
+                unit_fraction(f.fdac[k].mean_shifted),
             )),
         )
         for k, one in enumerate(frfs[-1].fdac)
     )  # fmt: skip
     note = (
-        "FDAC, the frequency domain assurance criterion, compares deflection shapes of test and model line by line: mean at "
-        "equal frequencies, the frequency shift (model − test)/test with the best agreement, and the mean with this shift."
+        "FDAC, the frequency domain assurance criterion, compares deflection shapes of test and model line by line: "
+        "mean at equal frequencies, the frequency shift (model − test)/test with the best agreement, and the mean with "
+        "this shift."
     )
     return [Table("Frequency domain assurance criterion", tuple(heads), rows, note)]
 

@@ -20,9 +20,9 @@ from femtune.reporting.sections.correlation import (
     pair_places,
     shown_columns,
 )
+from femtune.reporting.sections.expansion import expansion_table
 from femtune.reporting.sections.modes import cluster_paragraphs, mac_cell, pair_remark
 from femtune.reporting.sections.validation import criterion_cells, tested, untested
-from femtune.reporting.sections.expansion import expansion_table
 from femtune.reporting.short_form import agreement
 from femtune.reporting.source import left_out_modes, scores_of
 

@@ -24,8 +24,8 @@ class LevelTrend(Record):
     """Change of the frequency or the damping ratio of a mode with the level of the force."""
 
     largest_percent: float | None
-    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was found at
-    one level only."""
+    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was found
+    at one level only."""
     sd_percent: float | None
     """Standard deviation of this change, in %; None if not known."""
     per_doubling_percent: float | None
@@ -73,8 +73,8 @@ class LevelFunctions(Record):
     noise_percent: float | None
     """The value that noise alone would give, in %; None if the noise is not known."""
     differing: int
-    """Number of functions whose FRAC is below the limit and that differ by more than noise; if the noise is not known, 1 if
-    the FRAC of all functions together is below the limit."""
+    """Number of functions whose FRAC is below the limit and that differ by more than noise; if the noise is not known,
+    1 if the FRAC of all functions together is below the limit."""
     reason: str
     """The reason why nothing was compared; "" if it was."""
 
