@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.messages.shown import check_shown
 
 import femtune as ft
 from femtune import steps
@@ -136,6 +137,7 @@ def test_a_file_without_an_expansion_is_refused_before_anything_is_solved(beam: 
     with pytest.raises(FemtuneError) as error:
         steps.correlate(beam.study(), uff=tmp_path / "expanded.uff")
     assert error.value.code == "correlate.no-expansion"
+    check_shown("correlate.no-expansion", str(error.value).replace(f"{tmp_path}/", ""))
     with pytest.raises(FemtuneError) as error:
         steps.correlate(beam.study(), expand="guyan")
     assert error.value.code == "study.value"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tests.messages.shown import check_shown
 
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
@@ -156,7 +157,8 @@ def test_levels_of_a_softening_structure_are_reported(tmp_path: Path) -> None:
     assert [m.frequency.per_doubling_percent for m in found.modes] == pytest.approx([-1.0] * 3, abs=0.02)
     assert found.functions[0].frac is not None
     assert found.functions[0].frac < 0.9
-    assert "frf.not-linear" in [a.code for a in made.record.alerts]
+    (alert,) = [a for a in made.record.alerts if a.code == "frf.not-linear"]
+    assert alert.sentence.startswith("the structure is not linear: largest change of a frequency -2.00 % ± ")
     assert made.linearity.column("linear").tolist() == [False] * 3
     data = json.loads((made.folder / "identified.json").read_text(encoding="utf-8"))
     assert data["linearity"]["linear"] is False
@@ -174,21 +176,26 @@ def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "code"),
+    ("text", "code", "name"),
     [
-        ('[[level]]\nrecord = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\n', "identify.level"),
-        ("[[level]]\nforce = 2.0\n[linearity]\nforce = 1.0\n", "identify.level"),
-        ('[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n', "identify.level"),
-        ("[linearity]\nforce = 1.0\n", "identify.level"),
-        ('[[level]]\nfrfs = "level1.unv"\nforce = 0.0\n[linearity]\nforce = 1.0\n', "study.value"),
-        ('[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\nleast_frac = 1.5\n', "study.value"),
+        ('[[level]]\nrecord = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\n', "identify.level", "other kind"),
+        ("[[level]]\nforce = 2.0\n[linearity]\nforce = 1.0\n", "identify.level", ""),
+        ('[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n', "identify.level", "first force"),
+        ("[linearity]\nforce = 1.0\n", "identify.level", "none"),
+        ('[[level]]\nfrfs = "level1.unv"\nforce = 0.0\n[linearity]\nforce = 1.0\n', "study.value", ""),
+        (
+            '[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\nleast_frac = 1.5\n',
+            "study.value",
+            "",
+        ),
         (
             '[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\naverages = 4\n',
             "identify.no-coherence",
+            "averages",
         ),
     ],
 )
-def test_bad_levels_are_errors(tmp_path: Path, text: str, code: str) -> None:
+def test_bad_levels_are_errors(tmp_path: Path, text: str, code: str, name: str) -> None:
     path = _files(tmp_path, (1.0,))
     whole = path.read_text(encoding="utf-8")
     path.write_text(whole[: whole.index("[linearity]")] + text, encoding="utf-8")
@@ -196,6 +203,8 @@ def test_bad_levels_are_errors(tmp_path: Path, text: str, code: str) -> None:
         identify(path)
     assert error.value.code == code
     assert error.value.where is not None
+    if name:
+        check_shown(f"{code}, {name}", str(error.value).replace(f"{tmp_path}/", ""))
 
 
 def test_a_level_without_a_file_is_named(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune import steps
 from femtune.assembly.progress import silent
@@ -135,4 +136,5 @@ def test_bad_values_are_errors(beam: Bench, key: str, code: str) -> None:
     with pytest.raises(FemtuneError) as error:
         steps.correlate(beam.study(f"{EI}[sensors]\n{key}\n"))
     assert error.value.code == code
+    check_shown(f"{code}, placement of sensors: {key}", str(error.value).replace(f"{beam.folder}/", ""))
     assert error.value.where is not None

@@ -11,7 +11,8 @@ and that of sensors of different nodes is zero.
 
 The gradient at a grid point comes from the rotation θ there and from the neighbours j along the elements: for motion
 normal to the mesh g = P (d_n × θ), for motion along the mesh the least-squares solution of g·r_j = d·(u_j − u). P
-projects on the directions that the neighbours span (the axis of a beam, the plane of a shell): a sensor stays on the structure.
+projects on the directions that the neighbours span (the axis of a beam, the plane of a shell): a sensor stays on the
+structure.
 Without rotations, as in solids, the neighbours give all of it; on a rigid body without elements the rotation does.
 """
 

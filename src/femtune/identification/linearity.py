@@ -22,7 +22,7 @@ from femtune.modal.shape_criteria import mac_where_defined
 _LARGEST_SHIFT, _LEAST_MAC = 0.2, 0.5
 """A mode is looked for at another level within this relative distance of its frequency, and above this MAC."""
 _SIGNIFICANT, _BEYOND = 3.0, 0.01
-"""Standard deviations of a change; part of the lines beyond three of them where a function differs by more than noise."""
+"""A change is significant beyond this many standard deviations, a function if this fraction of its lines is."""
 _SAME_LINE = 1e-6
 
 

@@ -456,7 +456,8 @@ def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
     return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
 
 
-_ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
+_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+_EXPANSIONS = {"serep": "ocallahan1989", "dynamic": "kidder1973", "mdre": "balmes2000"}
 _OFFSETS = ("mottershead1996",)
 
 
@@ -465,8 +466,10 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
     kinds = sorted({batch.kind for batch in study.built.structure.batches})
     elements = (key for kind in kinds for key in KINDS[kind].papers)
     moved = any(a.ref.card in BARS for a in study.model.assignments)
-    responses = () if study.file.response is None else ("heylen1996",)
-    return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
+    responses = () if study.file.response is None else ("heylen1996", "pascual1997")
+    # the errors of all methods are compared
+    expansions = () if study.file.correlate.expand == "none" else tuple(_EXPANSIONS.values())
+    return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:

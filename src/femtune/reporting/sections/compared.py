@@ -40,7 +40,7 @@ def compared(source: ReportSource) -> list[Block]:
 
 
 def placement_blocks(comparison: CorrelationResults, units: str = "") -> list[Block]:
-    """Standard deviations from errors in the placement of the sensors, for page and terminal; [] where none are stated."""
+    """Standard deviations from errors in the placement of the sensors, for page and terminal; [] without any."""
     found = comparison.placement
     if found is None or not found.modes:
         return []
@@ -51,9 +51,9 @@ def placement_blocks(comparison: CorrelationResults, units: str = "") -> list[Bl
     )
     length = units.split("-", maxsplit=1)[0] if units else ""
     note = (
-        f"Standard deviations of the shapes from errors of the sensors' positions ({_span(found.position_sd)} {length}) "
-        f"and directions ({_span(found.angle_sd_deg)}°), and the mean loss of MAC that they alone cause. Residuals of "
-        "shape differences include them in their covariance."
+        f"Standard deviations of the shapes from errors of the positions ({_span(found.position_sd)} {length}) and the "
+        f"directions ({_span(found.angle_sd_deg)}°) of the sensors, and the mean loss of MAC that they alone "
+        "cause. Residuals of shape differences include them in their covariance."
     )
     title = f"{comparison.configuration}: effect of the placement of the sensors"
     return [Table(title, heads, rows, note.replace(" )", ")"))]

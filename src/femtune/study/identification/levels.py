@@ -24,8 +24,8 @@ class LevelTrend(Record):
     """Change of the frequency or the damping ratio of a mode with the level of the force."""
 
     largest_percent: float | None
-    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was found
-    at one level only."""
+    """(value − value at the first level)/value at the first level of largest magnitude, in %; None if the mode was
+    found at one level only."""
     sd_percent: float | None
     """Standard deviation of this change, in %; None if not known."""
     per_doubling_percent: float | None
