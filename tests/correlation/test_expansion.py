@@ -215,7 +215,9 @@ def test_what_cannot_be_expanded_is_nan() -> None:
 def test_sensors_of_a_node_are_left_out_together() -> None:
     dofs = DofSet.parse(["4X+", "4Y+", "9Z-", "4Z+", "7X+"])
     assert [g.tolist() for g in held_out_groups(dofs)] == [[0, 1, 3], [2], [4]]
-    assert held_out_groups(dofs.select([0, 1])) == []
+    # two nodes: single sensors
+    assert [g.tolist() for g in held_out_groups(dofs.select([0, 1, 2]))] == [[0], [1], [2]]
+    assert held_out_groups(dofs.select([0])) == []
     many = held_out_groups(DofSet.parse([f"{i}Z+" for i in range(1, 26)]))
     assert len(many) == 10
     assert sorted(np.concatenate(many)) == list(range(25))

@@ -45,6 +45,8 @@ METHODS: tuple[ExpansionMethod, ...] = get_args(ExpansionMethod)
 
 MOST_GROUPS = 10
 """Groups of sensors that are left out one after the other."""
+FEWEST_NODES = 3
+"""With fewer test nodes than this single sensors are left out: without a node too little would remain."""
 
 _DEPENDENT = 1e-8
 _OFF_RESONANCE, _RIGID = 1e-9, 1e-8
@@ -224,11 +226,14 @@ class ExpandedShapes:
 
 
 def held_out_groups(dofs: DofSet) -> list[NDArray[np.int64]]:
-    """Positions of the sensors that are left out together: all of a test node, and at most ten groups of nodes."""
+    """Positions of the sensors that are left out together, at most ten groups: all sensors of a test node, or single
+    sensors where the test has few nodes."""
     nodes = np.array([dof.node for dof in dofs])
-    different = list(dict.fromkeys(nodes.tolist()))
+    few = len(set(nodes.tolist())) < FEWEST_NODES
+    places = np.arange(len(nodes)) if few else nodes
+    different = list(dict.fromkeys(places.tolist()))
     count = min(MOST_GROUPS, len(different))
-    return [np.flatnonzero(np.isin(nodes, different[i::count])) for i in range(count)] if count > 1 else []
+    return [np.flatnonzero(np.isin(places, different[i::count])) for i in range(count)] if count > 1 else []
 
 
 def held_out_error(expansion: Expansion, shape: Reals, groups: Sequence[NDArray[np.int64]]) -> float:

@@ -56,7 +56,7 @@ class ExpansionResults(Record):
     modes: tuple[ExpandedMode, ...]
     """Test modes, without those that the study leaves out."""
     groups: int
-    """Number of groups of sensors that were left out in turn; 0 if all sensors are at one test node."""
+    """Number of groups of sensors that were left out in turn; 0 if there is only one sensor."""
     serep_modes: tuple[int, ...]
     """Numbers of the model modes of SEREP, from 1."""
     nodes_key: str

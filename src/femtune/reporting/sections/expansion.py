@@ -32,9 +32,7 @@ def expansion(source: ReportSource) -> list[Block]:
     names = [c for c in source.results.study.configurations if source.before(c)]
     shown = {name: [c for c in source.shown(name) if c.expansion is not None] for name in names}
     blocks = [block for name, found in shown.items() if found for block in _configuration(source, name, found)]
-    return blocks or [
-        Paragraph("The test shapes were not expanded: the study does not request it (expand in [correlate]).")
-    ]
+    return blocks or [Paragraph("Not computed: the study does not request an expansion (expand in [correlate]).")]
 
 
 def _configuration(source: ReportSource, name: str, found: Sequence[CorrelationResults]) -> list[Block]:
@@ -65,11 +63,11 @@ def _note(record: ExpansionResults) -> str:
     words = "At sensors: misfit of the expanded shape at all sensors. "
     if record.groups:
         words += (
-            f"Methods: error at sensors that were left out, in {counted(record.groups, 'group')} of test nodes, "
+            f"Methods: error at sensors that were left out, in {counted(record.groups, 'group')}, "
             "relative to the shape. "
         )
     else:
-        words += "The error at sensors that are left out is not tested: all sensors are at one test node. "
+        words += "The error at sensors that are left out is not tested: there is only one sensor. "
     modes = ", ".join(map(str, record.serep_modes)) or NONE
     return f"{words}SEREP uses model modes {modes}."
 
