@@ -20,7 +20,14 @@ from femtune.modal import FrfSet, ModeSet
 from femtune.steps import identify
 from femtune.testdata import ModalTest
 from femtune.units import SI
-from structures.laboratory import accelerance, plant_of_matrices
+from structures.laboratory import (
+    Clock,
+    MeasuringChain,
+    accelerance,
+    plant_of_matrices,
+    simulated_test,
+    white_noise,
+)
 
 DOFS = DofSet(Dof(i, "X") for i in (1, 2, 3))
 STIFFNESS = 900.0 * (2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
@@ -175,6 +182,18 @@ def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
     assert "frf.not-linear" not in shown.output
 
 
+def test_the_noise_of_functions_without_deviations_is_estimated(tmp_path: Path) -> None:
+    """Noise of known size, from the fit and from neighbouring lines; the change between the levels agrees with it."""
+    found = identify(_files(tmp_path, (1.0, 1.0), noise=0.5)).record.linearity
+    assert found is not None
+    (functions,) = found.functions
+    size = np.linalg.norm(_frfs().values)
+    wanted = 100.0 * 0.5 * np.sqrt(2.0 * _frfs().values.size) / size
+    assert functions.noise_percent == pytest.approx(wanted, rel=0.15)
+    assert functions.change_percent == pytest.approx(wanted, rel=0.05)
+    assert found.linear is True
+
+
 @pytest.mark.parametrize(
     ("text", "code", "name"),
     [
@@ -187,11 +206,6 @@ def test_levels_of_a_linear_structure_are_called_linear(tmp_path: Path) -> None:
             '[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\nleast_frac = 1.5\n',
             "study.value",
             "",
-        ),
-        (
-            '[[level]]\nfrfs = "level1.unv"\nforce = 2.0\n[linearity]\nforce = 1.0\naverages = 4\n',
-            "identify.no-coherence",
-            "averages",
         ),
     ],
 )
@@ -213,3 +227,31 @@ def test_a_level_without_a_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(FemtuneError) as error:
         identify(path)
     assert "level2.unv" in str(error.value)
+
+
+@pytest.mark.slow
+def test_records_of_two_levels_are_compared_beside_their_own_noise(tmp_path: Path) -> None:
+    """White noise of two levels on a linear structure: the change of the functions is that of their noise."""
+    clock = Clock(400.0, 50.0, 5.0)
+    for k, force in enumerate((1.0, 4.0)):
+        signal = force * white_noise(np.random.default_rng(k), 1, clock.fine_samples)[0]
+        inputs = np.vstack([signal, np.zeros((2, len(signal)))])
+        plant = plant_of_matrices(np.eye(3), STIFFNESS, 0.01, np.eye(3), DOFS, np.eye(3), DOFS)
+        made = simulated_test(plant, inputs, clock, MeasuringChain(30.0), k, measured_inputs=(0,))
+        np.save(tmp_path / f"level{k + 1}.npy", made.values)
+    channels = "".join(f'[[channel]]\ncolumn = {i}\ndof = "{i}X+"\n' for i in (1, 2, 3))
+    force = '[[channel]]\ncolumn = 4\ndof = "1X+"\nquantity = "force"\nrole = "input"\n'
+    text = (
+        '[identify]\nrecord = "level1.npy"\nsampling_hz = 50.0\nband_hz = [1.0, 12.0]\nlargest_order = 16\n'
+        '[linearity]\nforce = 1.0\n[[level]]\nrecord = "level2.npy"\nforce = 4.0\n'
+    )
+    path = tmp_path / "identify.toml"
+    path.write_text(text + channels + force, encoding="utf-8")
+    found = identify(path).record.linearity
+    assert found is not None
+    assert found.linear is True
+    (functions,) = found.functions
+    assert functions.noise_percent is not None
+    assert functions.change_percent is not None
+    assert functions.change_percent == pytest.approx(functions.noise_percent, rel=0.4)
+    assert all(m.frequency.sd_percent is not None for m in found.modes)

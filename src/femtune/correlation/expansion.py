@@ -276,6 +276,17 @@ def expand_shapes(
     -------
     ExpandedShapes; a shape without measured entries, one that SEREP's modes cannot represent uniquely and one at
     whose frequency the rest of the structure resonates have NaN entries
+
+    Examples
+    --------
+    Of a study, by `femtune.correlate`:
+
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> found = ft.correlate(model, test, expand="serep")
+    >>> found.expansion.column("test_label")
+    array(['1', '2', '3', '4'], dtype=object)
     """
     groups = held_out_groups(test.dofs)
     shapes, misfit = np.full((sensors.shape[1], len(test)), np.nan), np.full(len(test), np.nan)

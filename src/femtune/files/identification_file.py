@@ -73,7 +73,6 @@ class LinearityTable(TomlTable):
     """[linearity]: force of the measurement of [identify], and accepted differences between the levels."""
 
     force: Positive | None = None
-    averages: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     largest_frequency_change: Annotated[float, Field(gt=0, lt=1)] = 0.005
     largest_damping_change: Positive = 0.2
     least_frac: Annotated[float, Field(gt=0, lt=1)] = 0.9

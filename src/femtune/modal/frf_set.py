@@ -185,6 +185,15 @@ def frequency_shift(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDA
     Returns
     -------
     None where no ratio brings at least half of the test's lines into the model's range
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import frequency_shift
+    >>> test_hz, model_hz = np.linspace(5.0, 20.0, 100), np.linspace(4.0, 24.0, 200)
+    >>> values = np.exp(-((model_hz - 1.1 * test_hz[:, None]) ** 2))
+    >>> round(frequency_shift(values, test_hz, model_hz).ratio, 2)
+    1.1
     """
     ratios = np.exp(np.linspace(-1.0, 1.0, 1001) * np.log(LARGEST_SHIFT))
     means = np.array([_mean_along(values, test_hz, model_hz, r) for r in ratios])

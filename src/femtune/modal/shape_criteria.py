@@ -135,6 +135,16 @@ def enhanced_comac(test: NDArray, model: NDArray) -> Reals:
     FemtuneError : ``modal.zero-shape``, ``modal.rows-differ``
 
     Source: Hunt (1992), with this scale of the shapes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import enhanced_comac
+    >>> model = np.ones((50, 1))
+    >>> test = model.copy()
+    >>> test[3] = -1.0
+    >>> enhanced_comac(test, model)[[0, 3]].round(2)
+    array([0.02, 0.98])
     """
     factor = modal_scale_factor(test, model)
     check_shapes(test, "the test")
@@ -159,6 +169,14 @@ def mac_without_each(test: NDArray, model: NDArray) -> Reals:
     Raises
     ------
     FemtuneError : ``modal.rows-differ``
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import mac_without_each
+    >>> test = np.array([[1.0], [2.0], [-3.0], [4.0]])
+    >>> mac_without_each(test, np.abs(test)).round(2).ravel()
+    array([0.14, 0.09, 1.  , 0.08])
     """
     check_rows(test, model)
     a, b = unit_largest(test), unit_largest(model)

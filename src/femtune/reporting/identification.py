@@ -278,9 +278,9 @@ def _level_functions(found: LinearityResults) -> Table:
         for name, f in zip(found.names[1:], found.functions)
     ]  # fmt: skip
     note = (
-        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (– if the noise "
-        f"is not known). A level is not linear if the FRAC is below {found.frac_limit:g} and the functions differ by "
-        "more than noise."
+        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (from the "
+        "record, or estimated from the fit and from neighbouring lines). A level is not linear if the FRAC is below "
+        f"{found.frac_limit:g} and the functions differ by more than noise."
     )
     return Table("FRFs at several levels of force", heads, tuple(rows), note)
 

@@ -68,7 +68,7 @@ def correlate(
     (4, 6)
     >>> expanded = ft.correlate(model, test, expand="dynamic", uff="expanded.uff")
     >>> expanded.expanded["as the deck"].shapes.shape, [path.name for path in expanded.files]
-    ((24, 4), ['expanded.uff'])
+    ((16, 4), ['expanded.uff'])
     """
     study = read_study(source_of(source, test=test, **tables), progress)
     study = replace(study, file=with_expansion(study.file, expand))

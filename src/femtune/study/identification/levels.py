@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import convolve1d, uniform_filter1d
 
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import Notice
 from femtune.identification.linearity import ForceLevel, Linearity, LinearityLimits, check_linearity
 from femtune.results.base import Record
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.files.identification_file import IdentifyFile, LevelEntry
     from femtune.identification.linearity import FunctionsAtLevel, ModeAtLevels, Trend
-    from femtune.modal import FrfSet
     from femtune.study.identification.found import Found
 
 
@@ -126,38 +126,46 @@ def linearity_of(
 
     Raises
     ------
-    FemtuneError : ``identify.no-coherence``; whatever is wrong with the measurement of a level
+    FemtuneError : whatever is wrong with the measurement of a level
     """
     if not file.level:
         return None
     table = file.linearity
-    levels = [_level(file, file, found, table.force or 1.0, "")]
+    levels = [_level(file, found, table.force or 1.0, "")]
     for entry in file.level:
         of_level = level_file(file, entry)
-        levels.append(_level(file, of_level, identify(of_level), entry.force, entry.name or ""))
+        levels.append(_level(of_level, identify(of_level), entry.force, entry.name or ""))
     limits = LinearityLimits(table.largest_frequency_change, table.largest_damping_change, table.least_frac)
     return _record(check_linearity(levels, limits))
 
 
-def _level(file: IdentifyFile, of_level: IdentifyFile, found: Found, force: float, name: str) -> ForceLevel:
+def _level(file: IdentifyFile, found: Found, force: float, name: str) -> ForceLevel:
     own = [i for i in range(len(found.modes)) if found.of_structure(i)]
-    shown = name or f"{Path(of_level.measured_path).name} ({force:g})"
-    return ForceLevel(shown, force, found.modes.select_modes(own), found.measured, _sd(file, found))
+    shown = name or f"{Path(file.measured_path).name} ({force:g})"
+    return ForceLevel(shown, force, found.modes.select_modes(own), found.measured, _sd(found))
 
 
-def _sd(file: IdentifyFile, found: Found) -> Reals | None:
-    """√E|error|² of the functions: of their estimate, or from their coherence and the number of averages."""
-    if found.measured_sd is not None or found.measured is None or file.linearity.averages is None:
+_NEIGHBOURS = 17
+"""Lines over which estimates of the noise are averaged."""
+_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+
+
+def _sd(found: Found) -> Reals | None:
+    """√E|error|² of the functions: that of their estimate, else the smaller one of two estimates, line by line.
+
+    One is the size of what the identified modes do not explain, which includes errors of the fit, the other that of the
+    fourth difference over neighbouring lines, which includes the curvature of sharp peaks.
+    """
+    if found.measured_sd is not None or found.measured is None:
         return found.measured_sd
-    return _from_coherence(file, found.measured, file.linearity.averages)
-
-
-def _from_coherence(file: IdentifyFile, frfs: FrfSet, averages: int) -> Reals:
-    """Bendat and Piersol, Random Data (2010), section 9.2: E|error|² = |H|²(1 − γ²)/(γ²n) of both parts together."""
-    if frfs.coherence is None:
-        raise FemtuneError("identify.no-coherence", where=file.where("linearity", "averages"))
-    known = np.where(frfs.coherence > 0.0, np.minimum(frfs.coherence, 1.0), np.nan)
-    return np.asarray(np.abs(frfs.values) * np.sqrt((1.0 - known) / (known * averages)))
+    values, estimates = found.measured.values, []
+    if found.synthesised is not None:
+        estimates.append(np.abs(values - found.synthesised.values) ** 2)
+    if values.shape[2] >= len(_FOURTH):
+        rough = np.abs(convolve1d(values.real, _FOURTH, axis=2) + 1j * convolve1d(values.imag, _FOURTH, axis=2)) ** 2
+        estimates.append(rough / np.sum(_FOURTH**2))
+    smooth = [uniform_filter1d(e, _NEIGHBOURS, axis=2, mode="nearest") for e in estimates]
+    return np.asarray(np.sqrt(np.min(smooth, axis=0))) if smooth else None
 
 
 def linearity_notice(found: LinearityResults) -> tuple[Notice, ...]:
