@@ -17,6 +17,8 @@ from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, 
 from femtune.residuals.kinds import kinds
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from femtune.assembly.cases import StudyCase
     from femtune.correlation import SensorPlacement
     from femtune.dofs import DofSet
@@ -121,17 +123,25 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
 def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:
     """Errors in the placement of the sensors of the modes, where [sensors] states them."""
     table = file.sensors
-    if case.modal is None or case.sensors is None or (not table.position_sd and not table.angle_sd_deg):
+    if (
+        case.modal is None
+        or case.sensors is None
+        or not case.sensors.matches
+        or (not table.position_sd and not table.angle_sd_deg)
+    ):
         return None
-    known = {m.label.node for m in case.sensors.matches}
-    for key in ("position_sd", "angle_sd_deg"):
-        given = getattr(table, key)
-        unknown = sorted(set(given) - known) if isinstance(given, dict) else []
-        if unknown and len(file.configurations) == 1:
-            raise FemtuneError(
-                "sensor.placement-unknown", where=file.where("sensors", key), nodes=", ".join(map(str, unknown[:10]))
-            )
     return sensor_placement(case.configured, case.sensors, table.position_sd, _radians(table.angle_sd_deg))
+
+
+def check_placement(file: StudyFile, cases: Sequence[StudyCase]) -> None:
+    """Refuse test nodes in [sensors] that have no sensor in any configuration (error ``sensor.placement-unknown``)."""
+    known = {m.label.node for case in cases if case.modal and case.sensors for m in case.sensors.matches}
+    for key in ("position_sd", "angle_sd_deg"):
+        given = getattr(file.sensors, key)
+        unknown = sorted(set(given) - known) if isinstance(given, dict) else []
+        if unknown:
+            nodes = ", ".join(map(str, unknown[:10]))
+            raise FemtuneError("sensor.placement-unknown", where=file.where("sensors", key), nodes=nodes)
 
 
 def _radians(degrees: float | dict[int, float]) -> float | dict[int, float]:

@@ -47,11 +47,13 @@ def placement_results(case: StudyCase, c: Correlation, solution: EigenSolution) 
     placement = case.placement
     if placement is None or case.modal is None:
         return None
+    shapes = case.modal.test.shapes
+    measured = [p for p in c.pairing.pairs if np.nan_to_num(shapes[:, p.test]).any()]
     angles = np.degrees(placement.angle_sd)
     return PlacementResults(
         position_sd=(float(placement.position_sd.min()), float(placement.position_sd.max())),
         angle_sd_deg=(float(angles.min()), float(angles.max())),
-        modes=tuple(_mode(case, c, solution, pair) for pair in c.pairing.pairs),
+        modes=tuple(_mode(case, c, solution, pair) for pair in measured),
     )
 
 

@@ -38,7 +38,7 @@ def write_expanded_files(
 ) -> list[Path]:
     """The expanded shapes of each configuration as a Universal File (data set 55); errors ``uff.cannot-write``.
 
-    Modes that could not be expanded are left out; a configuration without any expanded mode has no file.
+    Modes that could not be expanded are left out. A configuration without expanded modes or grid points has no file.
     """
     written = []
     for case, path in zip(study.cases, paths):
@@ -46,7 +46,7 @@ def write_expanded_files(
         if record is None:
             continue
         modes = expanded_modes(record, arrays)
-        if len(modes):
+        if len(modes) and len(modes.dofs):
             write_uff_modes(path, _as_test(study, case, modes), (f"femtune: {modes.source}",))
             written.append(path)
     return written

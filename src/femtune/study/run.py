@@ -234,14 +234,7 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
     records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
-    if run.study.file.imported:
-        _write_expanded(run, run.study, records, arrays)
     return {"after": records, "sensitivities": sensitivities}
-
-
-def _write_expanded(run: Run, study: Study, records: ModelRecords, arrays: Arrays) -> None:
-    """The test shapes expanded to the model at its last version."""
-    write_expanded_files(study, records.correlations, arrays, uff_paths(run.folder / EXPANDED_FILE, study))
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -261,7 +254,6 @@ def _correlate_as_written(run: Run, known: Known, arrays: Arrays) -> Outcome:
     study = known.study_as_written
     at = as_written(study, known.parameters.result.after)
     records = model_records(study, "after as written", at.x, solutions_of(at), arrays, run.progress)
-    _write_expanded(run, study, records, arrays)
     return {"as_written": records, "error_as_written": at.mean_error}
 
 
@@ -280,6 +272,14 @@ def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"after": replace(known.after, responses=found)}
 
 
+def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """The test shapes expanded to the model at its last version."""
+    study, records = run.study, known.as_written or known.after
+    write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
+    return {}
+
+
+WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
     Step("model", _model),
     Step("correlate", _correlate),
@@ -292,9 +292,10 @@ ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the paramet
 ON_WRITTEN_DECK = (
     Step("write back", _write_back),
     Step("correlate as written", _correlate_as_written),
+    WRITE_EXPANDED,
     Step("respond", _respond_as_written),
 )
-WITHOUT_DECK = (Step("respond", _respond_after),)
+WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
 """A model of matrices has no deck that could be written: the run ends with the responses at the updated values."""
 
 
