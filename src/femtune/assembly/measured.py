@@ -17,6 +17,7 @@ from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError
 from femtune.files.uff import UffFile, read_uff
+from femtune.model.eigen.default_count import ELASTIC_MODES
 from femtune.residuals import ComparedCase, PairingRules
 from femtune.testdata import convert_units, sensors_at
 from femtune.testdata.checks import check_test, real_modes
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
     from femtune.model import ConfiguredModel
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
+
+
+BEYOND_TEST = 1.25
+"""How far beyond the highest frequency of the test modes of the model are solved where nothing is said."""
 
 
 def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
@@ -247,10 +252,20 @@ def _compared(
         sp.csr_array(sensors.matrix @ configured.transformation),
         _left_out(file, entry, known),
         tuple(_fixed_pairs(file, entry, known)),
-        file.modes.wanted,
-        file.modes.max_hz,
+        *_modes_wanted(file, known),
         PairingRules(gates.frequency_gate, gates.mac_gate, gates.cluster_gap),
     )
+
+
+def _modes_wanted(file: StudyFile, test: ModeSet) -> tuple[int | None, float | None]:
+    """How many modes of the model are solved, or up to which frequency.
+
+    Where nothing is said, all up to 1.25 times the highest frequency of the test, and at least ten elastic modes.
+    """
+    asked = file.modes
+    if asked.count is not None or asked.max_hz is not None or not len(test):
+        return asked.count, asked.max_hz
+    return ELASTIC_MODES, BEYOND_TEST * float(np.max(test.freq_hz))
 
 
 def _with_scatter(file: StudyFile, modes: ModeSet) -> ModeSet:

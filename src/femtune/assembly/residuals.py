@@ -159,7 +159,7 @@ def _is_of(comparison: Comparison, case: StudyCase) -> bool:
 def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:
     """What the update uses; `scaled` where the study says that the test's shapes are of unit modal mass."""
     if case.modal is None:
-        return case_without_modes(case.configured, residuals, count=file.modes.wanted, max_hz=file.modes.max_hz)
+        return case_without_modes(case.configured, residuals, count=file.modes.count, max_hz=file.modes.max_hz)
     test = replace(case.modal.test, normalisation="mass") if scaled else case.modal.test
     return replace(case.modal, test=test, residuals=residuals)
 

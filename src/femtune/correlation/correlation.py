@@ -12,6 +12,7 @@ from femtune.arrays import Reals
 from femtune.correlation.noise import NoiseShare, noise_share, orthogonality_noise
 from femtune.correlation.pairing import ClusterMatch, Pairing, pair_modes, visible_modes
 from femtune.correlation.reduced_mass import NotTested, ReducedMass
+from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import Notice
 from femtune.modal import ModeSet
@@ -145,7 +146,7 @@ def correlate(
         self_,
         mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
         _noise(test, pairing),
-        (*pairing.notices, *_inverted(test.dofs, psi, phi)),
+        (*pairing.notices, *unit_factor(test, model, pairing), *_inverted(test.dofs, psi, phi)),
         *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
     )
 

@@ -186,7 +186,7 @@ def _partners(first: ModeSet, other: ModeSet) -> dict[int, tuple[int, float]]:
         return {}
     score = mac_where_defined(first.select_dofs(common).shapes, other.select_dofs(common).shapes)
     near = np.abs(other.freq_hz[None, :] / first.freq_hz[:, None] - 1.0)
-    # two modes whose shapes the sensors cannot tell apart are told apart by their frequencies
+    # the frequencies decide between modes whose shapes are alike at the sensors
     allowed = (near <= _LARGEST_SHIFT) & (np.nan_to_num(score) >= _LEAST_MAC)
     rows, columns = linear_sum_assignment(np.where(allowed, score - near, 0.0), maximize=True)
     return {int(i): (int(j), float(score[i, j])) for i, j in zip(rows, columns) if allowed[i, j]}

@@ -168,6 +168,7 @@ def _of_correlation(results: Results) -> Iterable[Alert]:
     for c in results.correlations:
         if stages and c.stage == stages[-1]:
             yield from _of_unpaired(c)
+            yield from c.alerts
 
 
 def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:

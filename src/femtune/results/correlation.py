@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from femtune.correlation import NotTested, correlate, reduce_mass
 from femtune.residuals import modes_at_sensors
-from femtune.results.base import ModelVersion, Record, VerdictWord
+from femtune.results.base import Alert, ModelVersion, Record, VerdictWord
 from femtune.results.expansion import ExpansionResults
+from femtune.results.model import alert_of
 from femtune.results.placement import PlacementResults
 from femtune.validation import assess
 
 if TYPE_CHECKING:
     from femtune.correlation import Correlation, Pair
+    from femtune.errors import Notice
     from femtune.model import EigenSolution
     from femtune.residuals import ComparedCase
     from femtune.validation import Criterion, Verdict
@@ -192,6 +194,8 @@ class CorrelationResults(Record):
     """Effect of errors in the placement of the sensors; None if the study states none."""
     expansion: ExpansionResults | None = None
     """Test shapes expanded to the model; None if the study does not request it."""
+    alerts: tuple[Alert, ...] = ()
+    """Findings of the comparison and of the solution of the modes, such as sensors that move against the model."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -235,10 +239,12 @@ def correlation_results(
     arrays: Arrays,
     criteria: Sequence[Criterion],
     rigid: int = 0,
+    notices: Sequence[Notice] = (),
 ) -> CorrelationResults:
     """The record; its matrices are put into `arrays` under keys that begin with `prefix`.
 
-    `criteria` are those requested in the study, `rigid` is the number of rigid-body modes of the model.
+    `criteria` are those requested in the study, `rigid` is the number of rigid-body modes of the model, `notices` are
+    those of the solution.
     """
     crossed = not isinstance(c.cross_orthogonality, NotTested)
     if crossed:
@@ -272,6 +278,7 @@ def correlation_results(
         criteria=tuple(_criterion(v) for v in assess(c, criteria)),
         contributions=tuple(_contributions(c)),
         mac_without_key=f"{prefix}/mac_without",
+        alerts=tuple(alert_of(notice) for notice in (*notices, *c.notices)),
     )
 
 

@@ -105,9 +105,10 @@ def model_records(
         if case.modal is not None:
             with errors_at_configuration(study.file, case.entry, "test"):
                 raw[case.name] = correlate_case(case.modal, solution)
+            rigid, notices = found[-1].rigid_body_modes, solution.notices
             record = correlation_results(
-                case.name, version, raw[case.name], prefix, arrays, criteria, found[-1].rigid_body_modes
-            )
+                case.name, version, raw[case.name], prefix, arrays, criteria, rigid, notices
+            )  # fmt: skip
             more: dict[str, object] = {"mac_gate": case.modal.rules.mac_gate}
             more["placement"] = placement_results(case, raw[case.name], solution)
             if last and study.file.correlate.expand != "none":

@@ -82,7 +82,8 @@ def correlate(
     with looking_up(study, fresh) as found:
         records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
     written = write_expanded_files(study, records, arrays, files)
-    return CorrelateResult(records, arrays=arrays, remarks=tuple(found.remarks), files=tuple(written))
+    remarks = [f"[{a.code}] {a.sentence}" for record in records for a in record.alerts if a.level != "info"]
+    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written))
 
 
 @checked

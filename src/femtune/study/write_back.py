@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -71,6 +71,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     FemtuneError : ``run.unwritable`` and the codes ``write.*``
     """
     values = study.model.field_values(result.x)
+    values = {**values, **study.model.structure.values.following(values, study.built.fields)}
     regions = _regions(study)
     of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
     blocked = {} if study.file.write.split else _shared_fields(of_cards)
@@ -93,9 +94,12 @@ def _regions(study: Study) -> dict[str, Iterable[int]]:
     return {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
 
 
-def _placed(study: Study) -> Iterable[tuple[str, FieldRef]]:
-    refs = study.model.structure.values.refs
-    return ((name, refs[i]) for name, i, _ in study.model.placed)
+def _placed(study: Study) -> Iterator[tuple[str, FieldRef]]:
+    """Each field with the parameter that sets it, or that sets what it follows from."""
+    table = study.model.structure.values
+    for name, i, _ in study.model.placed:
+        yield name, table.refs[i]
+        yield from ((name, ref) for ref in table.followers([table.refs[i]], study.built.fields))
 
 
 def _written(study: Study, plan: WritePlan) -> dict[str, tuple[WrittenValue, ...]]:

@@ -23,8 +23,6 @@ from femtune.units import UnitSystem, unit_system
 
 Component = Literal["X", "Y", "Z", "RX", "RY", "RZ"]
 
-DEFAULT_MODE_COUNT = 10
-
 
 class StudyTable(TomlTable):
     """[study]: title, deck and units."""
@@ -47,11 +45,6 @@ class ModesTable(TomlTable):
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = None
     max_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
-
-    @property
-    def wanted(self) -> int | None:
-        """Number of modes, None where `max_hz` limits them."""
-        return DEFAULT_MODE_COUNT if self.count is None and self.max_hz is None else self.count
 
 
 def _numbers(value: object) -> object:
