@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from femtune.modal import fdac
 from femtune.validation.criteria import FDAC, FRAC, MAX_LEVEL, MEAN_LEVEL, RESONANCE, Criterion, Outcome
 from femtune.validation.frfs import PredictedFrfs, assess_frfs
 
@@ -62,6 +63,12 @@ def test_fdac_by_hand() -> None:
     model, test = (np.array(rows)[:, None, :] for rows in ([ones, ones, zeros], [1j * ones, zeros, zeros]))
     ((label, value),) = predicted(model, test).fdac()
     assert (label, value) == ("1X+", pytest.approx(0.5))
+
+
+def test_fdac_is_the_diagonal_of_the_matrix() -> None:
+    test, model = oscillators(20.0, 45.0, 70.0), oscillators(21.0, 44.0, 71.0)
+    ((_, value),) = predicted(model, test).fdac()
+    assert value == pytest.approx(np.mean(np.diag(fdac(test[:, 0], model[:, 0]))))
 
 
 def test_what_the_data_do_not_have_is_not_tested() -> None:

@@ -16,7 +16,7 @@ from femtune.model import AddedMass, Configuration, configure
 
 if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
-    from femtune.correlation import SensorMap
+    from femtune.correlation import SensorMap, SensorPlacement
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
     from femtune.modal import FrfSet
@@ -65,7 +65,8 @@ class StudyCase:
     """One configuration: its entry in the study, the model in this state, and its test where there is one.
 
     `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
-    in place of the model's own elements, where it has none. `compared` is all that is compared in this configuration,
+    in place of the model's own elements, where it has none. `placement` has the stated errors in the positions and
+    directions of the sensors of the modes. `compared` is all that is compared in this configuration,
     None where nothing is; the update sees it without what is `held` out.
     """
 
@@ -77,6 +78,7 @@ class StudyCase:
     all_sensors: SensorMap | None = None
     mesh: DrawnMesh | None = None
     held: HeldOut = field(default_factory=HeldOut)
+    placement: SensorPlacement | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:

@@ -190,6 +190,10 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
+    if file.sensors.position_sd or file.sensors.angle_sd_deg:
+        from femtune.assembly.residuals import check_placement  # noqa: PLC0415
+
+        check_placement(file, cases)
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
 

@@ -478,7 +478,8 @@ def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
     return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
 
 
-_ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
+_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+_EXPANSIONS = {"serep": "ocallahan1989", "dynamic": "kidder1973", "mdre": "balmes2000"}
 _OFFSETS = ("mottershead1996",)
 
 
@@ -487,9 +488,12 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
     kinds = sorted({batch.kind for batch in study.built.structure.batches})
     elements = (key for kind in kinds for key in KINDS[kind].papers)
     moved = any(a.ref.card in BARS for a in study.model.assignments)
-    compared = study.file.response is not None or study.file.validation.frac is not None
-    responses = ("heylen1996",) * compared + ("pascual1997",) * (study.file.validation.fdac is not None)
-    return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
+    limits = study.file.validation
+    compared = study.file.response is not None or limits.frac is not None or limits.fdac is not None
+    responses = ("heylen1996", "pascual1997") if compared else ()
+    # the errors of all methods are compared
+    expansions = () if study.file.correlate.expand == "none" else tuple(_EXPANSIONS.values())
+    return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:

@@ -27,6 +27,7 @@ from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
 from femtune.study.damping_values import write_damping
+from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
 from femtune.study.find_parameters import find_parameters
 from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
@@ -289,6 +290,14 @@ def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"after": replace(known.after, responses=found)}
 
 
+def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """The test shapes expanded to the model at its last version."""
+    study, records = run.study, known.as_written or known.after
+    write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
+    return {}
+
+
+WRITE_EXPANDED = Step("expanded shapes", _write_expanded, optional="file of the expanded test shapes")
 UNTIL_UPDATED = (
     Step("model", _model),
     Step("correlate", _correlate),
@@ -303,9 +312,10 @@ ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the paramet
 ON_WRITTEN_DECK = (
     Step("write back", _write_back),
     Step("correlate as written", _correlate_as_written),
+    WRITE_EXPANDED,
     Step("respond", _respond_as_written),
 )
-WITHOUT_DECK = (Step("respond", _respond_after),)
+WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
 """A model of matrices has no deck that could be written: the run ends with the responses at the updated values."""
 
 

@@ -116,6 +116,7 @@ class PredictedFrfs:
     def fdac(self) -> list[tuple[str, float]]:
         """|uᴴu_test|²/(uᴴu · u_testᴴu_test) of the deflections u at one frequency: the mean over the lines, by input.
 
+        The diagonal of `femtune.modal.fdac`, without the rest, which would be lines by lines in size.
         Of inputs whose deflection is known at three outputs at least; with fewer it says little, with one nothing.
         """
         out = []
