@@ -11,7 +11,16 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.model import EigenSolution, ModelPoint
-from femtune.model.reduce import Trained, Trainer, TrainingRules, TrainingStatus, certified_error
+from femtune.model.reduce import (
+    Components,
+    ComponentTrainer,
+    Trained,
+    Trainer,
+    TrainingRules,
+    TrainingStatus,
+    certified_error,
+    divide,
+)
 from femtune.residuals import CaseState, ComparedCase, Evaluation, UpdateProblem
 from femtune.residuals.state import reduced_case
 from femtune.updating.equation_error import equation_error_phases
@@ -70,11 +79,34 @@ class ReductionRules:
     tolerance : relative frequency error, certified by a full solution where the search ends
     full_solutions : of each configuration at most, the first one and those that certify included
     order : of each reduced model at most
+    components : with them, models of configurations with at least two components are assembled from reduced components
     """
 
     tolerance: float = 1e-4
     full_solutions: int = 20
     order: int = 600
+    components: Components | None = None
+
+
+@dataclass(frozen=True)
+class ReducedComponent:
+    """A component of a reduced model.
+
+    Parameters
+    ----------
+    dofs, interface_dofs : free DOFs of its own and at the interface
+    max_hz, modes : its fixed-interface modes where the training began, up to a frequency
+    vectors : its own coordinates at the end: these modes, those of other points, and parts of full modes
+    builds : points at which it was computed
+    """
+
+    name: str
+    dofs: int
+    interface_dofs: int
+    max_hz: float
+    modes: int
+    vectors: int
+    builds: int
 
 
 @dataclass(frozen=True)
@@ -88,6 +120,8 @@ class ReducedCaseFacts:
     estimate : worst estimated relative frequency error at the candidates of the box, before the search
     certified_error : worst true one at the end point, of the model that the search used; NaN where none was made
     status : how the training before the search ended
+    components : the components that it is assembled from; none where the basis is of the whole
+    truncation : worst true error where the training began, of the components' truncated modes; NaN without components
     """
 
     configuration: str
@@ -96,6 +130,8 @@ class ReducedCaseFacts:
     estimate: float
     certified_error: float
     status: TrainingStatus
+    components: tuple[ReducedComponent, ...] = ()
+    truncation: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -107,12 +143,14 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerance at the end point
+    search : the reduced models, from which another update may go on; None where nothing was reduced
     """
 
     result: UpdateResult
     cases: tuple[ReducedCaseFacts, ...]
     rounds: tuple[str, ...]
     certified: bool
+    search: ReducedSearch | None = field(default=None, repr=False)
 
 
 @dataclass(eq=False)
@@ -124,7 +162,7 @@ class ReducedSearch:
     problem: UpdateProblem
     rules: ReductionRules
     reduced: list[int]
-    trainers: list[Trainer]
+    trainers: list[Trainer | ComponentTrainer]
     trained: list[Trained]
     estimates: list[Trained]
     history: list[Iteration]
@@ -161,13 +199,27 @@ class ReducedSearch:
         """Facts of each reduced model, with its certified errors at the end."""
         four = zip(self.cases, self.trained, self.estimates, errors)
         return tuple(
-            ReducedCaseFacts(c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status)
+            ReducedCaseFacts(
+                c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status,
+                reduced_components(t), t.certified[0].error,
+            )
             for c, t, first, error in four
-        )
+        )  # fmt: skip
 
     @property
     def used_up(self) -> bool:
         return any(len(t.certified) + 1 >= self.rules.full_solutions for t in self.trained)
+
+
+def reduced_components(trained: Trained) -> tuple[ReducedComponent, ...]:
+    """What is known of each component; nothing of a basis of the whole."""
+    parts = () if trained.components is None else trained.components.parts
+    return tuple(
+        ReducedComponent(
+            p.part.name, len(p.part.interior), len(p.part.boundary), p.max_hz, p.modes, len(p.columns), len(p.built)
+        )
+        for p in parts
+    )
 
 
 NOBODY: Told = _Nobody()
@@ -184,6 +236,7 @@ def update_reduced(
     start: Evaluation | None = None,
     told: Told = NOBODY,
     active: Sequence[str] | None = None,
+    search: ReducedSearch | None = None,
 ) -> ReducedUpdate:
     """The update of `update`, its iterations on reduced models that are trained on the box of the parameters.
 
@@ -194,11 +247,11 @@ def update_reduced(
     ----------
     report, start, active : as for `update`
     told : receives the progress of training and searches
+    search : reduced models of an earlier update of the same problem, which are not trained again
 
     Raises
     ------
-    FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.too-many-terms``, and what `update` raises of `active`
-        and priors
+    FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.*``, and what `update` raises of `active` and priors
     """
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     if not any(case.on_modes for case in problem.cases):
@@ -206,7 +259,7 @@ def update_reduced(
         return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    search = train(problem, rules, before, told)
+    search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report, active)
@@ -219,24 +272,38 @@ def update_reduced(
             break
     full = problem.assess(x, states)
     return ReducedUpdate(
-        on_full_model(problem, method, before, full, found, search.history), search.facts(errors), tuple(rounds), agree
-    )
+        on_full_model(problem, method, before, full, found, search.history),
+        search.facts(errors), tuple(rounds), agree, search,
+    )  # fmt: skip
 
 
-def train(problem: UpdateProblem, rules: ReductionRules, before: Evaluation, told: Told) -> ReducedSearch:
-    """Reduced models of all cases, trained on the box of the parameters."""
-    trainers, trained = [], []
+def train(
+    problem: UpdateProblem,
+    rules: ReductionRules,
+    before: Evaluation,
+    told: Told,
+    active: Sequence[str] | None = None,
+) -> ReducedSearch:
+    """Reduced models of all cases, trained from `before` on the box of the parameters that move."""
+    trainers: list[Trainer | ComponentTrainer] = []
+    trained, moving = [], np.zeros(len(before.x), bool)
+    moving[moving_parameters(problem, active)] = True
     which = [i for i, case in enumerate(problem.cases) if case.on_modes]
     for case, state in ((problem.cases[i], before.states[i]) for i in which):
         most = max(rules.full_solutions - KEPT, 1)
         asked = TrainingRules(state.solution.wanted, SEARCH * rules.tolerance, most, rules.order)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
-        trainers.append(Trainer(case.configured, asked, case.sensors, partial(_solve, case), *hears))
+        common = (case.sensors, partial(_solve, case), *hears, before.x, moving)
+        division = None if rules.components is None else divide(case.configured, rules.components)
+        if division is None or rules.components is None:
+            trainers.append(Trainer(case.configured, asked, *common))
+        else:
+            trainers.append(ComponentTrainer(case.configured, asked, rules.components, division, *common))
         trained.append(trainers[-1].train(trainers[-1].start()))
     return ReducedSearch(problem, rules, which, trainers, trained, trained, [])
 
 
-def _finer(trainer: Trainer, tolerance: float) -> Trainer:
+def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
     """A trainer that keeps smaller parts of new modes: at an end shapes count, whose error is that of a root."""
     negligible = min(trainer.rules.negligible, 1e-2 * float(np.sqrt(tolerance)))
     return replace(trainer, rules=replace(trainer.rules, negligible=negligible))
@@ -345,7 +412,7 @@ def multi_start_reduced(
     before = nominal or problem.start(np.zeros(len(problem.parameters.free)))
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    run = _Run(problem, method, reduction, train(problem, reduction, before, told), told, active, [])
+    run = _Run(problem, method, reduction, train(problem, reduction, before, told, active), told, active, [])
     reduced = run.search.reduced_problem()
     if equation_error:
         *first, last = equation_error_phases(reduced)

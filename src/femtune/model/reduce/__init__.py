@@ -6,6 +6,15 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.model.reduce.at_sensors import SensorModel, sensor_model
+    from femtune.model.reduce.component_training import ComponentTrainer
+    from femtune.model.reduce.components import (
+        ComponentBasis,
+        ComponentModel,
+        Components,
+        Division,
+        component_model,
+        divide,
+    )
     from femtune.model.reduce.condensation import (
         Component,
         Coupled,
@@ -28,7 +37,12 @@ else:
 __all__ = [
     "Certified",
     "Component",
+    "ComponentBasis",
+    "ComponentModel",
+    "ComponentTrainer",
+    "Components",
     "Coupled",
+    "Division",
     "ErrorEstimate",
     "ErrorEstimator",
     "ReducedModel",
@@ -42,9 +56,11 @@ __all__ = [
     "TrainingRules",
     "TrainingStatus",
     "certified_error",
+    "component_model",
     "couple",
     "craig_bampton",
     "deck_masters",
+    "divide",
     "dynamic",
     "guyan",
     "irs",

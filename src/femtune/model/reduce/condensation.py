@@ -212,7 +212,8 @@ def _loose() -> FemtuneError:
 # Craig-Bampton: modes with the interface held and static shapes of the interface; components joined there.
 
 
-_DENSE_UP_TO = 1500
+_DENSE_UP_TO = 600
+_FIRST_COUNT = 20
 
 
 def craig_bampton(K: Matrix, M: Matrix, interface: ArrayLike, modes: int) -> Reduction:
@@ -248,10 +249,39 @@ def fixed_interface_modes(parts: Partition, factor: Factor | None, count: int) -
 
 def _dense(K: sp.csr_array, M: sp.csr_array, count: int) -> Reals:
     """By Mφ = θKφ, so that M may be singular; motions without mass are no modes."""
-    theta, shapes = la.eigh(M.toarray(), K.toarray())
+    size = K.shape[0]
+    theta, shapes = la.eigh(M.toarray(), K.toarray(), subset_by_index=[max(size - count, 0), size - 1])
     finite = int(np.sum(theta > 1e-14 * theta.max(initial=0.0)))
     kept = slice(-1, -min(count, finite) - 1, -1)
     return np.asarray(shapes[:, kept] / np.sqrt(theta[kept])) if finite else shapes[:, :0]
+
+
+def fixed_interface_modes_up_to(parts: Partition, factor: Factor | None, max_hz: float) -> Reals:
+    """(n − m, k) mass-normalised modes of the slaves with the masters held, all up to a frequency.
+
+    Their number is that of the negative pivots of K_oo − ω²M_oo; where the solver gives none, modes are computed until
+    they exceed the frequency.
+    """
+    value, size = (2.0 * np.pi * max_hz) ** 2, len(parts.slaves)
+    if factor is None:
+        return np.zeros((size, 0))
+    K, M = (parts.block(A, parts.slaves, parts.slaves) for A in (parts.K, parts.M))
+    below = _number_below(K, M, value)
+    count = _FIRST_COUNT if below is None else below
+    while True:
+        shapes = fixed_interface_modes(parts, factor, count)
+        values = np.einsum("ij,ij->j", shapes, K @ shapes)
+        if below is not None or shapes.shape[1] < count or values.max(initial=0.0) > value:
+            return np.ascontiguousarray(shapes if below is not None else shapes[:, values <= value])
+        count *= 2
+
+
+def _number_below(K: sp.csr_array, M: sp.csr_array, value: float) -> int | None:
+    """Number of eigenvalues below a value, None where the pivots hide it."""
+    try:
+        return factorise(sp.csr_array(K - value * M)).negative_pivots
+    except SingularMatrixError:
+        return None
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,7 +117,13 @@ The relative error of an eigenvalue is of the size of its square.
 DEPENDENT = 1e-9
 
 
-def extend(basis: Reals, vectors: Reals, metric: SymmetricMatrix, negligible: float = NEGLIGIBLE) -> Reals:
+def extend(
+    basis: Reals,
+    vectors: Reals,
+    metric: SymmetricMatrix,
+    negligible: float = NEGLIGIBLE,
+    energy: Reals | None = None,
+) -> Reals:
     """The basis with the directions of `vectors` that it misses.
 
     Each vector is given unit energy vᵀAv = 1 first; what is left of them outside the basis is orthonormalised by its
@@ -128,8 +134,11 @@ def extend(basis: Reals, vectors: Reals, metric: SymmetricMatrix, negligible: fl
     basis : (n, r), BᵀAB = 1
     vectors : (n, m)
     metric : A, positive definite, of the nominal model: K − σM with σ below the spectrum
+    energy : (m,) energies of the motions of which the vectors are parts, to which they are scaled; their own without it
     """
-    energy = np.einsum("ij,ij->j", vectors, metric @ vectors)
+    if not vectors.shape[1]:
+        return basis
+    energy = np.einsum("ij,ij->j", vectors, metric @ vectors) if energy is None else energy
     some = energy > 0.0
     W = vectors[:, some] / np.sqrt(energy[some])
     # the second pass removes what rounding left of the first; orthonormal to rounding in the end

@@ -13,6 +13,7 @@ from femtune.arrays import Reals
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.eigen.solution import EigenSolution, solve_modes
 from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.reduce.components import ComponentBasis
 from femtune.model.reduce.estimate import ABOVE, NEGLIGIBLE, ErrorEstimator, certified_error, extend, orthonormal
 from femtune.model.reduce.modes_in_basis import reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel, enlarge, reduce_model
@@ -28,6 +29,9 @@ class TrainingStatus(Enum):
     CONVERGED = "the estimate is below the tolerance at all candidates"
     SOLUTIONS = "the limit of full solutions was reached; the estimate exceeds the tolerance at some candidates"
     ORDER = "the largest order was reached; the estimate exceeds the tolerance at some candidates"
+    TRUNCATED = (
+        "the estimate exceeds the tolerance at some candidates because the components have modes up to a frequency only"
+    )
     UNFINISHED = "the training is not finished"
 
     @property
@@ -84,10 +88,11 @@ class Trained:
 
     Parameters
     ----------
-    model, basis : V (n_free, r), VᵀA0V = 1 with A0 = K0 − σM0
+    model, basis : V (n_free, r), VᵀA0V = 1 with A0 = K0 − σM0 unless it is made of components
     certified : points where the full model was solved, in their order
     points, estimates : (c, k) candidates, and (c,) the last worst estimate made at each; infinite where none was
     status : state of the training
+    components : the parts of the basis, where it is made of components
     """
 
     model: ReducedModel
@@ -98,6 +103,7 @@ class Trained:
     status: TrainingStatus
     estimator: ErrorEstimator = field(repr=False)
     metric: SymmetricMatrix = field(repr=False)
+    components: ComponentBasis | None = field(default=None, repr=False)
 
     @property
     def worst_estimate(self) -> float:
@@ -169,6 +175,15 @@ class SavedBasis:
 _SEED = 2026
 
 
+def points_of(configured: ConfiguredModel, rules: TrainingRules, base: Reals, moving: NDArray[np.bool_]) -> Reals:
+    """(c, k) candidates in the box of the parameters that move, the others at `base`; none where nothing moves."""
+    lower, upper = configured.model.parameters.bounds
+    if not moving.any():
+        return np.zeros((0, len(base)))
+    low, high = np.where(moving, lower, base), np.where(moving, upper, base)
+    return candidates(low, high, rules.inner, rules.corners)
+
+
 def candidates(lower: Reals, upper: Reals, count: int, corners: int = 0, seed: int = _SEED) -> Reals:
     """(count + corners, k) points: a Sobol sequence in the box, and corners of it that differ from one another.
 
@@ -210,6 +225,8 @@ class Trainer:
     solve : the full solution of a model point and a number of modes, from modes nearby where they are given
     report : called after every full solution
     looking : called after every estimate, with the estimates so far and how many of them are of this basis
+    base : (k,) where the basis begins; the nominal point without it
+    moving : (k,) parameters that vary in the box, the others rest at `base`; all without it
     """
 
     configured: ConfiguredModel
@@ -218,11 +235,12 @@ class Trainer:
     solve: Solve = field(default=lambda point, count, start: solve_modes(point, count, start=start))
     report: Callable[[Trained], None] = field(default=lambda trained: None)
     looking: Callable[[Trained, int], None] = field(default=lambda trained, estimated: None)
+    base: Reals | None = None
+    moving: NDArray[np.bool_] | None = None
 
     def start(self, inputs: Reals | None = None) -> Trained:
         """The basis of the nominal modes, with the static shapes (K0 − σM0)⁻¹F of the inputs F (n_free, f)."""
-        lower, upper = self.configured.model.parameters.bounds
-        x = np.zeros(len(lower))
+        x, moving = base_and_moving(self.configured, self.base, self.moving)
         solution = self.solve(self.configured.at(x), int(FIRST_MODES * self.rules.count), None)
         metric = solution.point.symmetric_stiffness.plus(-solution.shift, solution.point.symmetric_mass)
         vectors = [solution.shapes]
@@ -231,7 +249,7 @@ class Trainer:
         basis = orthonormal(np.hstack(vectors), metric)
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
-        points = candidates(lower, upper, self.rules.inner, self.rules.corners)
+        points = points_of(self.configured, self.rules, x, moving)
         estimator = ErrorEstimator(solution.factor, self.rules.count)
         trained = Trained(
             model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric
@@ -241,7 +259,7 @@ class Trainer:
 
     def resume(self, saved: SavedBasis) -> Trained:
         """Go on with a basis that was saved; the nominal matrices are factorised, nothing is solved."""
-        point = self.configured.at(np.zeros(len(self.configured.model.parameters.free)))
+        point = self.configured.at(saved.x[0])
         metric = point.symmetric_stiffness.plus(-saved.shift, point.symmetric_mass)
         return Trained(
             reduce_model(self.configured, saved.basis, self.rows, saved.shift), saved.basis, saved.certified(),
@@ -253,7 +271,8 @@ class Trainer:
         """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached."""
         while True:
             used_up = self._limit(trained)
-            trained, worst = self._estimated(trained, TRIED if used_up is None else len(trained.points))
+            enough = TRIED if used_up is None else len(trained.points)
+            trained, worst = estimated(trained, self.rules.tolerance, enough, self.looking)
             if trained.worst_estimate <= self.rules.tolerance:
                 return replace(trained, status=TrainingStatus.CONVERGED)
             if used_up is not None:
@@ -262,11 +281,11 @@ class Trainer:
 
     def certify(self, trained: Trained, x: Reals) -> Trained:
         """Solve the full model at a point: its true error, and the basis enriched by what it misses there."""
-        return self._certified(trained, x, _estimate(trained, x))
+        return self._certified(trained, x, estimate(trained, x))
 
     def enriched(self, trained: Trained, x: Reals, solution: EigenSolution) -> Trained:
         """As `certify`, with a solution of the full model at `x` that is there already."""
-        return self._enriched(trained, x, solution, _estimate(trained, x))
+        return self._enriched(trained, x, solution, estimate(trained, x))
 
     def _certified(self, trained: Trained, x: Reals, before: float) -> Trained:
         point = self.configured.at(x)
@@ -289,24 +308,6 @@ class Trainer:
         self.report(trained)
         return trained
 
-    def _estimated(self, trained: Trained, enough: int) -> tuple[Trained, int]:
-        """The estimates at the candidates that may be the worst, and the worst of those tried.
-
-        Errors fall as a basis grows, so that an estimate that is older than the basis counts as an upper bound. Once
-        `enough` candidates are tried and one of them is above the tolerance, the others wait.
-        """
-        estimates, worst, tried = trained.estimates.copy(), 0, 0
-        fresh = np.zeros(len(estimates), bool)
-        while len(estimates):
-            i = int(np.argmax(estimates))
-            over = tried >= enough and estimates[worst] > self.rules.tolerance
-            if over or fresh[i] or estimates[i] <= self.rules.tolerance:
-                break
-            estimates[i], fresh[i], tried = _estimate(trained, trained.points[i]), True, tried + 1
-            worst = int(np.argmax(np.where(fresh, estimates, -np.inf)))
-            self.looking(replace(trained, estimates=estimates), tried)
-        return replace(trained, estimates=estimates), worst
-
     def _limit(self, trained: Trained) -> TrainingStatus | None:
         """The limit that the training has reached."""
         if len(trained.certified) >= self.rules.full_solutions:
@@ -314,8 +315,38 @@ class Trainer:
         return TrainingStatus.ORDER if trained.model.order >= self.rules.order else None
 
 
-def _estimate(trained: Trained, x: Reals) -> float:
+def base_and_moving(
+    configured: ConfiguredModel, base: Reals | None, moving: NDArray[np.bool_] | None
+) -> tuple[Reals, NDArray[np.bool_]]:
+    """The point where a basis begins and the parameters that move: the nominal one and all, where none are given."""
+    k = len(configured.model.parameters.free)
+    return np.zeros(k) if base is None else base, np.ones(k, bool) if moving is None else moving
+
+
+def estimate(trained: Trained, x: Reals) -> float:
+    """The worst estimated relative frequency error at a point."""
     return trained.estimator.at(trained.model, trained.basis, x).worst
+
+
+def estimated(
+    trained: Trained, tolerance: float, enough: int, looking: Callable[[Trained, int], None]
+) -> tuple[Trained, int]:
+    """The estimates at the candidates that may be the worst, and the worst of those tried.
+
+    Errors fall as a basis grows, so that an estimate that is older than the basis counts as an upper bound. Once
+    `enough` candidates are tried and one of them is above the tolerance, the others wait.
+    """
+    estimates, worst, tried = trained.estimates.copy(), 0, 0
+    fresh = np.zeros(len(estimates), bool)
+    while len(estimates):
+        i = int(np.argmax(estimates))
+        over = tried >= enough and estimates[worst] > tolerance
+        if over or fresh[i] or estimates[i] <= tolerance:
+            break
+        estimates[i], fresh[i], tried = estimate(trained, trained.points[i]), True, tried + 1
+        worst = int(np.argmax(np.where(fresh, estimates, -np.inf)))
+        looking(replace(trained, estimates=estimates), tried)
+    return replace(trained, estimates=estimates), worst
 
 
 def _nearby(trained: Trained, point: ModelPoint) -> EigenSolution:

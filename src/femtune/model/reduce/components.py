@@ -1,0 +1,418 @@
+"""Craig-Bampton components of a configured model: a basis of interface DOFs, static shapes and fixed-interface modes.
+
+The basis V has a column for each DOF of the interface, with the static shapes of all components that it moves, and
+columns that are zero outside the interior of one component: modes with the interface held, and what is added to them.
+VᵀK_iV of all terms is the assembly of the reduced components, as exact in the parameters as any reduced model.
+
+Source: Craig and Bampton 1968.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.arrays import Flags, Integers, Reals
+from femtune.errors import FemtuneError
+from femtune.model.configured import ConfiguredModel, ModelPoint
+from femtune.model.digests import digest
+from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
+from femtune.model.reduce.condensation import (
+    Partition,
+    fixed_interface_modes_up_to,
+    slaves_factor,
+    static_shapes,
+)
+from femtune.model.reduce.estimate import extend, orthonormal
+from femtune.model.reduce.modes_in_basis import RIGID, reduced_modes
+from femtune.model.reduce.reduced_model import ReducedModel, reduce_model
+from femtune.model.response.basis import TIMES_HIGHEST_LINE
+from femtune.model.solvers.interface import Factor
+from femtune.model.terms import MatrixTerm, Term
+
+# ----------------------------------------------------------------------------------------------------
+# Which DOFs are of which component.
+
+
+OTHERS = "other elements"
+"""Name of the component of the elements that no component has."""
+
+
+@dataclass(frozen=True)
+class Components:
+    """Components of a structure as sets of elements; elements in none of them form a component of their own.
+
+    Parameters
+    ----------
+    elements : numbers of the elements of each component, by its name
+    max_hz : by name, the frequency up to which fixed-interface modes of a component are kept; without it
+        `TIMES_HIGHEST_LINE` times the highest frequency of interest
+
+    Raises
+    ------
+    FemtuneError : ``reduce.component-empty``, ``reduce.components-overlap``
+
+    Examples
+    --------
+    >>> Components({"front": frozenset({1, 2}), "rear": frozenset({3})}).limit("front", 100.0)
+    200.0
+    """
+
+    elements: Mapping[str, frozenset[int]]
+    max_hz: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        owner: dict[int, str] = {}
+        for name, numbers in self.elements.items():
+            if not numbers:
+                raise FemtuneError("reduce.component-empty", component=name)
+            shared = sorted(numbers & owner.keys())
+            if shared:
+                shown = ", ".join(map(str, shared[:10]))
+                raise FemtuneError(
+                    "reduce.components-overlap",
+                    values={"elements": shown},
+                    count=len(shared),
+                    one=owner[shared[0]],
+                    other=name,
+                )
+            owner |= dict.fromkeys(numbers, name)
+
+    def limit(self, name: str, highest_hz: float) -> float:
+        """Frequency up to which the modes of a component are kept, for a highest frequency of interest."""
+        return self.max_hz.get(name, TIMES_HIGHEST_LINE * highest_hz)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A component in one configuration, by positions of free DOFs.
+
+    Parameters
+    ----------
+    interior : (n_o,) DOFs that no other component has
+    boundary : (n_b,) its DOFs at the interface, as positions in `Division.interface`
+    """
+
+    name: str
+    interior: Integers
+    boundary: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """The components of a configured model; `interface` are the free DOFs that several components have, or none."""
+
+    parts: tuple[Part, ...]
+    interface: Integers
+
+
+def divide(configured: ConfiguredModel, components: Components) -> Division | None:
+    """The components that a configuration has; None where the whole of it is one component.
+
+    A free DOF belongs to the interface if elements of two components act on it. Rigid elements and multipoint
+    constraints are eliminated before, so that a component acts on all DOFs that the motion of its grid points depends
+    on. An element of no component that acts on DOFs of one component only (a mass, a spring to ground) belongs to it.
+
+    Raises
+    ------
+    FemtuneError : ``reduce.component-alone``
+    """
+    off = configured.configuration.elements_off
+    present = {name: numbers - off for name, numbers in components.elements.items() if numbers - off}
+    has = _dofs_of_parts(configured, list(present.values()), off)
+    count = has.sum(axis=0)
+    shared = count != 1
+    if int(has.any(axis=1).sum()) < 2:
+        return None
+    interface = np.flatnonzero(shared)
+    parts = tuple(
+        Part(name, np.flatnonzero(own & ~shared), np.flatnonzero(own[interface]))
+        for name, own in zip((*present, OTHERS), has)
+        if name != OTHERS or (own & ~shared).any()
+    )
+    for part in parts:
+        if part.name != OTHERS and not part.boundary.size:
+            raise FemtuneError(
+                "reduce.component-alone",
+                values={"degrees of freedom": len(part.interior)},
+                component=part.name,
+                configuration=configured.configuration.name,
+            )
+    return Division(parts, interface)
+
+
+def _dofs_of_parts(configured: ConfiguredModel, parts: Sequence[frozenset[int]], off: frozenset[int]) -> Flags:
+    """(parts + 1, n_free) True for the free DOFs on which the elements of each part act; the last row is of no part."""
+    T = configured.transformation
+    has, left = np.zeros((len(parts) + 1, T.shape[1]), bool), []
+    numbers = [np.array(sorted(p), np.int64) for p in parts]
+    without = np.array(sorted(off), np.int64)
+    for dofs, elements in _elements(configured):
+        own = np.full(len(elements), -1)
+        for i, some in enumerate(numbers):
+            own[np.isin(elements, some)] = i
+        for i in range(len(parts)):
+            has[i] |= _moved(T, dofs[own == i])
+        left.append(dofs[(own < 0) & ~np.isin(elements, without)])
+    for dofs in left:
+        _place_others(has, T, dofs)
+    for term in configured.model.terms:
+        if isinstance(term, MatrixTerm):
+            entries = term.upper.tocoo()
+            has[-1] |= _moved(T, np.concatenate([entries.row, entries.col]))
+    return has
+
+
+def _elements(configured: ConfiguredModel) -> Iterator[tuple[Integers, Integers]]:
+    """g-set DOFs (m, d) and numbers (m,) of all elements, each layout once."""
+    layouts = {id(t.layout): t.layout for t in configured.model.terms if isinstance(t, Term)}
+    for layout in layouts.values():
+        yield layout.dofs, layout.elements
+
+
+def _moved(T: sp.csr_array, dofs: Integers) -> Flags:
+    """(n_free,) free DOFs on which g-set DOFs depend; −1 is ground."""
+    out = np.zeros(T.shape[1], bool)
+    out[T[np.unique(dofs[dofs >= 0])].indices] = True
+    return out
+
+
+def _place_others(has: Flags, T: sp.csr_array, dofs: Integers) -> None:
+    """Add elements of no component: to the only component on whose DOFs they act, else to the last row."""
+    if not dofs.size:
+        return
+    m, d = dofs.shape
+    owner = np.where(has[:-1].sum(axis=0) == 1, has[:-1].argmax(axis=0), len(has) - 1)
+    rows = np.repeat(np.arange(m), d)[dofs.ravel() >= 0]
+    acts = sp.csr_array((np.ones(len(rows)), (rows, dofs[dofs >= 0])), shape=(m, T.shape[0])) @ (T != 0.0).astype(float)
+    entries = sp.csr_array(acts).tocoo()
+    low, high = np.full(m, len(has)), np.full(m, -1)
+    np.minimum.at(low, entries.row, owner[entries.col])
+    np.maximum.at(high, entries.row, owner[entries.col])
+    to = np.where(low == high, low, len(has) - 1)
+    has[to[entries.row], entries.col] = True
+
+
+# ----------------------------------------------------------------------------------------------------
+# The basis of the components.
+
+
+@dataclass(frozen=True, eq=False)
+class PartBasis:
+    """A component's own columns of the basis.
+
+    Parameters
+    ----------
+    max_hz : its modes with the interface held are kept up to this frequency
+    modes : their number where the basis began
+    static : (n_o, n_b) static shapes of the interior there, for unit motions of the boundary
+    metric : K_oo there
+    columns : (c,) columns of the basis that are zero outside its interior
+    built : digests of the component's matrices for which it has its modes and static shapes
+    """
+
+    part: Part
+    max_hz: float
+    modes: int
+    static: Reals = field(repr=False)
+    metric: SymmetricMatrix = field(repr=False)
+    columns: Integers = field(repr=False)
+    built: tuple[str, ...] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentBasis:
+    """The basis V (n_free, r) of components: first a column for each DOF of the interface."""
+
+    interface: Integers = field(repr=False)
+    parts: tuple[PartBasis, ...]
+
+    def begun(self) -> int:
+        """Order of the basis at its beginning."""
+        return len(self.interface) + sum(p.modes for p in self.parts)
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentModel:
+    """A model assembled from reduced components.
+
+    Parameters
+    ----------
+    model : the terms on the basis
+    basis : V (n_free, r)
+    components : its parts
+    """
+
+    model: ReducedModel
+    basis: Reals = field(repr=False)
+    components: ComponentBasis
+
+
+def component_model(
+    configured: ConfiguredModel,
+    components: Components,
+    highest_hz: float,
+    x: Reals | None = None,
+    rows: Reals | sp.sparray | None = None,
+) -> ComponentModel:
+    """The model assembled from Craig-Bampton components; the full model is neither factorised nor solved.
+
+    Parameters
+    ----------
+    highest_hz : highest frequency of interest
+    x : (k,) point at which the components are computed; the nominal one without it
+    rows : C (s, n_free) where the modes are wanted
+
+    Raises
+    ------
+    FemtuneError : ``reduce.component-alone``, ``reduce.component-single`` where the configuration has one component
+        only, ``reduce.component-loose``, ``reduce.too-many-terms``, ``model.memory``
+    """
+    division = divide(configured, components)
+    if division is None:
+        raise FemtuneError("reduce.component-single", configuration=configured.configuration.name)
+    point = configured.at(np.zeros(len(configured.model.parameters.free)) if x is None else x)
+    basis, parts = component_basis(point, division, components, highest_hz)
+    model = reduce_model(configured, basis, rows)
+    found = reduced_modes(model.at(point.x), 1).eigenvalues
+    elastic = found[found > RIGID * found[: max(len(found) // 4, 7)].max()]
+    return ComponentModel(replace(model, shift=-float(elastic[0])), basis, parts)
+
+
+def component_basis(
+    point: ModelPoint, division: Division, components: Components, highest_hz: float
+) -> tuple[Reals, ComponentBasis]:
+    """V (n_free, r) of the components at a point, and its parts (error ``reduce.component-loose``)."""
+    own, end = [], len(division.interface)
+    for part in division.parts:
+        block = _Block.of(point, division, part)
+        limit = components.limit(part.name, highest_hz)
+        vectors = fixed_interface_modes_up_to(block.parts, block.factor, limit)
+        metric = symmetric(block.stiffness)
+        W = orthonormal(vectors, metric)
+        columns = np.arange(end, end + W.shape[1])
+        end += W.shape[1]
+        static = static_shapes(block.parts, block.factor)
+        own.append((PartBasis(part, limit, W.shape[1], static, metric, columns, (block.digest,)), W))
+    V = np.zeros((point.configured.n_free, end))
+    V[division.interface, np.arange(len(division.interface))] = 1.0
+    for basis, W in own:
+        V[np.ix_(basis.part.interior, basis.part.boundary)] = basis.static
+        V[np.ix_(basis.part.interior, basis.columns)] = W
+    return V, ComponentBasis(division.interface, tuple(basis for basis, _ in own))
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """A component's interior and boundary at a point; masters of `parts` are the boundary."""
+
+    parts: Partition
+    stiffness: sp.csr_array
+    factor: Factor | None
+    digest: str
+
+    @classmethod
+    def of(cls, point: ModelPoint, division: Division, part: Part) -> _Block:
+        """Cut out of the assembled matrices and factorised (error ``reduce.component-loose``)."""
+        K, M, known = _cut(point, division, part)
+        parts = Partition(K, M, np.arange(len(part.boundary)))
+        inside = parts.block(K, parts.slaves, parts.slaves)
+        try:
+            factor = slaves_factor(parts)
+        except FemtuneError as error:
+            raise FemtuneError(
+                "reduce.component-loose",
+                component=part.name,
+                configuration=point.configured.configuration.name,
+            ) from error
+        return cls(parts, inside, factor, known)
+
+
+def _cut(point: ModelPoint, division: Division, part: Part) -> tuple[sp.csr_array, sp.csr_array, str]:
+    """K and M of boundary and interior, and the digest of the rows of the interior, which make the vectors."""
+    at = np.concatenate([division.interface[part.boundary], part.interior])
+    K, M = (sp.csr_array(A[at][:, at]) for A in (point.stiffness, point.mass))
+    inside = slice(len(part.boundary), None)
+    return K, M, digest(K[inside], M[inside])
+
+
+# ----------------------------------------------------------------------------------------------------
+# Vectors that are added to a component's own.
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Motions of the whole model whose parts in the components matter.
+
+    Parameters
+    ----------
+    shapes : (n_free, m)
+    energy : (m,) φᵀ(K − σM)φ, to which the error of a part is relative
+    """
+
+    shapes: Reals
+    energy: Reals
+
+
+def with_parts_of(
+    basis: Reals, components: ComponentBasis, motions: Motions, negligible: float
+) -> tuple[Reals, ComponentBasis]:
+    """The basis with the parts of motions in each component's interior: what static shapes and own columns miss."""
+    added: dict[str, tuple[tuple[Reals, Reals | None], ...]] = {}
+    for own in components.parts:
+        boundary = motions.shapes[components.interface[own.part.boundary]]
+        missing = motions.shapes[own.part.interior] - own.static @ boundary
+        added[own.part.name] = ((missing, motions.energy),)
+    return _grown(basis, components, added, negligible)
+
+
+def rebuilt(
+    basis: Reals, components: ComponentBasis, point: ModelPoint, motions: Motions, negligible: float
+) -> tuple[Reals, ComponentBasis]:
+    """The basis with fixed-interface modes and static shapes at another point.
+
+    Components whose matrices are those of an earlier point are left as they are. Of the static shapes, the differences
+    from those of the beginning are added as far as they take part in `motions`.
+    """
+    division = Division(tuple(p.part for p in components.parts), components.interface)
+    added: dict[str, tuple[tuple[Reals, Reals | None], ...]] = {}
+    parts = []
+    for own in components.parts:
+        known = _cut(point, division, own.part)[2]
+        if known in own.built:
+            parts.append(own)
+            continue
+        block = _Block.of(point, division, own.part)
+        modes = fixed_interface_modes_up_to(block.parts, block.factor, own.max_hz)
+        change = static_shapes(block.parts, block.factor) - own.static
+        boundary = motions.shapes[components.interface[own.part.boundary]]
+        added[own.part.name] = ((modes, None), (change @ boundary, motions.energy))
+        parts.append(replace(own, built=(*own.built, known)))
+    return _grown(basis, replace(components, parts=tuple(parts)), added, negligible)
+
+
+def _grown(
+    basis: Reals,
+    components: ComponentBasis,
+    added: Mapping[str, Sequence[tuple[Reals, Reals | None]]],
+    negligible: float,
+) -> tuple[Reals, ComponentBasis]:
+    """The basis with vectors (n_o, m) added to some components; energies None stand for the vectors' own."""
+    end, parts, columns = basis.shape[1], [], []
+    for own in components.parts:
+        if not own.part.interior.size or own.part.name not in added:
+            parts.append(own)
+            continue
+        W = basis[np.ix_(own.part.interior, own.columns)]
+        before = W.shape[1]
+        for vectors, energy in added[own.part.name]:
+            W = extend(W, vectors, own.metric, negligible, energy)
+        new = np.zeros((len(basis), W.shape[1] - before))
+        new[own.part.interior] = W[:, before:]
+        columns.append(new)
+        parts.append(replace(own, columns=np.append(own.columns, np.arange(end, end + new.shape[1]))))
+        end += new.shape[1]
+    return np.hstack([basis, *columns]), replace(components, parts=tuple(parts))
