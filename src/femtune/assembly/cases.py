@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file import ConfigurationEntry, StudyFile
     from femtune.modal import FrfSet
     from femtune.model import ConfiguredModel, ParametricModel
+    from femtune.model.reduce import Alone
     from femtune.residuals import ComparedCase
     from femtune.testdata import ModalTest
 
@@ -108,22 +109,25 @@ class StudyCase:
         return without(self.compared, self.held)
 
 
-def overlay(entry: ConfigurationEntry) -> Configuration:
-    """The state as the model takes it."""
+def overlay(entry: ConfigurationEntry, present: Alone | None = None) -> Configuration:
+    """The state as the model takes it; `present` tells what is absent where it lists components."""
+    off, held = (frozenset(), ()) if present is None else (present.elements_off, present.interface)
     return Configuration(
         name=entry.name,
-        elements_off=switched_off(entry),
+        elements_off=switched_off(entry) | off,
         support_set=entry.spc,
         multipoint_set=entry.mpc,
-        supports_added=supports(entry.supports_added),
+        supports_added=(*supports(entry.supports_added), *held),
         supports_removed=supports(entry.supports_removed),
         masses=tuple(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses),
         weighed_mass=entry.weighed_mass,
     )
 
 
-def study_case(file: StudyFile, model: ParametricModel, entry: ConfigurationEntry) -> StudyCase:
-    """The model in the state of a configuration, still without its test.
+def study_case(
+    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry, present: Alone | None = None
+) -> StudyCase:
+    """The model in the state of a configuration, still without its test; `present` as for `overlay`.
 
     Raises
     ------
@@ -131,7 +135,7 @@ def study_case(file: StudyFile, model: ParametricModel, entry: ConfigurationEntr
     """
     _check_nodes(file, entry, model.structure.nodes)
     with errors_at_configuration(file, entry):
-        return StudyCase(entry, configure(model, overlay(entry)))
+        return StudyCase(entry, configure(model, overlay(entry, present)))
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from femtune.fem.fields import FieldRef
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.nastran.lists import IntegerList
-    from femtune.files.study_file import NearTable, ParameterEntry, StudyFile
+    from femtune.files.study_file import ComponentEntry, NearTable, ParameterEntry, StudyFile
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def _deck_value(target: Target, built: BuiltModel) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------
-# The elements of a parameter's region: by number, property, material, set of the deck, box, or nearness.
+# The elements of a region of a parameter or component: by number, property, material, set, box, or nearness.
 
 
 Numbers = frozenset[int]
@@ -174,15 +174,15 @@ Numbers = frozenset[int]
 
 @dataclass(frozen=True)
 class _Asked:
-    """A region as one parameter asks for it."""
+    """A region as one parameter or component asks for it: `subject` is "parameter E"."""
 
-    name: str
+    subject: str
     built: BuiltModel
     where: Where
 
     def error(self, code: str, **facts: Any) -> FemtuneError:
         """An error at the region."""
-        return FemtuneError(code, where=self.where, parameter=self.name, **facts)
+        return FemtuneError(code, where=self.where, subject=self.subject, **facts)
 
 
 def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
@@ -192,11 +192,19 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
     ------
     FemtuneError : ``parameter.region`` for what the deck does not have, and where no element is left
     """
-    entry = file.parameter[i]
-    chosen = _listed(file, i, built)
+    return elements_of(file, ("parameter", i), file.parameter[i], built)
+
+
+def elements_of(
+    file: StudyFile, place: tuple[str, int], entry: ParameterEntry | ComponentEntry, built: BuiltModel
+) -> Numbers | None:
+    """Elements that satisfy `elements` and `region` of an entry of the study, None where it has neither."""
+    subject, chosen = f"{place[0]} {entry.name}", None
+    if entry.elements is not None:
+        chosen = _named(_Asked(subject, built, file.where(*place, "elements")), element_list(entry.elements))
     if entry.region is None:
         return chosen
-    asked = _Asked(entry.name, built, file.where("parameter", i, "region"))
+    asked = _Asked(subject, built, file.where(*place, "region"))
     if entry.region == RegionTable():
         raise asked.error("parameter.region/no-condition")
     for condition in _conditions(asked, entry.region):
@@ -204,13 +212,6 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
     if not chosen:
         raise asked.error("parameter.region/no-element")
     return chosen
-
-
-def _listed(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
-    entry = file.parameter[i]
-    if entry.elements is None:
-        return None
-    return _named(_Asked(entry.name, built, file.where("parameter", i, "elements")), element_list(entry.elements))
 
 
 def _named(asked: _Asked, wanted: IntegerList) -> Numbers:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.assembly.components import reduction_rules
 from femtune.assembly.resonances import resonance_case
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
@@ -16,6 +17,7 @@ from femtune.files.study_file.stage import RESONANCES
 from femtune.residuals import UpdateProblem, case_without_modes
 from femtune.status import Status
 from femtune.updating import (
+    NOBODY,
     Iteration,
     ParameterCovariance,
     SideConstraint,
@@ -34,12 +36,15 @@ if TYPE_CHECKING:
     from femtune.updating import (
         Belief,
         StageResult,
+        Told,
     )
 
 Tell = Callable[[str, int, Iteration], None]
 
 
-def bottom_up(study: Study, at: Evaluation, tell: Tell) -> tuple[UpdateResult, tuple[StageResult, ...]]:
+def bottom_up(
+    study: Study, at: Evaluation, tell: Tell, told: Told = NOBODY
+) -> tuple[UpdateResult, tuple[StageResult, ...]]:
     """Run the stages of a study: the whole as one update, and the stages. `at` is the whole at the initial values.
 
     Raises
@@ -47,7 +52,7 @@ def bottom_up(study: Study, at: Evaluation, tell: Tell) -> tuple[UpdateResult, t
     FemtuneError : ``study.stage``, ``correlate.no-pairs``, and what the residuals raise
     """
     plan = [_stage(study, i) for i in range(len(study.file.stage))]
-    found = run_stages(plan, first_belief(study.parameters), tell)
+    found = run_stages(plan, first_belief(study.parameters), tell, told)
     return _as_one(study, at, found), found
 
 
@@ -58,7 +63,8 @@ def _stage(study: Study, i: int) -> Stage:
         max_iterations=entry.max_iterations or table.max_iterations,
         tolerance=entry.tolerance or table.tolerance,
     )
-    return Stage(entry.name, entry.parameters, partial(_problem, study, i), method, entry.prior, entry.seeds)
+    return Stage(entry.name, entry.parameters, partial(_problem, study, i), method, entry.prior, entry.seeds,
+                 reduction_rules(study))  # fmt: skip
 
 
 def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:

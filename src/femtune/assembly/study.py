@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,9 +31,11 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.errors import Notice
     from femtune.files.nastran.build import BuiltModel
+    from femtune.files.study_file import ConfigurationEntry
     from femtune.files.uff import UffFile
-    from femtune.model import ParametricModel
+    from femtune.model import ConfiguredModel, ParametricModel
     from femtune.model.full_model import ModelSolver
+    from femtune.model.reduce import Alone, Components
     from femtune.residuals import UpdateProblem
 
 
@@ -50,6 +53,7 @@ class Study:
     notices: tuple[Notice, ...]
     solver: ModelSolver = field(default=direct, repr=False)
     units_known: bool = True
+    components: Components | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -183,10 +187,13 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     cases: list[StudyCase] = []
     tests: dict[Path, UffFile] = {}
     base = model or parametric_model(built.structure, ParameterSet(()), ())
+    presence = _Presence(file, built, base)
+    with errors.catch():
+        presence.read()
     for i, entry in enumerate(file.configurations):
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
-            case, remarks = _with_test(file, study_case(file, base, entry), tests)
+            case, remarks = _with_test(file, study_case(file, base, entry, presence.of(entry)), tests)
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
@@ -195,7 +202,38 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
 
         check_placement(file, cases)
     assert model is not None
-    return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+    return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)), components=presence.components)
+
+
+@dataclass(eq=False)
+class _Presence:
+    """The components of a study, and which of them are present in a configuration."""
+
+    file: StudyFile
+    built: BuiltModel
+    model: ParametricModel
+    components: Components | None = None
+
+    def read(self) -> None:
+        """Find the elements of the components; imported where a study has some (errors of `components_of`)."""
+        if self.file.component:
+            from femtune.assembly.components import components_of  # noqa: PLC0415
+
+            self.components = components_of(self.file, self.built)
+
+    def of(self, entry: ConfigurationEntry) -> Alone | None:
+        """None where a configuration does not list components (errors of `present_components`)."""
+        if self.components is None or entry.components is None:
+            return None
+        from femtune.assembly.components import present_components  # noqa: PLC0415
+
+        return present_components(self.file, entry, self._whole, self.components)
+
+    @cached_property
+    def _whole(self) -> ConfiguredModel:
+        from femtune.assembly.components import whole_structure  # noqa: PLC0415
+
+        return whole_structure(self.model)
 
 
 def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:

@@ -122,6 +122,9 @@ def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
     for stage in stages:
         if not stage.ok:
             yield alert("problem", "update.stage-unfinished", stage=stage.name, ending=stage.message)
+        if stage.reduction is not None and not stage.reduction.certified:
+            last = stage.reduction.rounds[-1]
+            yield alert("problem", "update.not-certified/in-stage", stage=stage.name, last_round=last)
         apart = sum(not run.agrees for run in stage.runs)
         if apart:
             yield alert("warning", "update.starts-differ", stage=stage.name, apart=apart, starts=len(stage.runs))

@@ -2,7 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from femtune.results.base import Record
+
+if TYPE_CHECKING:
+    from femtune.updating import ReducedUpdate, ReductionRules
+
+
+class ReducedComponentResults(Record):
+    """A Craig-Bampton component of a reduced model."""
+
+    name: str
+    """Name; "other elements" for those that no component has."""
+    dofs: int
+    """Free degrees of freedom that it alone has."""
+    interface_dofs: int
+    """Free degrees of freedom that it shares with other components."""
+    max_hz: float
+    """Frequency in Hz up to which its modes with fixed interface were computed."""
+    modes: int
+    """Number of these modes where the training began."""
+    coordinates: int
+    """Its generalised coordinates at the end, without the interface: these modes, those at other points, and the parts
+    of modes of the full model that were added where a search ended."""
+    builds: int
+    """Number of points at which its modes and static shapes were computed."""
 
 
 class ReducedModelResults(Record):
@@ -21,6 +46,13 @@ class ReducedModelResults(Record):
     """Largest true error of a frequency at the end of the search, in %, for the model used in the search."""
     training: str
     """The outcome of the training, in a sentence."""
+    interface_dofs: int | None = None
+    """Degrees of freedom of all interfaces; None for a reduced model that is not assembled from components."""
+    truncation_percent: float | None = None
+    """Largest true error of a frequency at the initial values, in %: the effect of the modes of the components that are
+    left out. None without components."""
+    components: tuple[ReducedComponentResults, ...] = ()
+    """The components; none for a reduced model of the whole configuration."""
 
 
 class ReductionResults(Record):
@@ -34,3 +66,39 @@ class ReductionResults(Record):
     """One per configuration of the update."""
     rounds: tuple[str, ...]
     """The comparison with the full model at the end of each search, a sentence each."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How the records are made.
+
+
+def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
+    """How the reduced models did."""
+    models = tuple(
+        ReducedModelResults(
+            configuration=c.configuration,
+            order=c.order,
+            full_solutions=c.full_solutions,
+            estimate_percent=100.0 * c.estimate,
+            certified_error_percent=100.0 * c.certified_error,
+            training=c.status.value,
+            interface_dofs=c.interface_dofs,
+            truncation_percent=100.0 * c.truncation if c.components else None,
+            components=tuple(
+                ReducedComponentResults(
+                    name=p.name,
+                    dofs=p.dofs,
+                    interface_dofs=p.interface_dofs,
+                    max_hz=p.max_hz,
+                    modes=p.modes,
+                    coordinates=p.vectors,
+                    builds=p.builds,
+                )
+                for p in c.components
+            ),
+        )
+        for c in found.cases
+    )
+    return ReductionResults(
+        tolerance_percent=100.0 * rules.tolerance, certified=found.certified, models=models, rounds=found.rounds
+    )

@@ -13,6 +13,7 @@ from femtune.files.study_file.stage import RESONANCES
 from femtune.residuals import pair_case, solve_case
 from femtune.residuals.kinds import kinds
 from femtune.results.base import Record
+from femtune.results.reduction import ReductionResults, reduction_results
 
 if TYPE_CHECKING:
     from femtune.assembly.study import Study
@@ -118,6 +119,8 @@ class StageResults(Record):
     """Misfits before and after."""
     left_out: tuple[StageLeftOut, ...] = ()
     """Modes that were not compared."""
+    reduction: ReductionResults | None = None
+    """The reduced models of the best run; None if it used the full models."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -147,7 +150,13 @@ def _stage(study: Study, entry: StageEntry, found: StageResult) -> StageResults:
             for s in found.error_sums
         ),
         left_out=tuple(_left_out(study, entry, found.start.x)),
+        reduction=_reduction(found),
     )
+
+
+def _reduction(found: StageResult) -> ReductionResults | None:
+    rules, reduced = found.stage.reduction, found.reduced
+    return None if rules is None or reduced is None else reduction_results(reduced, rules)
 
 
 def _parameter(found: StageResult, name: str) -> StageParameter:

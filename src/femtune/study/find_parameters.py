@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.stages import bottom_up
 from femtune.assembly.update_method import method_of
-from femtune.study.reduction import find_on_reduced
+from femtune.study.reduction import TrainingProgress, find_on_reduced
 from femtune.study.starts import History, find_from_starts
 from femtune.updating import update
 
@@ -61,7 +61,8 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
         tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
 
     if study.file.stage:
-        result, stages = bottom_up(study, at, tell_of_stage)
+        told = TrainingProgress(progress, 0 if reduction is None else reduction.full_solutions)
+        result, stages = bottom_up(study, at, tell_of_stage, told)
         return FoundParameters(result, stages=stages)
     if table.starts > 1:
         starts, facts = find_from_starts(study, method, folder, at, progress)
@@ -69,5 +70,5 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
             history.add(iteration)
         return FoundParameters(starts.best, facts, starts)
     if reduction is not None:
-        return FoundParameters(*find_on_reduced(study, reduction, method, tell, at, progress))
+        return FoundParameters(*find_on_reduced(study, method, tell, at, progress))
     return FoundParameters(update(study.problem(), method, tell, at))

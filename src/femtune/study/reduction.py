@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.results.reduction import ReducedModelResults, ReductionResults
-from femtune.updating import ReductionRules, update_reduced
+from femtune.assembly.components import reduction_rules
+from femtune.results.reduction import ReductionResults, reduction_results
+from femtune.updating import update_reduced
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
-    from femtune.files.study_file.step_tables import ReductionTable
     from femtune.model.reduce import Trained
     from femtune.residuals import Evaluation
-    from femtune.updating import Iteration, ReducedUpdate, SensitivityMethod, UpdateResult
+    from femtune.updating import Iteration, SensitivityMethod, UpdateResult
 
 
 @dataclass(eq=False)
@@ -83,33 +83,15 @@ def _duration(seconds: float) -> str:
 
 def find_on_reduced(
     study: Study,
-    table: ReductionTable,
     method: SensitivityMethod,
     report: Callable[[Iteration], None],
     at: Evaluation,
     progress: Progress,
 ) -> tuple[UpdateResult, ReductionResults]:
     """The parameters, and how the reduced models did."""
-    rules, problem = ReductionRules(table.tolerance, table.full_solutions, table.order), study.problem()
-    told = TrainingProgress(progress, table.full_solutions)
+    rules, problem = reduction_rules(study), study.problem()
+    assert rules is not None
+    told = TrainingProgress(progress, rules.full_solutions)
     told.begin(case.name for case in problem.cases)
     found = update_reduced(problem, method, rules, report, at, told)
     return found.result, reduction_results(found, rules)
-
-
-def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionResults:
-    """How the reduced models did."""
-    models = tuple(
-        ReducedModelResults(
-            configuration=c.configuration,
-            order=c.order,
-            full_solutions=c.full_solutions,
-            estimate_percent=100.0 * c.estimate,
-            certified_error_percent=100.0 * c.certified_error,
-            training=c.status.value,
-        )
-        for c in found.cases
-    )
-    return ReductionResults(
-        tolerance_percent=100.0 * rules.tolerance, certified=found.certified, models=models, rounds=found.rounds
-    )

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.assembly.components import reduction_rules
 from femtune.assembly.update_method import start_rules
 from femtune.model import digest
 from femtune.results.folder import unwritable
+from femtune.results.reduction import reduction_results
 from femtune.status import Status
-from femtune.study.reduction import TrainingProgress, reduction_results
+from femtune.study.reduction import TrainingProgress
 from femtune.updating import (
-    ReductionRules,
     StartResult,
     multi_start,
     multi_start_reduced,
@@ -123,11 +124,10 @@ def find_from_starts(
     starts = Starts(folder, _key(study, at))
     starts.begin(study.file.study.journal)
     tell = _teller(starts, progress, rules.count)
-    if study.file.reduction is None:
+    limits = reduction_rules(study)
+    if limits is None:
         return multi_start(problem, method, rules, nominal=at, known=starts.known, report=tell), None
-    reduction = study.file.reduction
-    limits = ReductionRules(reduction.tolerance, reduction.full_solutions, reduction.order)
-    told = TrainingProgress(progress, reduction.full_solutions)
+    told = TrainingProgress(progress, limits.full_solutions)
     told.begin(case.name for case in problem.cases)
     found = multi_start_reduced(
         problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
@@ -152,6 +152,7 @@ def _key(study: Study, at: Evaluation) -> str:
     """Of all that starts depend on: what is compared and how it answers, the bounds, and [update] and [reduction]."""
     reduction = study.file.reduction
     tables = study.file.update.model_dump_json() + ("" if reduction is None else reduction.model_dump_json())
+    tables += "".join(component.model_dump_json() for component in study.file.component)
     lower, upper = study.parameters.bounds
     return digest(tables, at.residuals, at.jacobian, lower, upper)
 

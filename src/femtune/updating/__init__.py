@@ -8,10 +8,13 @@ if TYPE_CHECKING:
     from femtune.updating.covariance import ParameterCovariance, parameter_covariance
     from femtune.updating.equation_error import EquationError, equation_error_phases
     from femtune.updating.on_reduced_model import (
+        NOBODY,
         ReducedCaseFacts,
+        ReducedComponent,
         ReducedStarts,
         ReducedUpdate,
         ReductionRules,
+        Told,
         multi_start_reduced,
         update_reduced,
     )
@@ -57,6 +60,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "NOBODY",
     "Belief",
     "Distance",
     "EquationError",
@@ -76,6 +80,7 @@ __all__ = [
     "ParameterCovariance",
     "Prior",
     "ReducedCaseFacts",
+    "ReducedComponent",
     "ReducedStarts",
     "ReducedUpdate",
     "ReductionRules",
@@ -89,6 +94,7 @@ __all__ = [
     "StartResult",
     "StartRules",
     "Together",
+    "Told",
     "Truncated",
     "UpdateResult",
     "WeightChoice",

@@ -122,6 +122,7 @@ class ReducedCaseFacts:
     status : how the training before the search ended
     components : the components that it is assembled from; none where the basis is of the whole
     truncation : worst true error where the training began, of the components' truncated modes; NaN without components
+    interface_dofs : DOFs of all interfaces; None without components
     """
 
     configuration: str
@@ -132,6 +133,7 @@ class ReducedCaseFacts:
     status: TrainingStatus
     components: tuple[ReducedComponent, ...] = ()
     truncation: float = float("nan")
+    interface_dofs: int | None = None
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,7 @@ class ReducedSearch:
             ReducedCaseFacts(
                 c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status,
                 reduced_components(t), t.certified[0].error,
+                None if t.components is None else len(t.components.interface),
             )
             for c, t, first, error in four
         )  # fmt: skip

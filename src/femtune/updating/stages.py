@@ -18,6 +18,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem
+from femtune.updating.on_reduced_model import NOBODY, ReducedUpdate, ReductionRules, Told, update_reduced
 from femtune.updating.prior import Prior
 from femtune.updating.remembered import remembering
 from femtune.updating.result import Iteration, UpdateResult
@@ -169,6 +170,7 @@ class Stage:
     method : how; where `prior` holds its regularisation is replaced by the belief of earlier stages
     prior : whether that belief is the prior
     seeds : further initial values of moving parameters by name, in their units; every one is run to its end
+    reduction : with it, the updates search on reduced models, which are trained once and certified at every end
     """
 
     name: str
@@ -177,6 +179,7 @@ class Stage:
     method: SensitivityMethod = field(default_factory=SensitivityMethod)
     prior: bool = True
     seeds: tuple[Mapping[str, float], ...] = ()
+    reduction: ReductionRules | None = None
 
 
 @dataclass(frozen=True)
@@ -206,6 +209,7 @@ class StageResult:
     refused : why no update could start from a seed, by its number from 1
     start, belief : before and after
     misfit : by kind, residuals beside what noise and uncertain parameters explain
+    reduced : how the reduced models of the best run did; None without reduced models
     """
 
     stage: Stage
@@ -215,6 +219,7 @@ class StageResult:
     belief: Belief
     misfit: Mapping[str, Misfit]
     refused: Mapping[int, str] = field(default_factory=dict)
+    reduced: ReducedUpdate | None = None
 
     @property
     def agreed(self) -> tuple[bool, ...]:
@@ -237,24 +242,30 @@ def run_stages(
     stages: Sequence[Stage],
     start: Belief,
     tell: Tell = lambda stage, seed, iteration: None,
+    told: Told = NOBODY,
 ) -> tuple[StageResult, ...]:
     """All stages; a stage that does not reach an optimum is followed by the next one, from its best point.
 
+    Parameters
+    ----------
+    told : receives the progress of the training of reduced models
+
     Raises
     ------
-    FemtuneError : ``update.unknown-parameter``, and what the problem of a stage raises where it starts
+    FemtuneError : ``update.unknown-parameter``, ``reduce.*``, and what the problem of a stage raises where it starts
     """
     results: list[StageResult] = []
     for stage in stages:
-        results.append(run_stage(stage, results[-1].belief if results else start, tell))
+        results.append(run_stage(stage, results[-1].belief if results else start, tell, told))
     return tuple(results)
 
 
-def run_stage(stage: Stage, start: Belief, tell: Tell) -> StageResult:
+def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> StageResult:
     """One stage, from the results of earlier stages and from every seed."""
     problem = remembering(stage.problem(start.x))
     method = replace(stage.method, regularisation=start.prior()) if stage.prior else stage.method
     runs: list[UpdateResult] = []
+    reduced: list[ReducedUpdate | None] = []
     refused: dict[int, str] = {}
     for n, x in enumerate(_starts(stage, start)):
         try:
@@ -265,10 +276,19 @@ def run_stage(stage: Stage, start: Belief, tell: Tell) -> StageResult:
                 raise
             refused[n] = error.what
             continue
-        runs.append(update(problem, method, partial(tell, stage.name, n), at, stage.parameters))
-    best = min(runs, key=lambda run: (not run.status.ok, run.objective))
-    found = learned(start, best)
-    return StageResult(stage, best, tuple(runs), start, found.belief, found.misfit, refused)
+        report = partial(tell, stage.name, n)
+        if stage.reduction is None:
+            reduced.append(None)
+            runs.append(update(problem, method, report, at, stage.parameters))
+            continue
+        # the box of the parameters is that of the stage, so that all seeds go on with the models of the first run
+        search = reduced[-1].search if reduced and reduced[-1] is not None else None
+        own = update_reduced(problem, method, stage.reduction, report, at, told, stage.parameters, search)
+        reduced.append(own)
+        runs.append(own.result)
+    i = min(range(len(runs)), key=lambda i: (not runs[i].status.ok, runs[i].objective))
+    found = learned(start, runs[i])
+    return StageResult(stage, runs[i], tuple(runs), start, found.belief, found.misfit, refused, reduced[i])
 
 
 def _starts(stage: Stage, start: Belief) -> list[Reals]:

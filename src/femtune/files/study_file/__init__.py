@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
         ConfigurationEntry,
         LeaveOutEntry,
@@ -46,6 +47,7 @@ else:
 __all__ = [
     "ChecksTable",
     "Comparison",
+    "ComponentEntry",
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",

@@ -85,6 +85,8 @@ class ConfigurationEntry(TestKeys):
     test: Text | None = None
     test_units: Units | None = None
     elements_off: ElementsOff = ()
+    components: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+    interface: Literal["free", "fixed"] = "free"
     spc: Number | None = None
     mpc: Number | None = None
     supports_added: tuple[Support, ...] = ()

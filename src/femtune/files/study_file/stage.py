@@ -65,8 +65,6 @@ def _update(data: Data, source: StudyLines) -> Problems:
     for key in _OF_ONE_UPDATE:
         if key in update:
             yield source.error(("update", key), "study.stage/key-of-update", {}, key=key)
-    if "reduction" in data:
-        yield source.error(("reduction",), "study.stage/reduction", {})
 
 
 def _configurations(data: Data) -> list[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
+from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.kinds import TomlTable
@@ -71,6 +72,7 @@ class StudyFile(TomlTable):
     variable: tuple[VariableEntry, ...] = ()
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
+    component: tuple[ComponentEntry, ...] = ()
     configuration: tuple[ConfigurationEntry, ...] = ()
     sensors: SensorsTable = Field(default_factory=SensorsTable)
     sensor: tuple[SensorEntry, ...] = ()

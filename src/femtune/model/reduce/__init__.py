@@ -8,10 +8,12 @@ if TYPE_CHECKING:
     from femtune.model.reduce.at_sensors import SensorModel, sensor_model
     from femtune.model.reduce.component_training import ComponentTrainer
     from femtune.model.reduce.components import (
+        Alone,
         ComponentBasis,
         ComponentModel,
         Components,
         Division,
+        alone,
         component_model,
         divide,
     )
@@ -35,6 +37,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "Alone",
     "Certified",
     "Component",
     "ComponentBasis",
@@ -55,6 +58,7 @@ __all__ = [
     "Trainer",
     "TrainingRules",
     "TrainingStatus",
+    "alone",
     "certified_error",
     "component_model",
     "couple",

@@ -1,7 +1,7 @@
 """Training of a basis of components on a box of the parameters: components are rebuilt at points chosen greedily.
 
-The full model is solved where the basis begins and where a search ends, never in between: at a point where the error
-estimate is largest, the fixed-interface modes and static shapes of the components whose matrices differ there are added.
+The full model is solved where the basis begins and where a search ends, never in between. At the point with the largest
+error estimate, fixed-interface modes and static shapes of the components whose matrices differ there are added.
 """
 
 from __future__ import annotations
@@ -140,9 +140,7 @@ class ComponentTrainer:
         modes = reduced_modes(model.at(x), count)
         some = slice(0, int((1.0 + ABOVE) * count))
         motions = Motions(trained.basis @ modes.shapes[:, some], modes.eigenvalues[some] - model.shift)
-        basis, parts = rebuilt(
-            trained.basis, trained.components, self.configured.at(x), motions, self.rules.negligible
-        )
+        basis, parts = rebuilt(trained.basis, trained.components, self.configured.at(x), motions, self.rules.negligible)
         return self._on(trained, basis, parts)
 
     def enriched(self, trained: Trained, x: Reals, solution: EigenSolution) -> Trained:

@@ -144,6 +144,75 @@ def divide(configured: ConfiguredModel, components: Components) -> Division | No
     return Division(parts, interface)
 
 
+@dataclass(frozen=True)
+class Alone:
+    """A configuration of some components without the others.
+
+    Parameters
+    ----------
+    elements_off : elements that are absent
+    interface : (node, components) of the grid points of these components at the interface
+    """
+
+    elements_off: frozenset[int]
+    interface: tuple[tuple[int, str], ...]
+
+
+def alone(whole: ConfiguredModel, components: Components, names: Sequence[str]) -> Alone:
+    """What is absent if only some components are present, and their interface to the absent ones.
+
+    Elements and rigid elements of no component are present if all that they act on belongs to the present components
+    and to no other. Their own DOFs that depend on what absent elements act on too are the interface.
+
+    Parameters
+    ----------
+    whole : the structure with all components
+    """
+    structure, T = whole.model.structure, whole.transformation
+    here = frozenset().union(*(components.elements[name] for name in names))
+    elsewhere = frozenset().union(*components.elements.values()) - here
+    elements, dofs = _acting(whole)
+    mine, others = (np.isin(elements, sorted(numbers)) for numbers in (here, elsewhere))
+    only = _moved(T, dofs[mine]) & ~_moved(T, dofs[others])
+    some = ~mine & ~others
+    names_of, row = np.unique(elements[some], return_inverse=True)
+    shape = len(names_of), T.shape[0]
+    acts = sp.csr_array((np.ones(len(row)), (row, dofs[some])), shape=shape) @ abs(T)
+    kept = ((acts @ only.astype(float)) > 0.0) & ((acts @ (~only).astype(float)) == 0.0)
+    # grid points of absent components that have supports are not free, but they are absent too
+    kept[row[np.isin(dofs[some], dofs[others])]] = False
+    present = mine | np.isin(elements, names_of[kept])
+    absent = _moved(T, dofs[~present])
+    own = np.unique(dofs[present])
+    held = own[(abs(T[own]) @ absent.astype(float)) > 0.0]
+    off = frozenset(structure.element_kinds) - here - frozenset(map(int, names_of[kept]))
+    # what rigid elements that are present move has no support of its own
+    held = np.setdiff1d(held, structure.rigid.dependent[~np.isin(structure.rigid.owner, sorted(off))])
+    return Alone(off, _by_node(whole, held))
+
+
+def _acting(whole: ConfiguredModel) -> tuple[Integers, Integers]:
+    """(z,) elements, rigid ones too, and (z,) g-set DOFs on which they act."""
+    rigid = whole.model.structure.rigid
+    owner = rigid.owner[rigid.row]
+    elements, dofs = [owner[owner > 0]], [rigid.dof[owner > 0]]
+    for of, numbers in _elements(whole):
+        known = of.ravel() >= 0
+        elements.append(np.repeat(numbers, of.shape[1])[known])
+        dofs.append(of.ravel()[known])
+    return np.concatenate(elements), np.concatenate(dofs)
+
+
+def _by_node(whole: ConfiguredModel, dofs: Integers) -> tuple[tuple[int, str], ...]:
+    """g-set DOFs as (node, components)."""
+    nodes = whole.model.structure.nodes
+    found: dict[int, str] = {}
+    for i in dofs:
+        dof = nodes.describe(int(i))
+        found[dof.node] = found.get(dof.node, "") + (str(i % 6 + 1) if i < 6 * len(nodes.ids) else "0")
+    return tuple(found.items())
+
+
 def _dofs_of_parts(configured: ConfiguredModel, parts: Sequence[frozenset[int]], off: frozenset[int]) -> Flags:
     """(parts + 1, n_free) True for the free DOFs on which the elements of each part act; the last row is of no part."""
     T = configured.transformation

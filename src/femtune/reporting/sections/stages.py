@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from femtune.reporting.document import Cell, Figure, Heading, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.bars import error_sums_svg
 from femtune.reporting.numbers import NONE, counted, listed, short, value
+from femtune.reporting.sections.starts import reduced_models
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
@@ -69,7 +70,7 @@ def _details(stage: StageResults) -> list[Block]:
     if stage.left_out:
         items = tuple(f"{m.configuration}, mode {m.label}: {m.reason}" for m in stage.left_out)
         blocks += [Paragraph(f"{stage.name}: modes that were not compared", "muted"), Listing(items)]
-    return blocks
+    return [*blocks, *reduced_models(stage.reduction, f"{stage.name}: ")]
 
 
 def _runs(stage: StageResults) -> Block:

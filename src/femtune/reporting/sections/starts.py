@@ -106,8 +106,18 @@ _COST = (
 )
 
 
-def reduced_models(reduction: ReductionResults | None) -> list[Block]:
-    """A table of the models, and what was found each time the search ended; nothing without reduced models."""
+_COMPONENTS = (
+    "DOFs: degrees of freedom that the component alone has, and those that it shares with others. Modes: with fixed "
+    "interface, up to the stated frequency, at the first point. Coordinates: all that it has at the end, without the "
+    "interface. Points: values of the parameters at which its modes and static shapes were computed."
+)
+
+
+def reduced_models(reduction: ReductionResults | None, of: str = "") -> list[Block]:
+    """A table of the models, and what was found each time the search ended; nothing without reduced models.
+
+    `of` is the beginning of the titles, such as the name of a stage.
+    """
     if reduction is None:
         return []
     heads = columns("Configuration", ">Order", ">Full solutions", ">Estimate %", ">Certified error %", "Training")
@@ -125,7 +135,33 @@ def reduced_models(reduction: ReductionResults | None) -> list[Block]:
     if not rows:
         return [Paragraph("; ".join(reduction.rounds).capitalize() + ".")]
     rounds = tuple(map(as_sentence, reduction.rounds))
-    return [Paragraph(_verdict(reduction)), Table("Reduced models", heads, tuple(rows), _COST), Listing(rounds)]
+    models = Table(f"{of}reduced models" if of else "Reduced models", heads, tuple(rows), _COST)
+    return [Paragraph(_verdict(reduction)), models, *_components(reduction, of), Listing(rounds)]
+
+
+def _components(reduction: ReductionResults, of: str) -> list[Block]:
+    """The components of the models that are assembled from such."""
+    assembled = [m for m in reduction.models if m.components]
+    if not assembled:
+        return []
+    heads = columns(
+        "Configuration", "Component", ">DOFs", ">Interface DOFs", ">Modes up to Hz", ">Modes", ">Coordinates", ">Points"
+    )
+    rows = tuple(
+        row(
+            m.configuration if i == 0 else "", c.name, str(c.dofs), str(c.interface_dofs), short(c.max_hz),
+            str(c.modes), str(c.coordinates), str(c.builds),
+        )
+        for m in assembled
+        for i, c in enumerate(m.components)
+    )  # fmt: skip
+    errors = "; ".join(
+        f"{m.configuration}: {m.interface_dofs} interface DOFs, largest error of a frequency at the initial values "
+        f"{short(m.truncation_percent)} %"
+        for m in assembled
+    )
+    title = f"{of}components" if of else "Components"
+    return [Table(title, heads, rows, _COMPONENTS), Paragraph(f"{errors}. It is the effect of the omitted modes.")]
 
 
 def _verdict(reduction: ReductionResults) -> str:

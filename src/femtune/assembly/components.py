@@ -1,0 +1,72 @@
+"""Components of a study: their elements, and configurations of some of them alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune.assembly.error_places import errors_at, place_of
+from femtune.assembly.parameters import elements_of
+from femtune.errors import ErrorCollector, FemtuneError
+from femtune.model import Configuration, configure
+from femtune.model.reduce import Alone, Components, alone
+from femtune.updating import ReductionRules
+
+if TYPE_CHECKING:
+    from femtune.assembly.study import Study
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.model import ConfiguredModel, ParametricModel
+
+
+def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
+    """The components of a study, None without any.
+
+    Raises
+    ------
+    FemtuneError : ``parameter.region``, ``reduce.component-empty``, ``reduce.components-overlap``; several together
+    """
+    if not file.component:
+        return None
+    errors, found = ErrorCollector(), {}
+    for i, entry in enumerate(file.component):
+        with errors.catch():
+            found[entry.name] = elements_of(file, ("component", i), entry, built) or frozenset()
+    errors.raise_if_any()
+    limits = {entry.name: entry.max_hz for entry in file.component if entry.max_hz is not None}
+    with errors_at(file.where("component")):
+        return Components(found, limits)
+
+
+def whole_structure(model: ParametricModel) -> ConfiguredModel:
+    """The structure of the deck with all its elements, by which interfaces are found."""
+    return configure(model, Configuration())
+
+
+def present_components(
+    file: StudyFile, entry: ConfigurationEntry, whole: ConfiguredModel, components: Components
+) -> Alone:
+    """What is absent in a configuration that lists components, and what its interface holds.
+
+    Raises
+    ------
+    FemtuneError : ``study.component/all``, ``study.component/no-interface``
+    """
+    assert entry.components is not None
+    found = alone(whole, components, entry.components)
+    if not found.elements_off:
+        raise FemtuneError("study.component/all", where=place_of(file, entry, "components"), configuration=entry.name)
+    if entry.interface == "free":
+        return Alone(found.elements_off, ())
+    if not found.interface:
+        raise FemtuneError(
+            "study.component/no-interface", where=place_of(file, entry, "interface"), configuration=entry.name
+        )
+    return found
+
+
+def reduction_rules(study: Study) -> ReductionRules | None:
+    """What [reduction] asks for, with the components of the study; None without the table."""
+    table = study.file.reduction
+    if table is None:
+        return None
+    return ReductionRules(table.tolerance, table.full_solutions, table.order, study.components)
