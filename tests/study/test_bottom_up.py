@@ -269,7 +269,6 @@ def test_a_stage_without_anything_to_compare_is_refused_at_its_line(folder: Path
             "[update]\nstarts = 5\n\n[sensors]",
             "'starts' in [update] cannot be used in a study with stages",
         ),
-        ("[sensors]", "[reduction]\n\n[sensors]", "reduced models cannot be used"),
         ('residuals = ["mass"]', "residuals = []", "'residuals' is empty"),
         ('name = "eta"\n', 'name = "eta"\nprior = "none.toml"\n', "the catalogue of damping does not exist"),
         (
