@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import eigvalsh
+from tests.messages.shown import check_shown
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
@@ -29,7 +31,7 @@ from femtune.model.reduce import (
     reduced_modes,
 )
 from femtune.parameters import Parameter, ParameterSet
-from structures.beams import E, I1, SECTION, exact_frequency, held_for_bending, straight_line
+from structures.beams import I1, SECTION, E, exact_frequency, held_for_bending, straight_line
 from structures.frames import bars, make_structure
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
@@ -70,7 +72,9 @@ def test_a_beam_of_two_halves_has_the_frequencies_of_the_closed_form() -> None:
     full = solve_modes(beam.at(np.zeros(0)), 5)
     exact = np.array([exact_frequency(("clamped", "free"), f, I1, 0.0, 0.0) for f in full.freq_hz])
     # the first root of cos βL cosh βL = −1
-    assert exact[0] == pytest.approx(1.8751040687**2 / (2 * np.pi) * np.sqrt(E * I1 / (7800.0 * 2e-3 * 1.5**4)), rel=1e-7)
+    assert exact[0] == pytest.approx(
+        1.8751040687**2 / (2 * np.pi) * np.sqrt(E * I1 / (7800.0 * 2e-3 * 1.5**4)), rel=1e-7
+    )
     errors = []
     for multiple in (1.0, 2.0, 4.0):
         components = replace(halves, max_hz=dict.fromkeys(halves.elements, multiple * exact[-1]))
@@ -97,8 +101,6 @@ def test_the_assembly_is_that_of_components_reduced_one_by_one() -> None:
         reduced = craig_bampton(point.stiffness, point.mass, shared, own.modes)
         parts.append(Component(reduced, half.free[shared].tolist()))
     joined = couple(parts)
-    from scipy.linalg import eigvalsh  # noqa: PLC0415
-
     expected = eigvalsh(joined.stiffness, joined.mass)
     mine = reduced_modes(found.model.at(np.zeros(0)), 3).eigenvalues
     assert len(mine) == len(expected) == found.model.order == 2 + sum(p.modes for p in found.components.parts)
@@ -273,7 +275,7 @@ def test_what_is_one_component_is_not_divided(tmp_path: Path) -> None:
     assert divide(lone, _FRAMES) is None
     with pytest.raises(FemtuneError) as error:
         component_model(lone, _FRAMES, 100.0)
-    assert error.value.code == "reduce.component-single"
+    check_shown("reduce.component-single", error.value)
 
 
 def test_a_component_without_connection_is_refused(tmp_path: Path) -> None:
@@ -281,8 +283,7 @@ def test_a_component_without_connection_is_refused(tmp_path: Path) -> None:
     apart = configure(frames.model, Configuration("apart", elements_off=frozenset({71})))
     with pytest.raises(FemtuneError) as error:
         divide(apart, _FRAMES)
-    assert error.value.code == "reduce.component-alone"
-    assert "component three" in str(error.value)
+    check_shown("reduce.component-alone", error.value)
 
 
 def test_a_loose_piece_of_a_component_is_refused(tmp_path: Path) -> None:
@@ -290,18 +291,16 @@ def test_a_loose_piece_of_a_component_is_refused(tmp_path: Path) -> None:
     components = Components({"ends": frozenset({1, 2, 21}), "two": frozenset({11, 12}), "spring": frozenset({71})})
     with pytest.raises(FemtuneError) as error:
         component_model(frames, components, 100.0)
-    assert error.value.code == "reduce.component-loose"
-    assert "ends" in str(error.value)
+    check_shown("reduce.component-loose", error.value)
 
 
 def test_empty_and_overlapping_components_are_refused() -> None:
     with pytest.raises(FemtuneError) as error:
         Components({"a": frozenset()})
-    assert error.value.code == "reduce.component-empty"
+    check_shown("reduce.component-empty", error.value)
     with pytest.raises(FemtuneError) as error:
         Components({"a": frozenset({1, 2, 3}), "b": frozenset({3, 4})})
-    assert error.value.code == "reduce.components-overlap"
-    assert "share 1 element" in str(error.value)
+    check_shown("reduce.components-overlap", error.value)
 
 
 def test_an_order_above_the_limit_is_refused() -> None:
@@ -309,5 +308,4 @@ def test_an_order_above_the_limit_is_refused() -> None:
     trainer = _trainer(plate, components)
     with pytest.raises(FemtuneError) as error:
         replace(trainer, rules=replace(trainer.rules, order=20)).start()
-    assert error.value.code == "reduce.components-order"
-    assert "interface DOFs" in str(error.value)
+    check_shown("reduce.components-order", error.value)

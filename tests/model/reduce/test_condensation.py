@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from femtune.errors import FemtuneError
 from femtune.files.nastran import build_structure, read_deck
 from femtune.model import Configuration, ModelPoint, configure, parametric_model
+from femtune.model.eigen import pairs
 from femtune.model.reduce import (
     Component,
-    condensation,
     couple,
     craig_bampton,
     deck_masters,
@@ -23,6 +23,7 @@ from femtune.model.reduce import (
     irs,
     serep,
 )
+from femtune.model.reduce.condensation import Partition, fixed_interface_modes_up_to, slaves_factor
 from femtune.parameters import ParameterSet
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -115,17 +116,20 @@ def test_craig_bampton_with_all_modes_is_exact_and_without_any_is_guyan(pair: Pa
 
 
 @pytest.mark.parametrize("modes", [3, 5, 8, 9])
-def test_fixed_interface_modes_by_iteration_are_the_dense_ones(
-    pair: Pair, modes: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("dense_up_to", [0, 400])
+def test_fixed_interface_modes_are_those_of_scipy(
+    pair: Pair, modes: int, dense_up_to: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The iteration finds fewer modes than there are slaves; where more are requested the dense way takes over."""
+    """By every way of the eigen-solver, and all modes up to a frequency."""
+    monkeypatch.setattr(pairs, "DENSE_UP_TO", dense_up_to)
     k, m = pair
-    dense = craig_bampton(k, m, MASTERS, modes)
-    monkeypatch.setattr(condensation, "_DENSE_UP_TO", 0)
+    slaves = np.setdiff1d(np.arange(12), MASTERS)
+    values = la.eigvalsh(k[np.ix_(slaves, slaves)], m[np.ix_(slaves, slaves)])
     found = craig_bampton(k, m, MASTERS, modes)
-    np.testing.assert_allclose(
-        la.eigvalsh(found.stiffness, found.mass), la.eigvalsh(dense.stiffness, dense.mass), rtol=1e-10
-    )
+    np.testing.assert_allclose(np.diag(found.stiffness)[3:], values[:modes], rtol=1e-9)
+    parts = Partition.of(k, m, MASTERS)
+    between = 0.5 * (np.sqrt(values[modes - 1]) + np.sqrt([*values, 1.1 * values[-1]][modes])) / (2.0 * np.pi)
+    assert fixed_interface_modes_up_to(parts, slaves_factor(parts), between).shape == (9, modes)
 
 
 def test_components_with_all_modes_joined_are_the_whole() -> None:

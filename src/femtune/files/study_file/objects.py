@@ -134,6 +134,7 @@ class Configuration(ConfigurationEntry, _Checked):
     test_units : length-mass-s of the test, if its file does not state them
     masses : added masses: ``[{"node": 12, "mass": 0.5}]``
     elements_off : elements that are absent: "201 THRU 208"
+    components, interface : the components that are present, and "fixed" where their interface is supported
     spc, mpc : sets of supports and of multipoint constraints, in place of those of the deck
     supports_added, supports_removed : ``["12:123"]``
     weighed_mass : of the structure in this state

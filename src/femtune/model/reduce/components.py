@@ -75,7 +75,6 @@ class Components:
                 raise FemtuneError(
                     "reduce.components-overlap",
                     values={"elements": shown},
-                    count=len(shared),
                     one=owner[shared[0]],
                     other=name,
                 )

@@ -14,12 +14,15 @@ from typing import TypeAlias
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
 from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.model.configured import ConfiguredModel
+from femtune.model.eigen.pairs import EigenSearch, lowest
+from femtune.model.eigen.pencil import Inverse, Pencil
+from femtune.model.eigen.sturm import count_below
+from femtune.model.linear.symmetric import symmetric
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor, SingularMatrixError
 
@@ -212,8 +215,7 @@ def _loose() -> FemtuneError:
 # Craig-Bampton: modes with the interface held and static shapes of the interface; components joined there.
 
 
-_DENSE_UP_TO = 600
-_FIRST_COUNT = 20
+_FIRST_COUNT, _EXTRA = 20, 6
 
 
 def craig_bampton(K: Matrix, M: Matrix, interface: ArrayLike, modes: int) -> Reduction:
@@ -235,25 +237,9 @@ def craig_bampton(K: Matrix, M: Matrix, interface: ArrayLike, modes: int) -> Red
 
 def fixed_interface_modes(parts: Partition, factor: Factor | None, count: int) -> Reals:
     """(n − m, k) mass-normalised lowest modes of the slaves with the masters held."""
-    size = len(parts.slaves)
-    if factor is None or count <= 0:
-        return np.zeros((size, 0))
-    K, M = (parts.block(A, parts.slaves, parts.slaves) for A in (parts.K, parts.M))
-    if size <= _DENSE_UP_TO or 2 * count >= size:
-        return _dense(K, M, count)
-    inverse = spla.LinearOperator(K.shape, matvec=factor.solve, dtype=np.float64)
-    start = factor.solve(M @ np.random.default_rng(4).standard_normal(size))
-    _, shapes = spla.eigsh(K, k=count, M=M, sigma=0.0, OPinv=inverse, v0=start)
-    return np.asarray(shapes)
-
-
-def _dense(K: sp.csr_array, M: sp.csr_array, count: int) -> Reals:
-    """By Mφ = θKφ, so that M may be singular; motions without mass are no modes."""
-    size = K.shape[0]
-    theta, shapes = la.eigh(M.toarray(), K.toarray(), subset_by_index=[max(size - count, 0), size - 1])
-    finite = int(np.sum(theta > 1e-14 * theta.max(initial=0.0)))
-    kept = slice(-1, -min(count, finite) - 1, -1)
-    return np.asarray(shapes[:, kept] / np.sqrt(theta[kept])) if finite else shapes[:, :0]
+    if factor is None:
+        return np.zeros((len(parts.slaves), 0))
+    return _lowest(_pencil_of_slaves(parts), factor, count)[1]
 
 
 def fixed_interface_modes_up_to(parts: Partition, factor: Factor | None, max_hz: float) -> Reals:
@@ -262,26 +248,42 @@ def fixed_interface_modes_up_to(parts: Partition, factor: Factor | None, max_hz:
     Their number is that of the negative pivots of K_oo − ω²M_oo; where the solver gives none, modes are computed until
     they exceed the frequency.
     """
-    value, size = (2.0 * np.pi * max_hz) ** 2, len(parts.slaves)
     if factor is None:
-        return np.zeros((size, 0))
-    K, M = (parts.block(A, parts.slaves, parts.slaves) for A in (parts.K, parts.M))
-    below = _number_below(K, M, value)
+        return np.zeros((len(parts.slaves), 0))
+    pencil, value = _pencil_of_slaves(parts), (2.0 * np.pi * max_hz) ** 2
+    below = count_below(pencil, value).below
     count = _FIRST_COUNT if below is None else below
     while True:
-        shapes = fixed_interface_modes(parts, factor, count)
-        values = np.einsum("ij,ij->j", shapes, K @ shapes)
-        if below is not None or shapes.shape[1] < count or values.max(initial=0.0) > value:
-            return np.ascontiguousarray(shapes if below is not None else shapes[:, values <= value])
+        values, shapes = _lowest(pencil, factor, count)
+        if below is not None:
+            return shapes
+        if len(values) < count or values[-1] > value:
+            return np.ascontiguousarray(shapes[:, values <= value])
         count *= 2
 
 
-def _number_below(K: sp.csr_array, M: sp.csr_array, value: float) -> int | None:
-    """Number of eigenvalues below a value, None where the pivots hide it."""
-    try:
-        return factorise(sp.csr_array(K - value * M)).negative_pivots
-    except SingularMatrixError:
-        return None
+def _lowest(pencil: Pencil, factor: Factor, count: int) -> tuple[Reals, Reals]:
+    """Eigenvalues (k,) and shapes (n, k) of the lowest modes; motions without mass are no modes."""
+    count = min(count, pencil.heavy.size)
+    if count <= 0:
+        return np.zeros(0), np.zeros((pencil.n, 0))
+    asked = min(count + _EXTRA, pencil.heavy.size)
+    values, shapes, _ = lowest(EigenSearch(Inverse(pencil, 0.0, factor)), asked, count)
+    return values[:count], np.ascontiguousarray(shapes[:, :count])
+
+
+def _pencil_of_slaves(parts: Partition) -> Pencil:
+    """K_oo and M_oo on one pattern."""
+    K, M = (parts.block(A, parts.slaves, parts.slaves) for A in (parts.K, parts.M))
+    return Pencil(symmetric(_on_both(K, M)), symmetric(_on_both(M, K)))
+
+
+def _on_both(A: sp.csr_array, other: sp.csr_array) -> sp.csr_array:
+    """A with zeros where only another matrix has entries, and on its diagonal."""
+    own, more, at = A.tocoo(), other.tocoo(), np.arange(A.shape[0])
+    zeros = np.zeros(more.nnz + len(at))
+    rows, cols = np.concatenate([own.row, more.row, at]), np.concatenate([own.col, more.col, at])
+    return sp.csr_array(sp.coo_array((np.concatenate([own.data, zeros]), (rows, cols)), shape=A.shape))
 
 
 @dataclass(frozen=True, eq=False)
