@@ -175,14 +175,15 @@ def random_points(system: ConfiguredModel, components: Components, size: Size) -
         )
         # what moves the joint changes no component
         assert what != "joint" or [len(p.built) for p in trained.components.parts] == [1, 1]
-        assert [len(p.built) for p in trained.components.parts][0] == 1
+        assert len(trained.components.parts[0].built) == 1
         assert worst[1] < 0.2
     return [
         "## Other values of the parameters", "",
         f"{size.points} random points within ±{100 * WIDTH:.0f} %, for the stiffnesses of the joint and for Young's "
         "moduli of the tubes and the muffler of the rear part; modes of the components up to eight times f26. Largest "
-        "errors in % with the components of the nominal point, and after the training, which computes components again at the points where the error estimate is "
-        "largest. The number of points at which the front and the rear part were computed includes the nominal one.",
+        "errors in % with the components of the nominal point, and after the training, which computes components "
+        "again at the points where the error estimate is largest. The number of points at which the front and the "
+        "rear part were computed includes the nominal one.",
         "",
         "| parameters | order | error % | points (front, rear) | order after training | error % after training | "
         "training, CPU s |", "| --- " * 7 + "|", *rows, "",
