@@ -32,7 +32,7 @@ from femtune.model.reduce import (
     reduced_modes,
 )
 from femtune.parameters import Parameter, ParameterSet
-from structures.beams import I1, SECTION, E, exact_frequency, held_for_bending, straight_line
+from structures.beams import I1, RHO, SECTION, A, E, L, exact_frequency, held_for_bending, straight_line
 from structures.frames import bars, make_structure
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
 
