@@ -15,7 +15,15 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
 from femtune.files.nastran import build_structure, read_deck
-from femtune.model import Assignment, Configuration, ConfiguredModel, configure, parametric_model, solve_modes
+from femtune.model import (
+    AddedMass,
+    Assignment,
+    Configuration,
+    ConfiguredModel,
+    configure,
+    parametric_model,
+    solve_modes,
+)
 from femtune.model.reduce import (
     Component,
     Components,
@@ -224,7 +232,7 @@ _FRAMES = Components({"one": frozenset({1, 2}), "two": frozenset({11, 12}), "thr
 
 def _coupled(folder: Path, joint: str = _JOINT) -> ConfiguredModel:
     path = folder / "frames.bdf"
-    path.write_text(_COUPLED.format(joint=joint).replace("CEND", "CEND\nSPC = 1"))
+    path.write_text(_COUPLED.format(joint=joint).replace("CEND", "CEND\nSPC = 1" + "\nK2GG = KJ" * ("DMIG" in joint)))
     model = parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), ())
     return configure(model, Configuration())
 
@@ -248,6 +256,33 @@ def test_interfaces_follow_rigid_elements_and_springs(tmp_path: Path) -> None:
     full = solve_modes(frames.at(x), 8)
     found = component_model(frames, _FRAMES, _EVERYTHING)
     np.testing.assert_allclose(reduced_modes(found.model.at(x), 8).freq_hz[:8], full.freq_hz[:8], rtol=1e-7)
+
+
+_RBE3 = f"{_JOINT}\nGRID,50,,1.,.5,0.\nRBE3,83,,50,123456,1.,123,2\n,12,21"
+_DMIG = f"{_JOINT}\nDMIG,KJ,0,6,1,0\nDMIG,KJ,2,2,,12,2,1.+5\nDMIG,KJ,2,2,,2,2,1.+6\nDMIG,KJ,12,2,,12,2,1.+6"
+
+
+@pytest.mark.parametrize(
+    ("joint", "elements"),
+    [
+        (_RBE3, _FRAMES.elements),
+        (_DMIG, _FRAMES.elements),
+        # a component that is all interface, and one with everything else as the other
+        (_JOINT, {**_FRAMES.elements, "springs": frozenset({71, 72})}),
+        (_JOINT, {"one": frozenset({1, 2})}),
+    ],
+    ids=["rbe3 and added masses", "dmig", "all interface", "other elements"],
+)
+def test_with_all_modes_the_model_is_the_full_one(tmp_path: Path, joint: str, elements: dict) -> None:
+    model = _coupled(tmp_path, joint).model
+    masses = (AddedMass(50, 1.0), AddedMass(12, 0.1)) if joint == _RBE3 else ()
+    frames, x = configure(model, Configuration(masses=masses)), np.zeros(0)
+    full = solve_modes(frames.at(x), 8).freq_hz[:8]
+    found = component_model(frames, Components(elements), _EVERYTHING)
+    np.testing.assert_allclose(reduced_modes(found.model.at(x), 8).freq_hz[:8], full, rtol=1e-9)
+    if joint == _DMIG:
+        assert any(frames.model.structure.assembled)
+        assert "12Y" in {str(frames.free_dof(int(i)))[:3] for i in found.components.interface}
 
 
 def test_one_component_alone_with_free_and_with_fixed_interface(tmp_path: Path) -> None:
