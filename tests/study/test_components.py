@@ -83,7 +83,6 @@ def test_every_stage_that_compares_modes_or_frfs_is_certified(run: RunResult) ->
     assert joint.certified_error_percent <= 1e-3
     # the right component has too few modes: modes of the full model, divided into components, make up for them
     assert joint.truncation_percent > 0.1
-    assert len(stages["joint, stiffness"].reduction.rounds) > 1
     right = joint.components[1]
     assert right.max_hz == 30.0
     assert right.coordinates > right.modes

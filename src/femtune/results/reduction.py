@@ -25,7 +25,7 @@ class ReducedComponentResults(Record):
     """Number of these modes where the training began."""
     coordinates: int
     """Its generalised coordinates at the end, without the interface: these modes, those at other points, and the parts
-    of modes of the full model that were added where a search ended."""
+    that modes of the full model have in it."""
     builds: int
     """Number of points at which its modes and static shapes were computed."""
 
@@ -49,8 +49,8 @@ class ReducedModelResults(Record):
     interface_dofs: int | None = None
     """Degrees of freedom of all interfaces; None for a reduced model that is not assembled from components."""
     truncation_percent: float | None = None
-    """Largest true error of a frequency at the initial values, in %: the effect of the modes of the components that are
-    left out. None without components."""
+    """Largest true error of a frequency at the initial values, in %, before parts of modes of the full model were added:
+    the effect of the modes of the components that are left out. None without components."""
     components: tuple[ReducedComponentResults, ...] = ()
     """The components; none for a reduced model of the whole configuration."""
 

@@ -191,13 +191,23 @@ def test_full_modes_make_the_model_right_where_they_are_solved() -> None:
         assert not after.basis[np.ix_(outside, own.columns)].any()
 
 
-def test_truncated_modes_are_named_as_the_limit_of_the_training() -> None:
-    plate, components = _plate(3)
+def test_too_few_modes_are_made_up_for_by_full_solutions() -> None:
+    plate, components = _plate(2, ("t2",))
     trainer = _trainer(plate, _up_to(components, 1.0))
-    strict = replace(trainer, rules=replace(trainer.rules, tolerance=1e-8))
-    trained = strict.train(strict.start())
-    assert trained.status is TrainingStatus.TRUNCATED
-    assert trained.certified[0].error > 1e-3
+    strict = replace(trainer, rules=replace(trainer.rules, tolerance=1e-5, negligible=1e-4))
+    start = strict.start()
+    assert start.components is not None
+    assert [p.modes for p in start.components.parts] == [0, 0]
+    # the error of the static shapes alone, and none with the parts of the modes of the full model
+    assert start.certified[0].error > 0.01
+    x = np.zeros(1)
+    truth = solve_modes(plate.at(x), 12).eigenvalues[:12]
+    assert certified_error(start.model, x, truth).max() < 1e-6
+    trained = strict.train(start)
+    assert trained.status is TrainingStatus.CONVERGED
+    assert 2 <= len(trained.certified) <= 8
+    limited = replace(strict, rules=replace(strict.rules, full_solutions=1))
+    assert limited.train(limited.start()).status is TrainingStatus.SOLUTIONS
 
 
 _COUPLED = """SOL 103

@@ -1,7 +1,8 @@
 """Training of a basis of components on a box of the parameters: components are rebuilt at points chosen greedily.
 
-The full model is solved where the basis begins and where a search ends, never in between. At the point with the largest
-error estimate, fixed-interface modes and static shapes of the components whose matrices differ there are added.
+At the point with the largest error estimate, fixed-interface modes and static shapes of the components whose matrices
+differ there are added. Where they are not enough, the full model is solved, and the parts that its modes have in each
+component are added; so are those of the first solution. Modes that the components lack are made up for by these parts.
 """
 
 from __future__ import annotations
@@ -38,12 +39,9 @@ from femtune.model.reduce.training import (
     base_and_moving,
     estimate,
     estimated,
+    limit_of,
     points_of,
 )
-
-OVER_TRUNCATION = 4.0
-"""Ratio of the estimate that training reaches at the least to the error of the truncated modes where it begins: the
-estimate may be twice the error, and the error elsewhere twice that at the beginning."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,9 @@ class ComponentTrainer:
     moving: NDArray[np.bool_] | None = None
 
     def start(self) -> Trained:
-        """The components at `base`, and the error of their modes there by a solution of the full model.
+        """The components at `base`, with the parts of the full model's modes there.
+
+        The error of the first point is that of the components without these parts.
 
         Raises
         ------
@@ -81,6 +81,9 @@ class ComponentTrainer:
         self._check_order(basis, parts)
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         error = float(certified_error(model, x, values).max(initial=0.0))
+        motions = Motions(solution.shapes, solution.eigenvalues - solution.shift)
+        basis, parts = with_parts_of(basis, parts, motions, self.rules.negligible)
+        model = enlarge(model, basis, self.rows)
         first = Certified(x, values, np.nan, error, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
         estimator = ErrorEstimator(solution.factor, self.rules.count)
@@ -106,32 +109,25 @@ class ComponentTrainer:
     def train(self, trained: Trained) -> Trained:
         """Rebuild components at the worst candidate until the estimate is small at all of them, or a limit is reached.
 
-        The training reaches the tolerance or what the truncated modes allow, whichever is larger.
+        The full model is solved at a candidate where the rebuilt components do not reach the tolerance.
         """
-        tolerance = max(self.rules.tolerance, OVER_TRUNCATION * trained.certified[0].error)
         while True:
-            limit = self._limit(trained)
+            limit = limit_of(trained, self.rules)
             enough = TRIED if limit is None else len(trained.points)
-            trained, worst = estimated(trained, tolerance, enough, self.looking)
-            if trained.worst_estimate <= tolerance:
-                reached = trained.worst_estimate <= self.rules.tolerance
-                return replace(trained, status=TrainingStatus.CONVERGED if reached else TrainingStatus.TRUNCATED)
+            trained, worst = estimated(trained, self.rules.tolerance, enough, self.looking)
+            if trained.worst_estimate <= self.rules.tolerance:
+                return replace(trained, status=TrainingStatus.CONVERGED)
             if limit is not None:
                 return replace(trained, status=limit)
             x = trained.points[worst]
             trained = self._rebuilt(trained, x)
-            estimates = trained.estimates.copy()
-            estimates[worst] = estimate(trained, x)
-            trained = replace(trained, estimates=estimates)
-            if estimates[worst] > tolerance:
-                return replace(trained, status=TrainingStatus.TRUNCATED)
-
-    def _limit(self, trained: Trained) -> TrainingStatus | None:
-        assert trained.components is not None
-        points = max(len(part.built) for part in trained.components.parts)
-        if points >= self.rules.full_solutions:
-            return TrainingStatus.SOLUTIONS
-        return TrainingStatus.ORDER if trained.model.order >= self.rules.order else None
+            left = estimate(trained, x)
+            if left > self.rules.tolerance:
+                solution = self.solve(self.configured.at(x), self.rules.count, None)
+                trained, left = self.enriched(trained, x, solution), 0.0
+            trained = replace(
+                trained, estimates=np.where(np.arange(len(trained.points)) == worst, left, trained.estimates)
+            )
 
     def _rebuilt(self, trained: Trained, x: Reals) -> Trained:
         """The components at another point."""

@@ -298,10 +298,6 @@ class ComponentBasis:
     interface: Integers = field(repr=False)
     parts: tuple[PartBasis, ...]
 
-    def begun(self) -> int:
-        """Order of the basis at its beginning."""
-        return len(self.interface) + sum(p.modes for p in self.parts)
-
 
 @dataclass(frozen=True, eq=False)
 class ComponentModel:

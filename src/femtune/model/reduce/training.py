@@ -29,9 +29,6 @@ class TrainingStatus(Enum):
     CONVERGED = "the estimate is below the tolerance at all candidates"
     SOLUTIONS = "the limit of full solutions was reached; the estimate exceeds the tolerance at some candidates"
     ORDER = "the largest order was reached; the estimate exceeds the tolerance at some candidates"
-    TRUNCATED = (
-        "the estimate exceeds the tolerance at some candidates because the components have modes up to a frequency only"
-    )
     UNFINISHED = "the training is not finished"
 
     @property
@@ -270,7 +267,7 @@ class Trainer:
     def train(self, trained: Trained) -> Trained:
         """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached."""
         while True:
-            used_up = self._limit(trained)
+            used_up = limit_of(trained, self.rules)
             enough = TRIED if used_up is None else len(trained.points)
             trained, worst = estimated(trained, self.rules.tolerance, enough, self.looking)
             if trained.worst_estimate <= self.rules.tolerance:
@@ -308,11 +305,12 @@ class Trainer:
         self.report(trained)
         return trained
 
-    def _limit(self, trained: Trained) -> TrainingStatus | None:
-        """The limit that the training has reached."""
-        if len(trained.certified) >= self.rules.full_solutions:
-            return TrainingStatus.SOLUTIONS
-        return TrainingStatus.ORDER if trained.model.order >= self.rules.order else None
+
+def limit_of(trained: Trained, rules: TrainingRules) -> TrainingStatus | None:
+    """The limit that a training has reached."""
+    if len(trained.certified) >= rules.full_solutions:
+        return TrainingStatus.SOLUTIONS
+    return TrainingStatus.ORDER if trained.model.order >= rules.order else None
 
 
 def base_and_moving(
