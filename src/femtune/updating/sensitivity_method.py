@@ -369,7 +369,7 @@ class _Update:
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
         """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
-        search, local, failed = self.method.search, self.walk.local(point), False
+        search, local, failed, rejected = self.method.search, self.walk.local(point), False, 0
         trying: float | None = state
         while trying is not None:
             state = trying
@@ -377,13 +377,31 @@ class _Update:
             if np.abs(d).max(initial=0.0) <= self.method.tolerance:
                 break
             trial = self._try(point, d)
-            gain = -1.0 if trial is None else self._gain(local, d, point, trial)
+            gain = -np.inf if trial is None else self._gain(local, d, point, trial)
+            if trial is not None and not search.accepts(gain):
+                trial, gain = self._corrected(local, d, state, point, trial) or (trial, gain)
             paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
             if trial is not None and paired is not None:
                 return (trial, paired), search.longer(state, gain), None
-            failed = failed or trial is None or search.accepts(gain)
-            trying = search.shorter(state)
+            if trial is None or search.accepts(gain):
+                failed, gain = True, -np.inf
+            trying = search.shorter(state, gain, rejected)
+            rejected += 1
         return None, state, self._end(point, failed)
+
+    def _corrected(
+        self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
+    ) -> tuple[Evaluation, float] | None:
+        """The trial of the corrected step after a rejected one, and its gain; None where there is none."""
+        before = point.evaluation
+        if rejected.squares.keys() != before.squares.keys():
+            return None
+        # side constraints are linear and have no error
+        error = np.zeros(len(point.residuals))
+        error[: len(before.residuals)] = rejected.residuals - before.residuals - before.jacobian @ d
+        turned = self.method.search.corrected(local, d, state, error)
+        trial = None if turned is None else self._try(point, turned)
+        return None if trial is None else (trial, self._gain(local, d, point, trial))
 
     def _end(self, point: Point, failed: bool) -> Status:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
