@@ -28,7 +28,7 @@ def modules() -> Iterator[dict[str, ModuleType]]:
             sys.modules[name] = module
 
 
-def problem(modules: dict[str, ModuleType], name: str):  # noqa: ANN201  of a module that has no name here
+def problem(modules: dict[str, ModuleType], name: str):
     return next(p for p in modules["families"].problems() if p.name == name).make()
 
 
@@ -99,3 +99,12 @@ def test_a_start_is_measured_and_makes_a_page(modules: dict[str, ModuleType]):
     assert row["solvers"]["femtune"]["status"] == "CONVERGED_AT_BOUNDS"
     assert max(row["restarted"].values()) < 1e-6
     assert "| (iv) runs that end by the limit" in text
+
+
+@pytest.mark.parametrize(("name", "most"), [("frames 1", 40), ("matrices 5", 40)])
+def test_springs_over_nine_decades_take_few_solutions(modules: dict[str, ModuleType], name: str, most: int):
+    """With damping that changes by factors of ten these took 83 and 146 solutions."""
+    p = problem(modules, name)
+    end = modules["solvers"].femtune(p, np.zeros(len(p.parameters.free)))
+    assert end.status == "CONVERGED_AT_BOUNDS"
+    assert len(end.trace) <= most
