@@ -12,6 +12,7 @@ import numpy as np
 from solvers import METHOD, MOST, MOST_AGAIN, OURS, SOLVERS, TIGHT
 
 from femtune.arrays import Reals
+from femtune.updating import SensitivityMethod
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -170,7 +171,8 @@ def _head(rows: Sequence[Measured]) -> list[str]:
         "trf, and dogbox) "
         "and SciPy's SLSQP minimise the same residuals with the same analytic derivatives inside the same bounds. Made "
         "by `benchmarks/optimise/run.py`.", "",
-        f"- {len(rows)} problems with {min(k)} to {max(k)} parameters, {number} starts each: the nominal values and a "
+        f"- {len(rows)} problems with {min(k)} to {max(k)} parameters, {number} starts each ({sum(counts)} "
+        "runs): the nominal values and a "
         "Latin hypercube over the bounds. In the minimum that femtune finds from the nominal values "
         f"{100 * np.median(bound):.0f} % of the parameters are on a bound (median of the problems; "
         f"{100 * min(bound):.0f} to {100 * max(bound):.0f} %).",
@@ -192,10 +194,9 @@ def _head(rows: Sequence[Measured]) -> list[str]:
         "- Cost. One solution is one solve for the modes at one point; rejected trials count. The Jacobian at a point "
         "that is solved is no further solution.",
         f"- Settings. femtune: defaults with `smallest_change` 0, which is the minimum inside the bounds, at most "
-        f"{METHOD.max_iterations} iterations. Rivals: ftol = xtol = gtol = {TIGHT:g}, at most {MOST} solutions, and "
-        f"{MOST_AGAIN} from the end of femtune; trf with x_scale 1 (the parameters are normalised; `jac` "
-        f"takes as many "
-        "solutions), dogbox with `jac`; SLSQP "
+        f"{METHOD.max_iterations} iterations (50 by default). Rivals: ftol = xtol = gtol = {TIGHT:g}, at most {MOST} solutions, and "
+        f"{MOST_AGAIN} from the end of femtune; trf with x_scale 1 (the parameters are normalised; "
+        "with `jac` it took as many solutions on five problems), dogbox with `jac`; SLSQP "
         "minimises the objective over that of its start. Of a rival the best point that it solved is used.", "",
     ]  # fmt: skip
 
@@ -299,8 +300,12 @@ def _change(rows: Sequence[Measured]) -> list[str]:
                 f"{c['optimum_at_bound']} | {c['at_bound']} | {c['solutions']} | {c['projected_gradient']:.1e} | "
                 f"{c['least_multiplier']:.1e} |"
             )
-    others = [row["name"] for row in rows if "increase" not in row["smallest_change"]]
-    text = f"No undetermined combination, or no smaller change: {', '.join(others)}." if others else ""
+    others = [row for row in rows if "increase" not in row["smallest_change"]]
+    ended = [row["name"] for row in others if row["smallest_change"]["status"].startswith("CONVERGED")]
+    limited = [f"{row['name']} ({row['smallest_change']['status']})" for row in others if row["name"] not in ended]
+    text = f"No undetermined combination, or no smaller change: {', '.join(ended) or 'none'}. "
+    text += f"Not ended with the default limit of {SensitivityMethod().max_iterations} iterations: "
+    text += f"{', '.join(limited) or 'none'}."
     return [*out, "", text]
 
 

@@ -143,8 +143,9 @@ def main() -> None:
     options.work.mkdir(parents=True, exist_ok=True)
     path = options.work / "starts.jsonl"
     done = known(path)
-    # first the nominal values of all problems, so that an interrupted run has something of each
-    wanted = [(name, number) for number in range(2 if options.quick else STARTS) for name in names]
+    # first the nominal values of all problems, by turns of the families, so that an interrupted run has some of each
+    by_turns = sorted(names, key=lambda name: int(name.split()[-1]))
+    wanted = [(name, number) for number in range(2 if options.quick else STARTS) for name in by_turns]
     for row in _finished([job for job in wanted if job not in done and not options.page], options.processes):
         cut = path.exists() and not path.read_bytes().endswith(b"\n")
         with path.open("a", encoding="utf-8") as out:
