@@ -67,7 +67,8 @@ def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
     cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, x))
     if not cases:
         raise _nothing(study, i)
-    return UpdateProblem(cases, study.parameters, scatter=study.file.residuals.scatter)
+    stated = study.file.residuals
+    return UpdateProblem(cases, study.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
 
 def _nothing(study: Study, i: int) -> FemtuneError:

@@ -94,11 +94,13 @@ class Residual(ABC):
         *,
         lost: int = 0,
         covariance: Reals | None = None,
+        common: Reals | None = None,
     ) -> ResidualBlock:
         """A block of this kind; see `ResidualBlock`."""
         return ResidualBlock(
-            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal
-        )
+            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal,
+            common,
+        )  # fmt: skip
 
     def weighted(
         self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0

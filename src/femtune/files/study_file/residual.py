@@ -305,6 +305,7 @@ class ResidualsTable(TomlTable):
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
     scatter: Literal["stated", "estimated"] = "stated"
+    common_frequency_sd: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     @property
     def _shape_kind(self) -> str:
