@@ -45,10 +45,12 @@ class Breach:
 class ResidualTable(TomlTable):
     """What all kinds have: the configuration, which a study of several must name.
 
-    `covariance_of_test` is True for kinds whose covariance a test may give.
+    `covariance_of_test` is True for kinds whose covariance a test may give; `sd_of_test` for those that take the
+    standard deviations of the test where neither `sd` nor `covariance` is stated.
     """
 
     covariance_of_test: ClassVar[bool] = False
+    sd_of_test: ClassVar[bool] = False
 
     configuration: Text | None = None
 
@@ -56,7 +58,7 @@ class ResidualTable(TomlTable):
     def breaches(cls, given: Data) -> Iterator[Breach]:
         """Rules between the keys of a table, for plain data; wrong types are reported by the model."""
         both = [key for key in ("sd", "covariance") if key in given]
-        if "covariance" in cls.model_fields and len(both) != 1:
+        if "covariance" in cls.model_fields and len(both) != 1 and (both or not cls.sd_of_test):
             code = "residual.weights/both" if both else "residual.weights/neither"
             yield Breach("".join(both[-1:]), code)
         if given.get("covariance") == "test" and not cls.covariance_of_test:
@@ -172,10 +174,12 @@ class FrequencyResidualEntry(OfModesTable):
 class ShapeResidualEntry(OfModesTable):
     """Shapes, scaled; `covariance` is of the entries of a scaled shape, in the order of `sensors`."""
 
+    sd_of_test = True
+
     kind: Literal["shape"]
     scaling: Scale = "unit-norm"
     sensors: Sensors | None = None
-    sd: NotNegative | None = None
+    sd: FrequencySd | None = None
     covariance: Covariance | None = None
     mass_scaled: bool = False
 
@@ -183,10 +187,12 @@ class ShapeResidualEntry(OfModesTable):
 class StrainResidualEntry(OfModesTable):
     """Strain shapes: those sensors of the test that are strain gauges, combinations of [[sensor]] in the model."""
 
+    sd_of_test = True
+
     kind: Literal["strain"]
     scaling: Scale = "unit-norm"
     sensors: Sensors
-    sd: NotNegative | None = None
+    sd: FrequencySd | None = None
     covariance: Covariance | None = None
     mass_scaled: bool = False
 
@@ -300,7 +306,7 @@ class ResidualsTable(TomlTable):
     """[residuals]: residuals of all configurations with modes, and their standard deviations."""
 
     frequency_sd: FrequencySd = 0.01
-    shape_sd: Spread = 0.0
+    shape_sd: FrequencySd = 0.0
     shape_form: Literal["difference", "mac"] = "difference"
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
