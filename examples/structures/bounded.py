@@ -32,7 +32,7 @@ def from_prior(problem: BoundedProblem, rng: np.random.Generator) -> Reals:
     return np.asarray(truncnorm.rvs(*ends, scale=problem.prior_sd, size=_K, random_state=rng))
 
 
-def inside_first_bound(depth: float) -> Truth:
+def first_at(depth: float) -> Truth:
     """The first parameter at a depth above its lower bound, in widths of the bounds; the others from the prior."""
 
     def truth(problem: BoundedProblem, rng: np.random.Generator) -> Reals:
@@ -100,7 +100,9 @@ def bounded_test(problem: BoundedProblem, seed: int) -> BoundedTest:
     ends = np.quantile(samples, [0.025, 0.975], axis=0)
     wanted = (1.0 + truth) ** problem.power
     half = found.coverage_factor() * np.sqrt(np.diag(found.without_bounds))
-    return BoundedTest((ends[0] <= wanted) & (wanted <= ends[1]), np.abs(x - truth) <= half, on_bound, float(ends.min()))
+    return BoundedTest(
+        (ends[0] <= wanted) & (wanted <= ends[1]), np.abs(x - truth) <= half, on_bound, float(ends.min())
+    )
 
 
 def _turn(rng: np.random.Generator) -> Reals:

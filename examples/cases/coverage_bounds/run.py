@@ -26,7 +26,7 @@ from structures.bounded import (
     BoundedProblem,
     BoundedTest,
     bounded_test,
-    inside_first_bound,
+    first_at,
     shapes_with_deviations,
 )
 
@@ -52,8 +52,11 @@ class Covered:
         counts = self.on_bound.sum(axis=1)
         half = self.held.shape[1] // 2
         groups = {
-            "all": np.ones(len(counts), bool), "none": counts == 0, "one": counts == 1, f"half ({half})": counts == half,
-        }  # fmt: skip
+            "all": np.ones(len(counts), bool),
+            "none": counts == 0,
+            "one": counts == 1,
+            f"half ({half})": counts == half,
+        }
         return [self._row(words, at) for words, at in groups.items() if at.sum() >= LEAST]
 
     def _row(self, words: str, at: Flags) -> str:
@@ -145,7 +148,7 @@ def main() -> None:
     found = [*(covered(problem, tests) for problem in PROBLEMS), shapes(tests)]
     check(found)
     outside = np.array([
-        np.mean([bounded_test(replace(PROBLEMS[0], truth=inside_first_bound(depth)), s).held for s in range(min(tests, 500))])
+        np.mean([bounded_test(replace(PROBLEMS[0], truth=first_at(depth)), s).held for s in range(min(tests, 500))])
         for depth in (0.0, -0.2)
     ])  # fmt: skip
     page = text(found, outside, tests)

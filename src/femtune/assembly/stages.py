@@ -21,8 +21,8 @@ from femtune.updating import (
     SideConstraint,
     Stage,
     UpdateResult,
-    posterior_of_covariance,
     first_belief,
+    posterior_of_covariance,
     run_stages,
 )
 

@@ -1,4 +1,4 @@
-"""Standard deviations of identified modes, as `femtune identify` writes them beside a Universal File, which has none."""
+"""Standard deviations of identified modes in a file of their own, because Universal Files hold none."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ def _estimated_without_bounds(
 ) -> _Size | None:  # fmt: skip
     """Variance of the residuals at the solution without bounds, where the number of parameters is that of all moving.
 
-    A parameter on a bound adds its misfit to the residuals, which is no noise.
+    The distribution itself accounts for what a bound adds to the residuals.
     """
     fit = _fit(np.vstack([J, extra])[:, moving] * prior_sd[moving], bool(len(extra)))
     freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}

@@ -11,7 +11,7 @@ Carlo, 2006, chapter 5.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -66,7 +66,7 @@ class BoxPosterior:
     lower: Reals
     upper: Reals
     degrees: float = np.inf
-    rules: SamplerRules = SamplerRules()
+    rules: SamplerRules = field(default_factory=SamplerRules)
 
     @cached_property
     def _root(self) -> Reals | None:

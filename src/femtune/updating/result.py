@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -84,9 +85,11 @@ class UpdateResult:
         """Mean, median and interval of all parameters, tied ones too; None where none is given."""
         jets = self.parameters.jets(self.x)
         return {
-            name: self.marginal(jets[name], lambda x, name=name: self.parameters.at_samples(x)[name], level)
-            for name in self.parameters.names
+            name: self.marginal(jets[name], partial(self._at_samples, name), level) for name in self.parameters.names
         }
+
+    def _at_samples(self, name: str, x: Reals) -> Reals:
+        return self.parameters.at_samples(x)[name]
 
     def marginal(self, jet: Jet, values: Callable[[Reals], Reals], level: float = 0.95) -> Marginal | None:
         """The same of any quantity: its value and derivatives at `x`, and its values at samples (n, k) of x."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri_exp
 
 from femtune.arrays import Reals
@@ -37,6 +38,7 @@ class SamplerRules:
     seed: int = 0
 
 
+Places = NDArray[np.int64]
 _INSIDE = (1e-300, 1.0 - 2e-16)
 """Ends of the unit box, so that the distance to an end is never zero."""
 _BLOCK = 20
@@ -144,11 +146,11 @@ class _Chains:
         self.u[:, i] = np.clip(self.u[:, i] + t, *_INSIDE)
         self.y += t[:, None] * slope
 
-    def _along_differences(self, moving: Reals, others: Reals) -> None:
+    def _along_differences(self, moving: Places, others: Places) -> None:
         one, other = others[: len(moving)], np.roll(others, 1)[: len(moving)]
         self._along(moving, self.u[one] - self.u[other], self.y[one] - self.y[other])
 
-    def _along(self, at: slice | Reals, direction: Reals, slope: Reals) -> None:
+    def _along(self, at: slice | Places, direction: Reals, slope: Reals) -> None:
         u, y, size = self.u[at], self.y[at], self.size[at]
         with np.errstate(divide="ignore"):
             inverse = 1.0 / direction

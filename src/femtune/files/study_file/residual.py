@@ -19,7 +19,6 @@ from femtune.files.study_file.kinds import (
     FrequencySd,
     NotNegative,
     Positive,
-    Spread,
     Text,
     TomlTable,
     Vector,
@@ -53,6 +52,12 @@ class ResidualTable(TomlTable):
     sd_of_test: ClassVar[bool] = False
 
     configuration: Text | None = None
+
+    @property
+    def is_of_test(self) -> bool:
+        """Whether the standard deviations are those of the test."""
+        sd, covariance = getattr(self, "sd", None), getattr(self, "covariance", None)
+        return "test" in (sd, covariance) or (self.sd_of_test and sd is None and covariance is None)
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
@@ -322,9 +327,9 @@ class ResidualsTable(TomlTable):
         if self.frequency_sd and (alone or "frequency_sd" in self.model_fields_set):
             of_frequency = FrequencyResidualEntry(kind="frequency", form=self.frequency_form, sd=self.frequency_sd)
             yield Comparison(of_frequency, place, short=True)
-        if self.shape_sd and self._shape_kind == "mac":
+        if self.shape_sd and self._shape_kind == "mac" and not isinstance(self.shape_sd, str):
             yield Comparison(MacResidualEntry(kind="mac", sd=self.shape_sd), place, short=True)
-        elif self.shape_sd:
+        elif self.shape_sd and self._shape_kind != "mac":
             of_shape = ShapeResidualEntry(kind="shape", scaling=self.shape_scaling, sd=self.shape_sd)
             yield Comparison(of_shape, place, short=True)
 
@@ -359,6 +364,8 @@ def residual_rules(data: Data, source: StudyLines) -> Problems:
 def _modes(data: Data, source: StudyLines) -> Problems:
     residuals = table(data, "residuals")
     silent = number(residuals, "frequency_sd") == 0 and not residuals.get("shape_sd")
+    if residuals.get("shape_sd") == "test" and residuals.get("shape_form") == "mac":
+        yield source.error(("residuals", "shape_sd"), "residual.weights/mac-not-of-test", {"shape_form": "mac"})
     if silent and not data.get("residual"):
         yield source.error(("residuals", "frequency_sd"), "study.nothing-compared", residuals)
 
