@@ -633,10 +633,16 @@ def update_results(
         starts=None if starts is None else starts_results(starts, table.seed),
         residual_counts=_counts(study, result),
         comparisons=tuple(_comparisons(result)),
-        citations=citations((*result.citations, "bard1974", "wald1940")),
+        citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
     )
+
+
+def _sampler(result: UpdateResult) -> tuple[str, ...]:
+    """Publication on the samples of a truncated distribution, where they were needed."""
+    posterior = result.covariance.posterior
+    return ("belisle1993",) if posterior is not None and posterior.truncated else ()
 
 
 def _search_words(study: Study) -> str:
