@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.messages.shown import check_shown
 
 from femtune import steps
+from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
 from femtune.files.deviations import deviations_text
 from femtune.reporting import build_report, print_terminal
 from femtune.reporting.html import html_text
+from femtune.results.alerts import alerts_of
 from femtune.testdata import ModalTest
 
 Bench = Any
@@ -44,6 +47,11 @@ def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> Non
     (depth,) = update.derived
     low, high = update.parameters[0].interval_95
     np.testing.assert_allclose(depth.interval_95, np.cbrt([low, high]), rtol=1e-6)
+    assert update.interval_samples >= 1000.0
+    few = update.model_copy(update={"interval_samples": 12.3})
+    told = alerts_of(load_study(beam.folder / "study.toml"), run.results.model_copy(update={"update": few}))
+    (few_samples,) = (a for a in told if a.code == "update.few-samples")
+    check_shown("update.few-samples", few_samples.sentence)
     text = printed(run)
     assert "within the bounds: the distribution of the linearised problem, truncated to the bounds" in text
 
@@ -68,7 +76,7 @@ def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
 
 
 def test_values_that_are_no_factors_are_not_shown_twice(beam: Bench) -> None:
-    tail = '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\nunit = "m4"\n'
+    tail = '[[parameter]]\nname = "I"\nfields = ["PBAR 1 I1"]\nabsolute = true\nlower = 1e-7\nupper = 4e-7\n'
     run = steps.update(beam.study(tail))
     assert run.results.update is not None
     assert run.results.update.parameters[0].physical == ()

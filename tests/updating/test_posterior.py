@@ -95,7 +95,7 @@ def test_profile_likelihood_confirms_the_interval_beside_a_bound() -> None:
 
 def test_an_undetermined_combination_has_the_interval_of_its_bounds() -> None:
     """Only the sum of two parameters is measured, and it hardly limits them."""
-    x, found = solved(np.array([[2.0, 2.0]]), np.array([0.1]), -0.5, 0.5)
+    _, found = solved(np.array([[2.0, 2.0]]), np.array([0.1]), -0.5, 0.5)
     assert np.isnan(found.sd).all()
     for i in range(2):
         m = of(found, i)
@@ -133,9 +133,7 @@ def test_an_estimated_variance_beside_a_bound_is_that_of_the_fit_without_bounds(
 def test_tied_and_derived_quantities_stay_in_the_range_of_their_expression() -> None:
     """Intervals of the cube root of a second moment, of which the linear interval is partly negative."""
     parameters = ParameterSet((Parameter("I", 1.0, 0.0, 4.0), tied("twice", "2*I")))
-    posterior = posterior_of_covariance(
-        np.array([-0.5]), np.array([[0.64]]), np.array([True]), parameters.limits
-    )
+    posterior = posterior_of_covariance(np.array([-0.5]), np.array([[0.64]]), np.array([True]), parameters.limits)
     thickness = DerivedQuantity("t", parse_expression("sqrt(I)"))
     jet = thickness.at(parameters, posterior.at)
     found = posterior.of(jet, lambda x: thickness.at_samples(parameters, x))

@@ -131,9 +131,9 @@ def text(found: Sequence[Covered], outside: Reals, tests: int) -> str:
         "The last column is the coverage of the other parameters if those on a bound are fixed there, as least-squares "
         "programs do; these give no interval for a parameter on its bound.", "",
         *[f"**{one.name}**: {one.words} Lowest end of all intervals: {one.lowest:.3g}." + "\n" for one in found],
-        "True values that the prior excludes have no target (500 tests each). If the first parameter of the first problem is always on "
-        "its lower bound, or 20 % of the width of the bounds below it, the intervals of the six parameters contain "
-        "the truth as follows; the interval of a parameter outside its bounds never does.", "",
+        "True values that the prior excludes have no target (500 tests each). If the first parameter of the first "
+        "problem is always on its lower bound, or 20 % of the width of the bounds below it, the intervals of the six "
+        "parameters contain the truth as follows; the interval of a parameter outside its bounds never does.", "",
         "| first parameter | coverage of all parameters % |", "| --- | --- |", *shown, "",
     ])  # fmt: skip
 

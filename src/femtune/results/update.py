@@ -335,6 +335,9 @@ class UpdateResults(Record):
     """Name of the regularisation; "none" without regularisation."""
     regularisation_weight: float | None
     """Its weight (no unit)."""
+    interval_samples: float | None = None
+    """Effective number of samples of the distribution within the bounds, of the parameter with the fewest; 0 if the
+    samples did not become stationary; None if no samples were needed."""
     residual_counts: tuple[ResidualCount, ...]
     """Residuals by kind."""
     comparisons: tuple[ComparisonResults, ...] = ()
@@ -631,6 +634,7 @@ def update_results(
         regularisation_weight=_weight(table, result),
         weight_choice=weight_choice_results(result),
         starts=None if starts is None else starts_results(starts, table.seed),
+        interval_samples=_samples(result),
         residual_counts=_counts(study, result),
         comparisons=tuple(_comparisons(result)),
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
@@ -643,6 +647,12 @@ def _sampler(result: UpdateResult) -> tuple[str, ...]:
     """Publication on the samples of a truncated distribution, where they were needed."""
     posterior = result.covariance.posterior
     return ("belisle1993",) if posterior is not None and posterior.truncated else ()
+
+
+def _samples(result: UpdateResult) -> float | None:
+    posterior = result.covariance.posterior
+    drawn = None if posterior is None else posterior.drawn
+    return None if drawn is None else drawn.effective * drawn.settled
 
 
 def _search_words(study: Study) -> str:

@@ -24,7 +24,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.parameters import Jet
 from femtune.selection import determined
-from femtune.updating.truncated import SamplerRules, box_samples
+from femtune.updating.truncated import BoxSamples, SamplerRules, sample_box
 
 IntervalKind = Literal["", "normal", "Student's t", "truncated", "bounds"]
 """Why an interval has its limits; "bounds": the data hardly narrow what the bounds leave open."""
@@ -83,12 +83,16 @@ class BoxPosterior:
         return bool(stdtr(self.degrees, ends).sum() > NEGLIGIBLE)
 
     @cached_property
+    def drawn(self) -> BoxSamples | None:
+        """Samples of d; None where the bounds are ignored."""
+        if not self.truncated:
+            return None
+        return sample_box(self.rows, self.offset, self.lower, self.upper, self.degrees, self.rules)
+
+    @cached_property
     def samples(self) -> Reals:
         """(n, k) samples of x; with fixed seed, so that they are the same every time."""
-        if self.truncated:
-            d = box_samples(self.rows, self.offset, self.lower, self.upper, self.degrees, self.rules)
-        else:
-            d = self._unbounded_samples()
+        d = self._unbounded_samples() if self.drawn is None else self.drawn.values
         x = np.tile(self.at, (len(d), 1))
         x[:, self.moving] += d
         return x

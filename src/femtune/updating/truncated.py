@@ -44,6 +44,8 @@ _INSIDE = (1e-300, 1.0 - 2e-16)
 _BLOCK = 20
 """Sweeps between two checks."""
 _MOST_BLOCKS = 40
+_FEW = 30
+"""Parameters above which fewer sweeps are made, in proportion: a sweep costs the square of their number."""
 _STEADY, _STEADY_ALL = 0.4, 0.15
 """Largest and root mean square change of mean and standard deviation from block to block, in standard deviations,
 that end the first phase; by chance alone the means of 256 chains differ by 0.09."""
@@ -67,10 +69,31 @@ def box_samples(
     >>> bool(abs(found.mean() - np.sqrt(2 / np.pi)) < 0.02)
     True
     """
+    return sample_box(A, b, lower, upper, degrees, rules).values
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSamples:
+    """Samples (n, k), and whether they are enough.
+
+    Parameters
+    ----------
+    effective : effective number of independent samples of the coordinate with the fewest
+    settled : whether the distribution of the points stopped changing before they were taken
+    """
+
+    values: Reals
+    effective: float
+    settled: bool
+
+
+def sample_box(A: Reals, b: Reals, lower: Reals, upper: Reals, degrees: float, rules: SamplerRules) -> BoxSamples:
+    """As `box_samples`."""
     width = upper - lower
     chains = _Chains.start(A * width, b + A @ lower, -lower / width, degrees, rules)
-    chains.settle()
-    return lower + width * chains.collected()
+    settled = chains.settle()
+    found = chains.collected()
+    return BoxSamples(lower + width * found.reshape(-1, len(lower)), float(effective_number(found).min()), settled)
 
 
 @dataclass(eq=False)
@@ -98,26 +121,31 @@ class _Chains:
         self.y = self.u @ self.A.T + self.b
         self.size = np.ones(len(self.u))
 
-    def settle(self) -> None:
-        """Sweeps until mean and standard deviation of a block are those of the block before."""
+    @property
+    def _share(self) -> float:
+        return min(1.0, _FEW / self.u.shape[1])
+
+    def settle(self) -> bool:
+        """Sweeps until mean and standard deviation of a block are those of the one before; False if they never are."""
         before = self._moments(self._sweeps(_BLOCK))
-        for _ in range(_MOST_BLOCKS):
+        for _ in range(max(2, int(_MOST_BLOCKS * self._share))):
             now = self._moments(self._sweeps(_BLOCK))
             change = np.concatenate([now[0] - before[0], now[1] - before[1]]) / np.tile(now[1], 2)
             if np.abs(change).max() <= _STEADY and np.sqrt(np.mean(change**2)) <= _STEADY_ALL:
-                return
+                return True
             before = now
+        return False
 
     @staticmethod
     def _moments(found: Reals) -> tuple[Reals, Reals]:
         return found.mean(axis=(0, 1)), found.std(axis=(0, 1))
 
     def collected(self) -> Reals:
-        """(n, k) samples: as many sweeps as the effective number of samples asks for."""
-        found = self._sweeps(_BLOCK)
-        while len(found) < self.rules.most and effective_number(found).min() < self.rules.least:
+        """(sweeps, chains, k) samples: as many sweeps as the effective number of samples asks for."""
+        found, most = self._sweeps(_BLOCK), self._share * self.rules.most
+        while len(found) < most and effective_number(found).min() < self.rules.least:
             found = np.concatenate([found, self._sweeps(max(_BLOCK, len(found) // 2))])
-        return found.reshape(-1, found.shape[-1])
+        return found
 
     def _sweeps(self, count: int) -> Reals:
         """(count, chains, k) points after each of several sweeps."""
