@@ -51,7 +51,7 @@ def test_weak_data_give_positive_intervals_within_the_bounds(beam: Bench) -> Non
     few = update.model_copy(update={"interval_samples": 12.3})
     told = alerts_of(load_study(beam.folder / "study.toml"), run.results.model_copy(update={"update": few}))
     (few_samples,) = (a for a in told if a.code == "update.few-samples")
-    check_shown("update.few-samples", few_samples.sentence)
+    check_shown("update.few-samples", f"[{few_samples.code}] {few_samples.sentence}")
     text = printed(run)
     assert "within the bounds: the distribution of the linearised problem, truncated to the bounds" in text
 
