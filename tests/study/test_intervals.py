@@ -68,6 +68,8 @@ def test_factors_are_shown_with_the_values_of_their_fields(beam: Bench) -> None:
     assert root.interval_95 is not None
     assert field.interval_95 == pytest.approx([2e-7 * end for end in root.interval_95])
     assert run.physical[0]["field"] == "PBAR 1 I1"
+    assert run.parameters[0]["interval_kind"] == "normal"
+    assert run.parameters[0]["interval_95_lower"] == root.interval_95[0]
     page = html_text(build_report(run.results, run.arrays))
     for text in (printed(run), page):
         assert "Physical values of the factors" in text
