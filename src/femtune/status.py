@@ -19,9 +19,9 @@ class Status(Enum):
     CONVERGED_AT_BOUNDS = "converged, with at least one parameter at its bound"
     UNDETERMINED = "converged, but the data do not determine all combinations of the parameters"
     EXACT = "converged; all residuals are zero, so that the model reproduces the test exactly"
-    MAX_ITERATIONS = "stopped at the iteration limit before it converged; the last point is kept"
+    MAX_ITERATIONS = "stopped at the iteration limit before it converged; the best point is kept"
     STALLED = "stopped because no step of any length reduces the objective; the best point is kept"
-    PAIRING_CYCLES = "stopped because the pairing of modes alternates between iterations; the last point is kept"
+    PAIRING_CYCLES = "stopped because the pairing of modes alternates between iterations; the best point is kept"
     SOLVE_FAILED = "stopped because the eigen-solution failed at a trial point; the best point is kept"
 
     @property

@@ -174,8 +174,11 @@ def test_tracking_at_exact_crossing_stays_finite():
 def test_a_paired_mode_does_not_leave_the_residual():
     before = (((0,), (0,)), ((1,), (2,)))
     assert keep_paired(before, (((0,), (0,)),)) == before
-    # unless its model mode is claimed by another
-    assert keep_paired(before, (((0,), (2,)),)) == (((0,), (2,)),)
+    # also where another test mode claims its model mode
+    assert keep_paired(before, (((0,), (2,)),)) == before
+    # partners may be exchanged, and found
+    assert keep_paired(before, (((0,), (2,)), ((1,), (0,)))) == (((0,), (2,)), ((1,), (0,)))
+    assert keep_paired(before, (((2,), (1,)),)) == (*before, ((2,), (1,)))
 
 
 def test_tracking_of_nothing():

@@ -62,7 +62,7 @@ def test_a_case_without_modes_is_not_solved_for_them():
     case = case_without_modes(MODEL, (Corner(1780.0),), solver=solver)
     problem = UpdateProblem((case,), MODEL.model.parameters)
     result = update(problem, SensitivityMethod())
-    assert result.after.objective < 1e-20
+    assert result.after.objective < 1e-12
     assert solver.solved == 0
     assert result.after.states[0].solved is None
     # … and it can be, when something asks
@@ -103,7 +103,7 @@ def test_without_modes_nothing_is_reduced():
     assert found.certified
     assert found.cases == ()
     assert found.rounds[0].startswith("no model was reduced")
-    assert found.result.after.objective < 1e-20
+    assert found.result.after.objective < 1e-12
     assert solver.solved == 0
 
 

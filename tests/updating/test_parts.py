@@ -40,15 +40,21 @@ def test_the_step_without_bounds_or_damping_is_that_of_gauss_newton(rng: np.rand
     np.testing.assert_allclose(bounded_step(r, J, 0.0, *WIDE, np.ones(3)), -np.linalg.pinv(J) @ r, atol=1e-12)
 
 
-def test_undetermined_combinations_stay(rng: np.random.Generator):
-    """Two columns that act alike move together; an effect of a thousandth of a standard deviation moves nothing."""
+def test_combinations_without_effect_stay_and_weak_ones_move(rng: np.random.Generator):
     base = rng.standard_normal(6)
-    J = np.column_stack([base, base, 1e-3 * rng.standard_normal(6)]) * [50.0, 50.0, 0.1]
-    d = bounded_step(rng.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))
-    assert d[0] == pytest.approx(d[1], abs=1e-12)
-    assert abs(d[2]) < 1e-8
-    # the same with weights that say nothing: the small effect is followed
-    assert abs(bounded_step(1e-3 * rng.standard_normal(6), J, 1e-12, *WIDE, np.ones(3))[2]) > 1e-3
+    J = np.column_stack([base, base, 1e-1 * rng.standard_normal(6)])
+    r = rng.standard_normal(6)
+    d = bounded_step(r, J, 1e-12, *WIDE, np.ones(3))
+    assert d[0] == pytest.approx(d[1], rel=1e-3)
+    np.testing.assert_allclose(J @ d, -J @ np.linalg.pinv(J) @ r, rtol=1e-4)
+
+
+def test_held_combinations_stay_although_bounds_are_active(rng: np.random.Generator):
+    J, r, scale = rng.standard_normal((6, 3)), 5.0 * rng.standard_normal(6), np.array([1.0, 0.1, 3.0])
+    held = np.array([[1.0, -1.0, 0.5]])
+    d = bounded_step(r, J, 1e-12, np.full(3, -0.1), np.full(3, 0.1), scale, held)
+    assert np.abs(d).max() == pytest.approx(0.1, rel=1e-9)
+    assert abs(held @ d)[0] < 1e-6
 
 
 def test_no_room_no_step():

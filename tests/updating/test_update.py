@@ -132,8 +132,8 @@ def test_at_bounds():
     """The truth lies outside: the parameter stays at its bound, without deviation, the others move on."""
     result = update(problem_of(simulated_case(chain(bounds=(0.9, 1.1)), TRUTH, range(4), 4)))  # type: ignore[arg-type]
     assert result.status is Status.CONVERGED_AT_BOUNDS
-    assert result.history[-1].at_bound
-    for name in result.history[-1].at_bound:
+    assert result.at_bound
+    for name in result.at_bound:
         i = result.parameters.index(name)
         assert result.covariance.reasons[i] == "at bound, σ not given"
         assert np.isnan(result.sd[name])

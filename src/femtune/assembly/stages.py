@@ -114,10 +114,10 @@ def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> Up
     best = Status.UNDETERMINED if Status.UNDETERMINED in ends else best
     active = tuple(p.name for p, found in zip(study.parameters.free, belief.found) if found)
     cited = tuple(dict.fromkeys(key for s in stages for key in s.best.citations))
-    none = SideConstraint("none", np.zeros((0, len(belief.x))))
+    none, history = SideConstraint("none", np.zeros((0, len(belief.x)))), _history(stages)
     return UpdateResult(
-        study.parameters, failed[0] if failed else best, belief.x, at, after, _history(stages),
-        _covariance(belief, after), cited, active, none,
+        study.parameters, failed[0] if failed else best, belief.x, at, after, history,
+        _covariance(belief, after), cited, active, none, len(history) - 1,
     )  # fmt: skip
 
 

@@ -40,7 +40,9 @@ def method_of(table: UpdateTable, parameters: ParameterSet) -> SensitivityMethod
     """The method that [update] asks for (errors ``prior.*``)."""
     regularisation = regularisation_of(table, parameters)
     search = _SEARCHES[table.search]()
-    return SensitivityMethod(table.max_iterations, table.tolerance, regularisation, search, table.adapt)
+    return SensitivityMethod(
+        table.max_iterations, table.tolerance, regularisation, search, table.adapt, table.smallest_change
+    )
 
 
 def regularisation_of(table: UpdateTable, parameters: ParameterSet) -> Regularisation:

@@ -55,12 +55,15 @@ def track(groups: tuple[Group, ...], old: EigenSolution, new: EigenSolution) -> 
 def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Group, ...]:
     """Fresh groups, plus tracked ones whose test modes the gates would drop now and whose model modes are free.
 
-    A mode that left the residual would lower the objective without any gain.
+    A mode that left the residual would lower the objective without any gain: where a test mode would still lose its
+    partner to another one, all groups stay as they were tracked.
     """
     tests = {i for group, _ in fresh for i in group}
     models = {j for _, group in fresh for j in group}
     kept = [g for g in before if not tests & set(g[0]) and not models & set(g[1])]
-    return tuple(sorted([*fresh, *kept]))
+    found = tuple(sorted([*fresh, *kept]))
+    lost = {i for group, _ in before for i in group} - {i for group, _ in found for i in group}
+    return before if lost else found
 
 
 def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:

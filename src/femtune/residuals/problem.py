@@ -63,6 +63,15 @@ class Evaluation:
         return 0.5 * float(self.residuals @ self.residuals)
 
     @property
+    def squares(self) -> dict[tuple[str, str, str], float]:
+        """Sum of squares by what is compared: configuration, label and kind."""
+        out: dict[tuple[str, str, str], float] = {}
+        for b in self.blocks:
+            key = (b.configuration, b.mode, b.kind)
+            out[key] = out.get(key, 0.0) + float(b.values @ b.values)
+        return out
+
+    @property
     def weights(self) -> float:
         """Σ 1/σ² over all comparisons, infinite where it overflows."""
         with np.errstate(over="ignore"):

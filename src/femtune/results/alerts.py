@@ -13,6 +13,7 @@ from femtune.results.base import alert
 from femtune.results.checks import LUMPING, MASS, MESH
 from femtune.results.model import alert_of
 from femtune.status import Status
+from femtune.validation.goodness import Finding
 
 if TYPE_CHECKING:
     from femtune.assembly.study import Study
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from femtune.results.results import Results
     from femtune.results.stages import StageResults
     from femtune.results.update import UpdateResults
+    from femtune.results.validation import GoodnessResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
 _WRITTEN_PERCENT = 0.05
@@ -80,8 +82,21 @@ def _of_update(results: Results) -> Iterable[Alert]:
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
     yield from _of_intervals(update)
     yield from _of_stages(update.stages)
-    if update.goodness is not None and update.goodness.verdict == "fail":
-        yield alert("warning", "update.misfit", outcome=update.goodness.sentence)
+    if update.goodness is not None:
+        yield from _of_goodness(update.goodness)
+
+
+def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
+    """Residuals that are no noise, and data too few to show what the model neglects."""
+    if found.verdict == "fail":
+        systematic = found.finding == Finding.SYSTEMATIC.name
+        yield alert("warning", "update.misfit/systematic" if systematic else "update.misfit", outcome=found.sentence)
+    if found.values is None or found.rank is None or not found.rank:
+        return
+    spare = found.values - found.rank
+    if spare < found.rank:
+        code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
+        yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
 
 
 def _of_intervals(update: UpdateResults) -> Iterable[Alert]:

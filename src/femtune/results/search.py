@@ -100,8 +100,81 @@ class StartsResults(Record):
     """Distinct ends, the best first."""
 
 
+class BoundMultiplier(Record):
+    """Lagrange multiplier of a parameter at a bound."""
+
+    parameter: str
+    """The parameter."""
+    value: float
+    """Increase of half the sum of squares per unit of its step length inwards; not negative at a minimum."""
+
+
+class CertificateResults(Record):
+    """First-order conditions of a minimum within the bounds, at the result.
+
+    The step length of a parameter is the smaller of its size and its prior standard deviation.
+    """
+
+    projected_gradient: float
+    """Largest entry of the projected gradient of half the sum of squares, per step length (no unit)."""
+    predicted_decrease: float
+    """Decrease of half the sum of squares by a full Gauss-Newton step within the bounds, relative to it (no unit)."""
+    multipliers: tuple[BoundMultiplier, ...]
+    """Of the parameters at bounds."""
+
+
+class SmallestChangeResults(Record):
+    """The smallest change within a margin of the minimum of χ²: the result where combinations are undetermined."""
+
+    chi_square: float
+    """Sum of squares at the minimum within the bounds, side constraint included (no unit)."""
+    allowed: float
+    """Allowed increase of it (no unit)."""
+    increase: float
+    """Increase of it at the result (no unit)."""
+    weight: float
+    """Weight μ of the squared change in prior standard deviations (no unit)."""
+    size: float
+    """Length of the change from the nominal values at the result, in prior standard deviations."""
+    optimum_size: float
+    """The same at the minimum within the bounds."""
+    optimum: tuple[float, ...]
+    """Free parameters at the minimum within the bounds, each in its unit, as UpdateResults.history_parameters."""
+    optimum_at_bound: tuple[str, ...]
+    """Parameters that are at a bound there."""
+
+
 # ----------------------------------------------------------------------------------------------------
 # How the records are made.
+
+
+def certificate_results(result: UpdateResult) -> CertificateResults | None:
+    """The certificate; None of several updates in turn."""
+    found = result.certificate
+    if found is None:
+        return None
+    return CertificateResults(
+        projected_gradient=found.projected_gradient,
+        predicted_decrease=found.predicted_decrease,
+        multipliers=tuple(BoundMultiplier(parameter=n, value=v) for n, v in found.multipliers.items()),
+    )
+
+
+def smallest_change_results(result: UpdateResult) -> SmallestChangeResults | None:
+    """The smallest change; None where the result is the minimum within the bounds."""
+    found = result.smallest_change
+    if found is None:
+        return None
+    return SmallestChangeResults(
+        chi_square=found.chi_square,
+        allowed=found.allowed,
+        increase=found.increase,
+        weight=found.weight,
+        size=found.size,
+        optimum_size=found.optimum_size,
+        optimum=_values(result.parameters, found.optimum),
+        optimum_at_bound=found.optimum_at_bound,
+    )
 
 
 def weight_choice_results(result: UpdateResult) -> WeightChoiceResults | None:

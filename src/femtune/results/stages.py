@@ -172,7 +172,7 @@ def _runs(entry: StageEntry, found: StageResult) -> Iterable[StageRun]:
             seed=seed,
             start=_values(entry, run, run.history[0].x),
             values=_values(entry, run, run.x),
-            objective=run.history[-1].objective,
+            objective=run.objective,
             iterations=len(run.history) - 1,
             status=run.status.name,
             message=run.status.value,

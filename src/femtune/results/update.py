@@ -22,7 +22,16 @@ from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
 from femtune.results.reduction import ReductionResults
-from femtune.results.search import StartsResults, WeightChoiceResults, starts_results, weight_choice_results
+from femtune.results.search import (
+    CertificateResults,
+    SmallestChangeResults,
+    StartsResults,
+    WeightChoiceResults,
+    certificate_results,
+    smallest_change_results,
+    starts_results,
+    weight_choice_results,
+)
 from femtune.results.selection import SelectionMeasures
 from femtune.results.stages import StageResults
 from femtune.results.validation import GoodnessResults, goodness, goodness_results
@@ -174,6 +183,8 @@ class IterationRecord(Record):
     """Names of parameters at a bound."""
     events: tuple[str, ...] = ()
     """Changes of pairing that followed, in words."""
+    to_smallest_change: bool = False
+    """True on the way from the minimum within the bounds to the smallest change."""
 
 
 class WrittenValue(Record):
@@ -354,6 +365,14 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    iteration: int | None = None
+    """The iteration whose point is the result; None in older results, where it is the last one."""
+    chi_square: float | None = None
+    """Sum of squares at the result, side constraint included (no unit); None in older results."""
+    certificate: CertificateResults | None = None
+    """First-order conditions at the result; None of a bottom-up study, and in older results."""
+    smallest_change: SmallestChangeResults | None = None
+    """The smallest change within a margin of the minimum; None where the result is the minimum within the bounds."""
 
 
 class EditedField(Record):
@@ -640,6 +659,10 @@ def update_results(
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
+        iteration=result.number,
+        chi_square=2.0 * result.objective,
+        certificate=certificate_results(result),
+        smallest_change=smallest_change_results(result),
     )
 
 
@@ -676,6 +699,7 @@ def _iteration(result: UpdateResult, number: int) -> IterationRecord:
         parameters=tuple(float(v) for v in result.parameters.denormalise(i.x)),
         active_bounds=i.at_bound,
         events=i.events,
+        to_smallest_change=i.to_smallest_change,
     )
 
 
@@ -737,7 +761,7 @@ def _reason(result: UpdateResult, name: str) -> str:
 
 def _bound(result: UpdateResult, name: str) -> BoundState:
     for i, p in enumerate(result.parameters.free):
-        if p.name == name and name in result.history[-1].at_bound:
+        if p.name == name and name in result.at_bound:
             lower, upper = result.parameters.bounds
             return "lower" if result.x[i] - lower[i] < upper[i] - result.x[i] else "upper"
     return ""

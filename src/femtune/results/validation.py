@@ -172,6 +172,12 @@ class GoodnessResults(Record):
     """"fail" if the residuals are not noise (at the 1 % level)."""
     sentence: str
     """Outcome in words."""
+    finding: str = ""
+    """Name of the finding: "LARGE_SYSTEMATIC"; empty in older results."""
+    values: int | None = None
+    """Number of independent residuals, tested or not; None in older results."""
+    rank: int | None = None
+    """Number of combinations of parameters that are fitted to them; None in older results."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -494,4 +500,7 @@ def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
         by_kind=tuple(kinds),
         verdict=found.outcome.value,
         sentence=found.sentence,
+        finding=found.finding.name,
+        values=found.values,
+        rank=found.rank,
     )

@@ -31,6 +31,11 @@ def determined(singular_values: Reals) -> NDArray[np.bool_]:
     return np.asarray((s > NO_EFFECT) | (s > max(NO_SHARE * s.max(initial=0.0), ROUNDING)))
 
 
+def determined_combinations(scaled: Reals) -> int:
+    """How many combinations a Jacobian (n, k) by parameters in prior standard deviations determines."""
+    return int(determined(np.asarray(np.linalg.svd(scaled, compute_uv=False), dtype=float)).sum())
+
+
 WEAK = 0.5
 """A combination whose posterior is wider than this fraction of its prior is weakly determined."""
 

@@ -16,7 +16,14 @@ from femtune.residuals import CaseState, ComparedCase, Evaluation, UpdateProblem
 from femtune.residuals.state import reduced_case
 from femtune.updating.equation_error import equation_error_phases
 from femtune.updating.result import Iteration, UpdateResult
-from femtune.updating.sensitivity_method import SensitivityMethod, linear_model, moving_parameters, update
+from femtune.updating.sensitivity_method import (
+    SensitivityMethod,
+    Walk,
+    certificate,
+    linear_model,
+    moving_parameters,
+    update,
+)
 from femtune.updating.starts import DEFAULT_RULES, MultiStart, StartResult, StartRules, follow_up, multi_start
 
 SEARCH = 10.0
@@ -278,8 +285,13 @@ def on_full_model(
     history: Sequence[Iteration],
 ) -> UpdateResult:
     """The result at the final point with residuals, Jacobian and covariance of the full model."""
-    there = update(problem, replace(method, max_iterations=0), start=full, active=found.active)
-    return replace(there, status=found.status, before=before, history=tuple(history))
+    there = update(problem, replace(method, max_iterations=0, smallest_change=0.0), start=full, active=found.active)
+    walk = Walk(problem, moving_parameters(problem, found.active), there.side)
+    return replace(
+        there, status=found.status, before=before, history=tuple(history),
+        number=len(history) - len(found.history) + found.number,
+        certificate=certificate(walk, full, found.smallest_change), smallest_change=found.smallest_change,
+    )  # fmt: skip
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -288,7 +300,7 @@ def on_full_model(
 
 Compared = Callable[[UpdateProblem], UpdateProblem]
 
-NO_SIDE = SensitivityMethod()
+NO_SIDE = SensitivityMethod(smallest_change=0.0)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from femtune.status import Status
 from femtune.updating.covariance import ParameterCovariance
 from femtune.updating.posterior import Marginal
 from femtune.updating.regularisation import SideConstraint
+from femtune.updating.smallest_change import SmallestChange
 
 
 @dataclass(frozen=True)
@@ -23,13 +24,14 @@ class Iteration:
 
     Parameters
     ----------
-    objective : ½ rᵀr with the side constraints
+    objective : ½ rᵀr with the side constraint
     mean_error : weighted mean error of the comparisons, see `Evaluation.mean_error`
     x : normalised parameters
     step : largest change of a parameter in this iteration
     damping : state of the search after the accepted step: its damping, or the part of the whole step that it tries
     at_bound : names of parameters at a bound
     events : pairing changes that followed
+    to_smallest_change : whether the step belongs to the way from the minimum to the smallest change
     """
 
     number: int
@@ -40,6 +42,28 @@ class Iteration:
     damping: float
     at_bound: tuple[str, ...]
     events: tuple[str, ...] = ()
+    to_smallest_change: bool = False
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """First-order conditions of a minimum inside the bounds, at the result.
+
+    Slopes are of the objective, the steps of parameters measured in the smaller of their size and their prior standard
+    deviation.
+
+    Parameters
+    ----------
+    projected_gradient : largest |P(y − g) − y| with the parameters y and slopes g in these lengths, and P the
+        projection on the bounds; zero at a minimum
+    predicted_decrease : of the objective by a full Gauss-Newton step inside the bounds, relative to the objective
+    multipliers : of the parameters at bounds, by name: the increase of the objective a unit length inwards. None is
+        negative at a minimum
+    """
+
+    projected_gradient: float
+    predicted_decrease: float
+    multipliers: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -47,7 +71,9 @@ class UpdateResult:
     """Outcome of an update.
 
     `x` are normalised free parameters; `covariance` is of x; `active` are the names of the parameters that were moved;
-    `side` is the side constraint as it was settled.
+    `side` is the side constraint as it was settled. `number` is that of the result in the history: the last one where
+    the iteration ended at an optimum, otherwise the best one. `certificate` is None of several updates in turn.
+    `smallest_change` is None where the result is the minimum inside the bounds.
     """
 
     parameters: ParameterSet
@@ -60,6 +86,19 @@ class UpdateResult:
     citations: tuple[str, ...]
     active: tuple[str, ...]
     side: SideConstraint
+    number: int
+    certificate: Certificate | None = None
+    smallest_change: SmallestChange | None = None
+
+    @property
+    def objective(self) -> float:
+        """½ rᵀr with the side constraint."""
+        return self.history[self.number].objective
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of parameters at a bound."""
+        return self.history[self.number].at_bound
 
     @property
     def values(self) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -10,62 +11,47 @@ from scipy.linalg import orth
 from scipy.optimize import lsq_linear
 
 from femtune.arrays import Reals
-from femtune.selection import NO_EFFECT, determined
 
 # ----------------------------------------------------------------------------------------------------
 # One bounded, damped least-squares step (Levenberg-Marquardt with the bounds inside the step).
 
 
-_ROUNDING = 1e-7
+_RIGID = 1e6
+"""Weight of the rows that hold combinations, relative to the largest singular value: bounds must not move them."""
 
 
 def bounded_step(
-    r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals, spread: Reals, held: Reals | None = None
+    r: Reals, J: Reals, damping: float, lower: Reals, upper: Reals, scale: Reals, held: Reals | None = None
 ) -> Reals:
-    """d that minimises |J d + r|² + damping·s²|d/spread|² with lower ≤ d ≤ upper.
+    """d that minimises |J d + r|² + damping·s²|d/scale|² with lower ≤ d ≤ upper.
 
-    `spread` (k,) are the parameters' prior standard deviations, in which steps are measured, and s is the largest
-    singular value of J·spread. Combinations that hold still stay where they are, see `still_directions`; so do those
-    of `held` (h, k), of which held·d vanishes.
+    `scale` (k,) are the lengths in which steps are measured, and s is the largest singular value of J·scale.
+    Combinations `held` (h, k) do not move: held·d vanishes.
     """
     free = lower < upper
     d = np.zeros(J.shape[1])
     if not free.any():
         return d
-    scaled = without(J[:, free] * spread[free], None if held is None else held[:, free] * spread[free])
-    still, size = still_directions(scaled, r)
+    still = np.zeros((0, int(free.sum()))) if held is None or not len(held) else orth((held * scale)[:, free].T).T
+    scaled = J[:, free] * scale[free]
     scaled = scaled - (scaled @ still.T) @ still
-    rows = np.vstack([scaled, np.sqrt(damping) * size * np.eye(scaled.shape[1]), size * still])
+    size = float(np.linalg.norm(scaled, 2)) or 1.0
+    rows = np.vstack([scaled, np.sqrt(damping) * size * np.eye(scaled.shape[1]), _RIGID * size * still])
     target = np.concatenate([-r, np.zeros(len(rows) - len(r))])
-    d[free] = spread[free] * _solve(rows, target, lower[free] / spread[free], upper[free] / spread[free])
+    d[free] = scale[free] * bounded_least_squares(rows, target, lower[free] / scale[free], upper[free] / scale[free])
     return np.clip(d, lower, upper)
 
 
-def without(scaled: Reals, held: Reals | None) -> Reals:
+def without(scaled: Reals, held: Reals) -> Reals:
     """Rows (n, k) that are independent of combinations (h, k), which are fixed."""
-    if held is None or not len(held):
+    if not len(held):
         return scaled
     basis = orth(held.T)
     return np.asarray(scaled - (scaled @ basis) @ basis.T)
 
 
-def still_directions(scaled: Reals, r: Reals) -> tuple[Reals, float]:
-    """(m, k) unit vectors of combinations that must not move, and the largest singular value of a scaled Jacobian.
-
-    Where the residuals have about the size of their standard deviations, these are combinations that the data do not
-    determine: noise would drive them to their bounds. Where all residuals are far smaller, the deviations are weights
-    that say nothing of scatter, and only combinations without any effect but rounding are held.
-    """
-    # left vectors are not wanted: all of them would be as many as there are residuals
-    _, s, vt = np.linalg.svd(scaled, full_matrices=len(scaled) < scaled.shape[1])
-    s = np.concatenate([s, np.zeros(len(vt) - len(s))])
-    still = s <= _ROUNDING * s.max(initial=0.0)
-    if np.sqrt(np.mean(r**2)) > NO_EFFECT:
-        still |= ~determined(s)
-    return vt[still], float(s.max(initial=0.0)) or 1.0
-
-
-def _solve(rows: Reals, target: Reals, lower: Reals, upper: Reals) -> Reals:
+def bounded_least_squares(rows: Reals, target: Reals, lower: Reals, upper: Reals) -> Reals:
+    """x that minimises |rows·x − target|² inside the bounds."""
     unbounded = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
     if ((unbounded >= lower) & (unbounded <= upper)).all():
         return unbounded
@@ -73,12 +59,12 @@ def _solve(rows: Reals, target: Reals, lower: Reals, upper: Reals) -> Reals:
 
 
 LEAST = 1e-12
-"""Zero damping."""
+"""The least damping: combinations without any effect do not move, and all others move as if there were none."""
 
 
 @dataclass(frozen=True, eq=False)
 class LocalModel:
-    """r + J d within the bounds; `spread` is the scale of each parameter's steps.
+    """r + J d within the bounds; steps are measured in `scale`.
 
     `held` (h, k) are combinations v of which vᵀd must vanish.
     """
@@ -87,17 +73,29 @@ class LocalModel:
     jacobian: Reals
     lower: Reals
     upper: Reals
-    spread: Reals
+    scale: Reals
     held: Reals
+
+    @cached_property
+    def compressed(self) -> tuple[Reals, Reals]:
+        """Residuals and Jacobian by no more rows than there are parameters.
+
+        The part of the residuals that no parameter changes is left out: it has no effect on a step but rounding.
+        """
+        n, k = self.jacobian.shape
+        if n <= k:
+            return self.residuals, self.jacobian
+        rows = np.asarray(np.linalg.qr(np.column_stack([self.jacobian, self.residuals]), mode="r"))[:k]
+        return rows[:, -1], rows[:, :-1]
 
     def step(self, damping: float = LEAST) -> Reals:
         """The damped step, see `bounded_step`."""
-        return bounded_step(self.residuals, self.jacobian, damping, self.lower, self.upper, self.spread, self.held)
+        return bounded_step(*self.compressed, damping, self.lower, self.upper, self.scale, self.held)
 
     def gain(self, d: Reals) -> float:
         """Predicted decrease of ½rᵀr over d."""
-        linear = self.residuals + self.jacobian @ d
-        return 0.5 * float(self.residuals @ self.residuals) - 0.5 * float(linear @ linear)
+        change = self.jacobian @ d
+        return -float(change @ (self.residuals + 0.5 * change))
 
 
 class Search(Protocol):
@@ -181,10 +179,10 @@ class LevenbergMarquardt:
         return gain > 1e-4
 
     def longer(self, state: float, gain: float) -> float:
-        """Less damping if the actual decrease agrees with the predicted decrease, more if it does not."""
-        if gain > 0.75:
-            return max(0.1 * state, LEAST)
-        return state if gain > 0.25 else 4.0 * state
+        """Less damping, the more the actual decrease agrees with the predicted one, and more if it does not."""
+        if gain > 0.25:
+            return max((0.1 if gain > 0.75 else 0.5) * state, LEAST)
+        return 4.0 * state
 
     def shorter(self, state: float) -> float | None:
         """Ten times the damping."""

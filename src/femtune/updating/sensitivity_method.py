@@ -13,7 +13,7 @@ import numpy as np
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
-from femtune.selection import identifiability
+from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
 from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
 from femtune.updating.regularisation import (
@@ -24,14 +24,15 @@ from femtune.updating.regularisation import (
     position,
     reweighed,
 )
-from femtune.updating.result import Iteration, UpdateResult
+from femtune.updating.result import Certificate, Iteration, UpdateResult
 from femtune.updating.search import LevenbergMarquardt, LocalModel, Search, without
+from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_rows, weight_for
 
 # ----------------------------------------------------------------------------------------------------
 # The facts that stay the same while an update goes on, and what they make of a point.
 
 
-_ROUNDING = 1e-7
+_ROUNDING, _NEAR = 1e-7, 1e-9
 
 
 @dataclass(frozen=True)
@@ -55,57 +56,103 @@ class Point:
 
 @dataclass(frozen=True)
 class Walk:
-    """A problem, the parameters that move and the side constraint."""
+    """A problem, the parameters that move, the side constraint, and the rows of the smallest change where it is sought.
+
+    The sum of squares of residuals and side constraint is χ²; the objective is half of it, with the rows of the
+    smallest change added.
+    """
 
     problem: UpdateProblem
     moving: Flags
     side: SideConstraint
+    change: SideConstraint | None = None
 
     def point(self, evaluation: Evaluation) -> Point:
-        """The evaluation with the side constraint."""
-        extra, rows = self.side.rows(evaluation.x)
-        residuals = np.concatenate([evaluation.residuals, extra])
-        return Point(evaluation, residuals, np.vstack([evaluation.jacobian, rows]))
+        """The evaluation with the side constraints."""
+        rows = [side.rows(evaluation.x) for side in (self.side, self.change) if side is not None]
+        residuals = np.concatenate([evaluation.residuals, *(values for values, _ in rows)])
+        return Point(evaluation, residuals, np.vstack([evaluation.jacobian, *(matrix for _, matrix in rows)]))
 
     def objective(self, evaluation: Evaluation) -> float:
-        """½ rᵀr of an evaluation that may lack derivatives, side constraint included."""
-        extra, _ = self.side.rows(evaluation.x)
-        return evaluation.objective + 0.5 * float(extra @ extra)
+        """½ rᵀr of an evaluation that may lack derivatives, side constraints included."""
+        change = 0.0 if self.change is None else _half_square(self.change.rows(evaluation.x)[0])
+        return 0.5 * self.chi_square(evaluation) + change
+
+    def chi_square(self, evaluation: Evaluation) -> float:
+        """Sum of squares of residuals and side constraint."""
+        return 2.0 * (evaluation.objective + _half_square(self.side.rows(evaluation.x)[0]))
 
     def local(self, point: Point) -> LocalModel:
         """The linear model there, with the distances to the bounds; zero for fixed parameters."""
         lower, upper = self.problem.parameters.bounds
         room = np.where(self.moving, lower - point.x, 0.0), np.where(self.moving, upper - point.x, 0.0)
-        return LocalModel(point.residuals, point.jacobian, *room, self.problem.parameters.prior[1], self.side.held)
+        return LocalModel(point.residuals, point.jacobian, *room, self.scale(point.x), self.side.held)
+
+    def scale(self, x: Reals) -> Reals:
+        """(k,) lengths in which steps are measured: a parameter's size, or its prior standard deviation if smaller.
+
+        Bounds that are wide beside the nominal value must not make steps long.
+        """
+        parameters = self.problem.parameters
+        size = np.maximum(np.abs(parameters.denormalise(x)), np.abs(parameters.nominal)) / parameters.scale
+        sd = parameters.prior[1]
+        return np.asarray(np.where(size > 0.0, np.minimum(size, sd), sd))
 
     def moved(self, x: Reals, d: Reals) -> Reals:
         """x + d, limited to the bounds against rounding."""
         lower, upper = self.problem.parameters.bounds
         return np.where(self.moving, np.clip(x + d, lower, upper), x)
 
+    def bounds_touched(self, x: Reals) -> tuple[Flags, Flags]:
+        """Moving parameters that touch the lower and the upper bound."""
+        lower, upper = self.problem.parameters.bounds
+        width = upper - lower
+        low = x - lower <= _NEAR * np.minimum(width, 1.0 + np.abs(lower))
+        high = upper - x <= _NEAR * np.minimum(width, 1.0 + np.abs(upper))
+        return low & self.moving, high & self.moving
+
     def at_bound(self, x: Reals) -> Flags:
         """Moving parameters that touch a bound."""
+        low, high = self.bounds_touched(x)
+        return np.asarray(low | high)
+
+    def certificate(self, point: Point) -> Certificate:
+        """How far a point is from the first-order conditions of a minimum inside the bounds."""
         lower, upper = self.problem.parameters.bounds
-        near = 1e-9 * (upper - lower)
-        return np.asarray(((x <= lower + near) | (x >= upper - near)) & self.moving)
+        scale = self.scale(point.x)
+        slope = np.where(self.moving, scale * (point.jacobian.T @ point.residuals), 0.0)
+        step = np.clip(point.x - scale * slope, lower, upper) - point.x
+        names = [p.name for p in self.problem.parameters.free]
+        low, high = self.bounds_touched(point.x)
+        multipliers = {n: float(g) for n, g, at in zip(names, slope, low) if at}
+        multipliers |= {n: float(-g) for n, g, at in zip(names, slope, high) if at}
+        local = self.local(point)
+        left = max(local.gain(local.step()), 0.0) / point.objective if point.objective > 0.0 else 0.0
+        return Certificate(float(np.abs(step / scale).max(initial=0.0)), left, multipliers)
 
     def optimum(self, point: Point) -> Status:
         """Status of a stationary point."""
         bound = self.at_bound(point.x)
-        free = self.moving & ~bound
-        _, sd = self.problem.parameters.prior
-        names = tuple(p.name for p in self.problem.parameters.free)
-        known = identifiability(point.jacobian[:, free], sd[free], tuple(n for n, f in zip(names, free) if f))
-        if known.undetermined:
+        known = replace(self, change=None).point(point.evaluation)
+        if not self.determined(known, self.moving & ~bound):
             return Status.UNDETERMINED
         if bound.any():
             return Status.CONVERGED_AT_BOUNDS
-        return Status.EXACT if point.objective < max(1e-16, self.rounding(point)) else Status.CONVERGED
+        exact = 0.5 * self.chi_square(point.evaluation) < max(1e-16, self.rounding(point))
+        return Status.EXACT if exact else Status.CONVERGED
 
     def rounding(self, point: Point) -> float:
-        """Objective below which residuals are rounding: 1e-7 of their change by a prior standard deviation."""
-        spread = self.problem.parameters.prior[1] * self.moving
-        return 0.5 * float(np.sum((_ROUNDING * point.jacobian * spread) ** 2))
+        """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step."""
+        return 0.5 * float(np.sum((_ROUNDING * point.jacobian * self.scale(point.x) * self.moving) ** 2))
+
+    def determined(self, point: Point, which: Flags) -> bool:
+        """True if the data determine all combinations of some parameters."""
+        scaled = (point.jacobian * self.problem.parameters.prior[1])[:, which]
+        return determined_combinations(scaled) == scaled.shape[1]
+
+
+def _half_square(values: Reals) -> float:
+    return 0.5 * float(values @ values)
 
 
 def moving_parameters(problem: UpdateProblem, active: Sequence[str] | None) -> Flags:
@@ -134,6 +181,7 @@ Report = Callable[[Iteration], None]
 
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
+_MOST_WEIGHTS, _AIM, _CLOSE = 12, 0.95, 0.8
 
 
 @dataclass(frozen=True)
@@ -143,10 +191,13 @@ class SensitivityMethod:
     Parameters
     ----------
     max_iterations : accepted steps at most
-    tolerance : largest change of a normalised parameter that counts as none
+    tolerance : largest change that counts as none, relative to a parameter's size or prior standard deviation
     regularisation : side constraints, settled at the first iteration and kept
     search : how the length of a step is found
-    adapt : whether a weight that a rule finds is found again at every iteration, in place of kept from the first
+    adapt : whether a weight that a rule finds is found again at every iteration, instead of being kept from the first
+    smallest_change : where the data leave combinations undetermined, the result is the smallest change whose χ² exceeds
+        the minimum inside the bounds by at most this, see `SmallestChange`; zero for that minimum itself. It counts in
+        units of the variance that the residuals show where that is smaller than stated, or where none is stated
     """
 
     max_iterations: int = 50
@@ -154,6 +205,7 @@ class SensitivityMethod:
     regularisation: Regularisation = field(default_factory=NoRegularisation)
     search: Search = field(default_factory=LevenbergMarquardt)
     adapt: bool = False
+    smallest_change: float = ALLOWED
 
 
 def update(
@@ -182,29 +234,113 @@ def update(
     return _Update(Walk(problem, moving, side), method, report).go(before)
 
 
+@dataclass(frozen=True)
+class _End:
+    """Where an iteration ended, and the number of the point in the history."""
+
+    point: Point
+    status: Status
+    number: int
+
+
 @dataclass(eq=False)
 class _Update:
     walk: Walk
     method: SensitivityMethod
     report: Report
+    history: list[Iteration] = field(default_factory=list)
+    best: tuple[int, Evaluation] | None = None
 
     def go(self, before: Evaluation) -> UpdateResult:
-        """All iterations."""
-        point = self.walk.point(before)
-        history = [_iteration(self.walk, 0, point, 0.0, 0.0, ())]
-        self.report(history[0])
-        state, status = self.method.search.start, self._finished(point, history)
+        """The minimum inside the bounds, and the smallest change near it where it is asked for."""
+        self._record(self.walk.point(before), 0.0, 0.0, ())
+        end = self._iterate(before)
+        small = None
+        if end.status.ok and self._needs_smallest_change(end.point):
+            end, small = self._smallest_change(end)
+        if not end.status.ok and self.best is not None:
+            number, evaluation = self.best
+            end = _End(self.walk.point(evaluation), end.status, number)
+        return _result(self.walk, before, end, self.history, small)
+
+    def _iterate(self, at: Evaluation) -> _End:
+        """All iterations from a point, and how they end."""
+        point, first = self.walk.point(at), len(self.history) - 1
+        state, status = self.method.search.start, self._finished(point, first)
         while status is None:
             taken, state, status = self._step(point, state)
             if taken is not None:
                 trial, paired = taken
                 moved = float(np.abs(trial.x - point.x).max(initial=0.0))
-                events = _events(trial, paired.evaluation)
-                history.append(_iteration(self.walk, len(history), paired, moved, state, events))
-                self.report(history[-1])
+                self._record(paired, moved, state, _events(trial, paired.evaluation))
                 point = self._adapted(paired)
-                status = self._finished(point, history)
-        return _result(self.walk, before, point, status, history)
+                status = self._finished(point, first)
+        return _End(point, status, len(self.history) - 1)
+
+    def _record(self, point: Point, moved: float, state: float, events: tuple[str, ...]) -> None:
+        """Add a point to the history; it is the best if χ² is lower over what the best one compares."""
+        self.history.append(_iteration(self.walk, len(self.history), point, moved, state, events))
+        self.report(self.history[-1])
+        if self.best is None or self._better(point.evaluation, self.best[1]):
+            self.best = len(self.history) - 1, point.evaluation
+
+    def _better(self, new: Evaluation, old: Evaluation) -> bool:
+        ours, theirs = new.squares, old.squares
+        if not theirs.keys() <= ours.keys():
+            return False
+        gained = sum(value for key, value in ours.items() if key not in theirs)
+        return self.walk.chi_square(new) - gained < self.walk.chi_square(old)
+
+    def _needs_smallest_change(self, point: Point) -> bool:
+        """Whether combinations are undetermined, those of parameters at bounds among them: noise drives them there.
+
+        Combinations that a side constraint fixes need no other rule.
+        """
+        asked = self.method.smallest_change > 0.0 and not len(self.walk.side.held)
+        return asked and not self.walk.determined(point, self.walk.moving)
+
+    def _smallest_change(self, optimum: _End) -> tuple[_End, SmallestChange | None]:
+        """The smallest change near a minimum; the minimum itself where none is found."""
+        walk, at, found = self.walk, optimum, None
+        change, weight = change_rows(walk.problem.parameters, walk.moving), 0.0
+        for _ in range(_MOST_WEIGHTS):
+            least, allowed = walk.chi_square(optimum.point.evaluation), self._allowed(optimum.point)
+            point = walk.point(at.point.evaluation)
+            reached = walk.chi_square(point.evaluation) - least
+            last, weight = weight, weight_for(walk.local(point), change, point.x, _AIM * allowed - reached)
+            if weight == last:
+                break
+            self.walk = replace(walk, change=replace(change, weight=weight))
+            at, self.walk = self._iterate(point.evaluation), walk
+            increase = walk.chi_square(at.point.evaluation) - least
+            if not at.status.ok or at.point.evaluation.squares.keys() != point.evaluation.squares.keys():
+                break
+            if increase < -allowed:
+                # the way led into a better minimum
+                optimum = at = self._iterate(at.point.evaluation)
+                found, weight = None, 0.0
+                if not optimum.status.ok:
+                    break
+            elif increase <= allowed:
+                sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
+                bounds = self.history[optimum.number].at_bound
+                small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
+                found = at, small
+                if increase >= _CLOSE * allowed:
+                    break
+        return found or (optimum, None)
+
+    def _allowed(self, point: Point) -> float:
+        """By how much the smallest change may increase χ².
+
+        Residuals smaller than stated show weights, or deviations that are stated too large: the noise is theirs.
+        """
+        problem = self.walk.problem
+        free = self.walk.moving & ~self.walk.at_bound(point.x)
+        rank = determined_combinations((point.jacobian * problem.parameters.prior[1])[:, free])
+        shown = self.walk.chi_square(point.evaluation) / max(len(point.residuals) - rank, 1)
+        variance = shown if problem.scatter == "estimated" else min(shown, 1.0)
+        return max(self.method.smallest_change * variance, 2.0 * self.walk.rounding(point))
 
     def _adapted(self, point: Point) -> Point:
         """The point with the weight that the rule finds there, where the weight is adapted."""
@@ -214,13 +350,14 @@ class _Update:
         self.walk = replace(self.walk, side=reweighed(self.walk.side, at))
         return self.walk.point(point.evaluation)
 
-    def _finished(self, point: Point, history: list[Iteration]) -> Status | None:
-        """Status if the iteration ends at this point, otherwise None."""
+    def _finished(self, point: Point, first: int) -> Status | None:
+        """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
         if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
             return self.walk.optimum(point)
-        if sum(bool(i.events) for i in history) > _MANY_PAIRING_CHANGES:
+        steps = self.history[first + 1 :]
+        if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
-        return Status.MAX_ITERATIONS if len(history) > self.method.max_iterations else None
+        return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
 
     def _best_gain(self, point: Point) -> float:
         """Predicted decrease of the objective within the bounds; zero without a step."""
@@ -228,7 +365,11 @@ class _Update:
             return 0.0
         local = self.walk.local(point)
         d = local.step()
-        return 0.0 if np.abs(d).max(initial=0.0) <= self.method.tolerance else local.gain(d)
+        return 0.0 if self._none(local, d) else local.gain(d)
+
+    def _none(self, local: LocalModel, d: Reals) -> bool:
+        """True if a step changes nothing."""
+        return bool(np.abs(d / local.scale).max(initial=0.0) <= self.method.tolerance)
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
         """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
@@ -237,7 +378,7 @@ class _Update:
         while trying is not None:
             state = trying
             d = search.step(local, state)
-            if np.abs(d).max(initial=0.0) <= self.method.tolerance:
+            if self._none(local, d):
                 break
             trial = self._try(point, d)
             gain = -1.0 if trial is None else self._gain(local, d, point, trial)
@@ -286,17 +427,28 @@ def _events(before: Evaluation, after: Evaluation) -> tuple[str, ...]:
 
 def _iteration(walk: Walk, number: int, point: Point, moved: float, state: float, events: tuple[str, ...]) -> Iteration:
     names = tuple(p.name for p, at in zip(walk.problem.parameters.free, walk.at_bound(point.x)) if at)
-    return Iteration(number, point.objective, point.evaluation.mean_error, point.x, moved, state, names, events)
+    half = 0.5 * walk.chi_square(point.evaluation)
+    mean, small = point.evaluation.mean_error, walk.change is not None
+    return Iteration(number, half, mean, point.x, moved, state, names, events, small)
 
 
-def _result(walk: Walk, before: Evaluation, point: Point, status: Status, history: list[Iteration]) -> UpdateResult:
-    parameters = walk.problem.parameters
+def _result(
+    walk: Walk, before: Evaluation, end: _End, history: list[Iteration], small: SmallestChange | None
+) -> UpdateResult:
+    parameters, at = walk.problem.parameters, end.point.evaluation
     active = tuple(p.name for p, moves in zip(parameters.free, walk.moving) if moves)
     cited = ("mottershead2011", "friswell1995", "fox1968", "dailey1989")
-    covariance = _covariance(walk, point.evaluation)
     return UpdateResult(
-        parameters, status, point.x, before, point.evaluation, tuple(history), covariance, cited, active, walk.side
-    )
+        parameters, end.status, at.x, before, at, tuple(history), _covariance(walk, at), cited, active, walk.side,
+        end.number, certificate(walk, at, small), small,
+    )  # fmt: skip
+
+
+def certificate(walk: Walk, at: Evaluation, small: SmallestChange | None) -> Certificate:
+    """The certificate of a result, as the minimum of χ² or as the smallest change."""
+    change = None if small is None else change_rows(walk.problem.parameters, walk.moving, small.weight)
+    walk = replace(walk, change=change)
+    return walk.certificate(walk.point(at))
 
 
 def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:

@@ -120,7 +120,7 @@ def learned(before: Belief, result: UpdateResult) -> Learned:
 
 
 def _at_bound(result: UpdateResult) -> NDArray[np.bool_]:
-    return np.isin([p.name for p in result.parameters.free], result.history[-1].at_bound)
+    return np.isin([p.name for p in result.parameters.free], result.at_bound)
 
 
 def _gain(J: Reals, prior: Reals) -> Reals:
@@ -266,7 +266,7 @@ def run_stage(stage: Stage, start: Belief, tell: Tell) -> StageResult:
             refused[n] = error.what
             continue
         runs.append(update(problem, method, partial(tell, stage.name, n), at, stage.parameters))
-    best = min(runs, key=lambda run: (not run.status.ok, run.history[-1].objective))
+    best = min(runs, key=lambda run: (not run.status.ok, run.objective))
     found = learned(start, best)
     return StageResult(stage, best, tuple(runs), start, found.belief, found.misfit, refused)
 

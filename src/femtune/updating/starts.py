@@ -332,8 +332,8 @@ class _Search:
             result = update(self.problem, self.method, start=self.problem.start(x), active=self.active)
         except FemtuneError as error:
             return StartResult(so_far.number, so_far.start, x, np.nan, None, tries, iterations, error.what)
-        objective = result.history[-1].objective
-        if self.best is None or objective < self.best.history[-1].objective:
+        objective = result.objective
+        if self.best is None or objective < self.best.objective:
             self.best = result
         iterations += len(result.history) - 1
         return StartResult(so_far.number, so_far.start, result.x, objective, result.status, tries, iterations)
@@ -341,8 +341,8 @@ class _Search:
     def _phase(self, phase: UpdateProblem, x: Reals) -> tuple[Reals, int]:
         """Final point and iterations of a first phase; none if it cannot be solved."""
         try:
-            result = update(phase, replace(self.method, regularisation=NoRegularisation()), start=phase.start(x),
-                            active=self.active)  # fmt: skip
+            method = replace(self.method, regularisation=NoRegularisation(), smallest_change=0.0)
+            result = update(phase, method, start=phase.start(x), active=self.active)
         except FemtuneError:
             return x, 0
         return result.x, len(result.history) - 1

@@ -125,6 +125,7 @@ class UpdateTable(TomlTable):
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
     weight: Weight = 0.0
     adapt: bool = False
+    smallest_change: Annotated[float, Field(ge=0, le=1000)] = 0.25
     identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()
     correlations: tuple[CorrelationEntry, ...] = ()
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8

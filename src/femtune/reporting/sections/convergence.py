@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.convergence import convergence_svg
-from femtune.reporting.numbers import NONE, counted, percent, short
+from femtune.reporting.numbers import NONE, counted, percent, short, value
 from femtune.reporting.sections.parameters import places
 from femtune.reporting.sections.stages import stages
 from femtune.reporting.sections.starts import reduced_models, starts, weight_choice
@@ -16,6 +16,7 @@ from femtune.reporting.sections.validation import goodness
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Cell
     from femtune.reporting.source import ReportSource
+    from femtune.results.search import SmallestChangeResults
     from femtune.results.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
 
 # ----------------------------------------------------------------------------------------------------
@@ -82,6 +83,7 @@ def convergence(source: ReportSource) -> list[Block]:
     return [
         Paragraph(f"Outcome: {update.message} ({update.status})."),
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
+        *_optimality(update),
         _events(update),
         *goodness(source),
         *residual_kinds(update),
@@ -91,6 +93,36 @@ def convergence(source: ReportSource) -> list[Block]:
         *stages(update.stages),
         *history,
     ]
+
+
+def _optimality(update: UpdateResults) -> list[Block]:
+    """Which point the result is, what it costs, and how well it meets the conditions of a minimum."""
+    if not update.ok or update.certificate is None:
+        return []
+    found, small = update.certificate, update.smallest_change
+    negative = [m for m in found.multipliers if m.value < 0.0]
+    bounds = f"{counted(len(found.multipliers), 'parameter')} at a bound, {len(negative)} with a negative multiplier"
+    conditions = (
+        f"Conditions of a minimum: projected gradient {short(found.projected_gradient)}; a further Gauss-Newton step "
+        f"would reduce the sum of squares by {short(found.predicted_decrease)} of its value; {bounds}."
+    )
+    if small is None:
+        which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
+        return [Paragraph(f"{which} {conditions}")]
+    return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
+
+
+def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str:
+    last = [i.iteration for i in update.history if not i.to_smallest_change]
+    at_bound = ", ".join(small.optimum_at_bound) or "no parameter"
+    return (
+        "The data leave combinations of the parameters undetermined, so that noise decides where the minimum of χ² "
+        "lies. The result is the smallest change from the nominal values, in prior standard deviations, whose χ² "
+        f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
+        f"the minimum, and {short(small.increase)} more in the result. The change is {short(small.size)} "
+        f"prior standard deviations long, against {short(small.optimum_size)} at the minimum (iteration {last[-1]}), "
+        f"where {at_bound} would be at a bound."
+    )
 
 
 def _figure(update: UpdateResults, facts: tuple[ParameterFacts, ...]) -> Block:
