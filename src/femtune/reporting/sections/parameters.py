@@ -69,8 +69,10 @@ def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
     if cut or left_open:
         said.append(
             "The 95 % intervals are equal-tailed and within the bounds: the distribution of the linearised problem, "
-            "truncated to the bounds. A value on its bound is at an end of this distribution, outside its interval."
+            "truncated to the bounds."
         )
+        if any(p.at_bound for p in found):
+            said.append("A value on its bound is at an end of this distribution, outside its interval.")
     if left_open:
         these = "interval is that" if len(left_open) == 1 else "intervals are those"
         said.append(f"The data hardly narrow {listed(left_open)}: the {these} of the bounds.")
