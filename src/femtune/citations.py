@@ -107,6 +107,48 @@ _register(
     year="1988",
 )
 _register(
+    "hunt1992",
+    "inproceedings",
+    author="Hunt, D. L.",
+    title="Application of an enhanced coordinate modal assurance criterion (ECOMAC)",
+    booktitle="Proceedings of the 10th International Modal Analysis Conference",
+    year="1992",
+)
+_register(
+    "pascual1997",
+    "inproceedings",
+    author="Pascual, R. and Golinval, J. C. and Razeto, M.",
+    title="A frequency domain correlation technique for model correlation and updating",
+    booktitle="Proceedings of the 15th International Modal Analysis Conference",
+    year="1997",
+)
+_register(
+    "ocallahan1989",
+    "inproceedings",
+    author="O'Callahan, J. and Avitabile, P. and Riemer, R.",
+    title="System equivalent reduction expansion process (SEREP)",
+    booktitle="Proceedings of the 7th International Modal Analysis Conference",
+    year="1989",
+)
+_register(
+    "kidder1973",
+    "article",
+    author="Kidder, R. L.",
+    title="Reduction of structural frequency equations",
+    journal="AIAA Journal",
+    volume="11",
+    number="6",
+    year="1973",
+)
+_register(
+    "balmes2000",
+    "inproceedings",
+    author="Balmès, E.",
+    title="Review and evaluation of shape expansion methods",
+    booktitle="Proceedings of the 18th International Modal Analysis Conference",
+    year="2000",
+)
+_register(
     "heylen1996",
     "inproceedings",
     author="Heylen, W. and Lammens, S.",

@@ -99,7 +99,7 @@ def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[Compa
     if used is not None and any(r.on_modes for r in residuals):
         yield replace(used, residuals=residuals)
     elif residuals:
-        yield case_without_modes(case.configured, residuals, count=study.file.modes.wanted, solver=study.solver)
+        yield case_without_modes(case.configured, residuals, count=study.file.modes.count, solver=study.solver)
     if RESONANCES in entry.residuals:
         yield resonance_case(case, entry, x, study.file.where("stage", i, "residuals"))
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.correlation import no_pairs
+from femtune.correlation.unit_factor import unit_factor
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
-from femtune.residuals.pairing import keep_paired, pair_case
+from femtune.residuals.pairing import keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock
 
@@ -193,5 +194,9 @@ def _largest(block: ResidualBlock) -> float:
 
 def _no_pairs(state: CaseState) -> FemtuneError:
     """The error that no test mode found a partner."""
-    reasons = {u.test: u.reason for u in pair_case(state.case, state.solution).unpaired_test}
-    return no_pairs(state.case.test, reasons, f"configuration {state.case.name}")
+    pairing = pair_case(state.case, state.solution)
+    reasons = {u.test: u.reason for u in pairing.unpaired_test}
+    error = no_pairs(state.case.test, reasons, f"configuration {state.case.name}")
+    for notice in unit_factor(state.case.test, modes_at_sensors(state.case, state.solution), pairing):
+        error.hint = notice.what
+    return error

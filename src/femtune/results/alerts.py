@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.model import grid_matrix
+from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import alert
 from femtune.results.checks import LUMPING, MASS, MESH
 from femtune.results.model import alert_of
+from femtune.results.validation import compares_frfs, responses_not_tested
 from femtune.status import Status
 from femtune.validation.goodness import Finding
 
@@ -42,6 +45,8 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_held_masses(study),
         *_of_silent_modes(study),
         *_of_residuals(study),
+        *_of_truncation(results),
+        *_of_frfs_alone(study, results),
         *(told for r in results.responses for told in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
@@ -57,6 +62,24 @@ def _of_residuals(study: Study) -> Iterable[Alert]:
         for residual in () if case.compared is None else case.compared.residuals:
             if isinstance(residual, AtFirstState):
                 yield from map(alert_of, residual.notices)
+
+
+def _of_truncation(results: Results) -> Iterable[Alert]:
+    """FRFs of residuals that lack modes."""
+    for found in () if results.update is None else results.update.frf_truncation:
+        if not found.small:
+            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
+
+
+def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
+    """An update by FRFs alone looks as if damping and levels were tested by it."""
+    update, found = results.update, results.validation
+    if update is None or found is None or not compares_frfs(study):
+        return
+    if all(r.kind in (FrfResidual.label, AntiresonanceResidual.label) for r in update.residual_counts):
+        missing = responses_not_tested(study, bool(found.frfs), results.responses)
+        if missing:
+            yield alert("info", "update.frfs-alone", missing="; ".join(missing))
 
 
 def _of_update(results: Results) -> Iterable[Alert]:
@@ -177,6 +200,7 @@ def _of_correlation(results: Results) -> Iterable[Alert]:
     for c in results.correlations:
         if stages and c.stage == stages[-1]:
             yield from _of_unpaired(c)
+            yield from c.alerts
 
 
 def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:

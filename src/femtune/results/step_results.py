@@ -310,9 +310,10 @@ def frf_set(record: FrfResults, arrays: Arrays) -> FrfSet:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CorrelateResult(OfConfigurations["CorrelationResults"]):
-    """Test against model in each configuration that has a test; `arrays` by the keys of the records."""
+    """Test against model in each configuration with a test; `arrays` by the keys of the records, `files` written."""
 
     arrays: Arrays = field(kw_only=True)
+    files: tuple[Path, ...] = field(default=(), kw_only=True)
 
     @property
     def pairs(self) -> Rows:
@@ -344,6 +345,43 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
         """COMAC of each measured DOF over the paired modes."""
         return Rows.of(
             {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.comac, "dof", "comac")
+        )
+
+    @property
+    def contributions(self) -> Rows:
+        """eCOMAC of each measured DOF, and the change of the MAC when it is left out."""
+        columns = ("dof", "ecomac", "mac_change", "largest_change", "largest_change_label")
+        return Rows.of(
+            {"configuration": c.configuration, **row}
+            for c in self.records
+            for row in rows_of(c.contributions, *columns)
+        )
+
+    @property
+    def expanded(self) -> dict[str, ModeSet]:
+        """Test shapes expanded to the DOFs of the model's grid points, in basic axes, by configuration."""
+        from femtune.results.expansion import expanded_modes  # noqa: PLC0415
+
+        return {
+            c.configuration: expanded_modes(c.expansion, self.arrays) for c in self.records if c.expansion is not None
+        }
+
+    @property
+    def expansion(self) -> Rows:
+        """Error of each expansion method at sensors that were left out, in %, one line a test mode; `misfit_percent` is
+        that of the method in use at all sensors."""
+        return Rows.of(
+            {
+                "configuration": c.configuration,
+                "test_label": m.test_label,
+                "test_freq_hz": m.test_freq_hz,
+                "method": c.expansion.method,
+                "misfit_percent": m.misfit_percent,
+                **{e.method: e.error_percent for e in m.errors},
+            }
+            for c in self.records
+            if c.expansion is not None
+            for m in c.expansion.modes
         )
 
     @property

@@ -34,6 +34,7 @@ from femtune.results.search import (
 )
 from femtune.results.selection import SelectionMeasures
 from femtune.results.stages import StageResults
+from femtune.results.truncation import FrfTruncation
 from femtune.results.validation import GoodnessResults, goodness, goodness_results
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
@@ -365,6 +366,8 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    frf_truncation: tuple[FrfTruncation, ...] = ()
+    """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
     iteration: int | None = None
     """The iteration whose point is the result; None in older results, where it is the last one."""
     chi_square: float | None = None
@@ -526,7 +529,8 @@ def citations(keys: Iterable[str]) -> tuple[CitationRecord, ...]:
     return tuple(CitationRecord(key=c.key, text=c.text, bibtex=c.bibtex) for c in found)
 
 
-_ALWAYS = ("allemang1982", "lieven1988", "guyan1965")
+_ALWAYS = ("allemang1982", "lieven1988", "hunt1992", "guyan1965")
+_EXPANSIONS = {"serep": "ocallahan1989", "dynamic": "kidder1973", "mdre": "balmes2000"}
 _OFFSETS = ("mottershead1996",)
 
 
@@ -535,8 +539,12 @@ def what_ran(study: Study) -> tuple[CitationRecord, ...]:
     kinds = sorted({batch.kind for batch in study.built.structure.batches})
     elements = (key for kind in kinds for key in KINDS[kind].papers)
     moved = any(a.ref.card in BARS for a in study.model.assignments)
-    responses = () if study.file.response is None else ("heylen1996",)
-    return citations((*_ALWAYS, *elements, *(_OFFSETS if moved else ()), *responses))
+    limits = study.file.validation
+    compared = study.file.response is not None or limits.frac is not None or limits.fdac is not None
+    responses = ("heylen1996", "pascual1997") if compared else ()
+    # the errors of all methods are compared
+    expansions = () if study.file.correlate.expand == "none" else tuple(_EXPANSIONS.values())
+    return citations((*_ALWAYS, *expansions, *elements, *(_OFFSETS if moved else ()), *responses))
 
 
 def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
