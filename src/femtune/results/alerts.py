@@ -24,10 +24,13 @@ if TYPE_CHECKING:
     from femtune.results.correlation import CorrelationResults
     from femtune.results.results import Results
     from femtune.results.stages import StageResults
+    from femtune.results.update import UpdateResults
     from femtune.results.validation import GoodnessResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
 _WRITTEN_PERCENT = 0.05
+FEWEST_SAMPLES = 1000
+"""Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
 _MOST_UNPAIRED = 8
 
 
@@ -100,6 +103,7 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:
         yield from _of_goodness(update.goodness)
@@ -116,6 +120,11 @@ def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
     if spare < found.rank:
         code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
         yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
+
+
+def _of_intervals(update: UpdateResults) -> Iterable[Alert]:
+    if update.interval_samples is not None and update.interval_samples < FEWEST_SAMPLES:
+        yield alert("warning", "update.few-samples", number=update.interval_samples)
 
 
 def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:

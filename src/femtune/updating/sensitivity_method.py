@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
-from femtune.updating.covariance import ParameterCovariance, parameter_covariance
+from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
 from femtune.updating.regularisation import (
     LinearModel,
     NoRegularisation,
@@ -456,5 +456,13 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
         at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.scatter, at.lost,
+        walk.problem.scatter, at.lost, _box(walk, at),
     )  # fmt: skip
+
+
+def _box(walk: Walk, at: Evaluation) -> Box:
+    """The bounds, and how the side constraint acts there: as a prior, or as an opinion that only moves the estimate."""
+    values, rows = walk.side.rows(at.x)
+    prior = np.broadcast_to(walk.side.informative, len(values))
+    lower, upper = walk.problem.parameters.limits
+    return Box(at.x, lower, upper, values[prior], rows[~prior].T @ values[~prior])
