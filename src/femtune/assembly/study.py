@@ -69,9 +69,7 @@ class Study:
         if not cases:
             raise self.no_test("the update may use, and none has a [[residual]]")
         stated = self.file.residuals
-        return UpdateProblem(
-            cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd
-        )
+        return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
         """The error that no configuration has modes for a purpose, with what each of them has instead."""
