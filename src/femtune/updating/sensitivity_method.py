@@ -181,7 +181,7 @@ Report = Callable[[Iteration], None]
 
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
-_MOST_WEIGHTS, _AIM, _CLOSE = 12, 0.95, 0.8
+_MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
 
 
 @dataclass(frozen=True)
@@ -321,7 +321,7 @@ class _Update:
                 found, weight = None, 0.0
                 if not optimum.status.ok:
                     break
-            elif increase <= allowed:
+            elif increase <= (1.0 - _OF_MARGIN) * allowed:
                 sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
                 bounds = self.history[optimum.number].at_bound
                 small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
@@ -352,12 +352,22 @@ class _Update:
 
     def _finished(self, point: Point, first: int) -> Status | None:
         """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
-        if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
+        gain = self._best_gain(point)
+        if gain <= _SAME_OBJECTIVE * point.objective or gain <= self._negligible(point):
             return self.walk.optimum(point)
         steps = self.history[first + 1 :]
         if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
+
+    def _negligible(self, point: Point) -> float:
+        """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
+
+        The valley of what the data do not determine is flat, long and curved, and its lowest point says nothing.
+        """
+        if self.walk.change is not None or not self._needs_smallest_change(point):
+            return 0.0
+        return 0.5 * _OF_MARGIN * self._allowed(point)
 
     def _best_gain(self, point: Point) -> float:
         """Predicted decrease of the objective within the bounds; zero without a step."""
