@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from families import Named, problems
 from objective import BestPairing
-from page import Measured, write_page
+from page import STARTS, Measured, write_page
 from solvers import MOST_AGAIN, OURS, RIVALS, SOLVERS, Ended
 
 from femtune.arrays import Reals
@@ -27,7 +27,6 @@ from femtune.errors import FemtuneError
 from femtune.updating import SensitivityMethod, update
 from femtune.updating.starts import StartRules, starting_points
 
-STARTS = 10
 Row = dict[str, Any]
 
 

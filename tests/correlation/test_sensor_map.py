@@ -294,6 +294,6 @@ _METRES = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0, "inches": 0.
 def test_factors_between_units_of_length() -> None:
     """A coordinate in the unit of the test times the factor is one in the unit of the model."""
     named = {factor: words.split(" where the model has ") for factor, words in sensor_map._FACTORS.items() if words}
-    assert len(named) == 14
+    assert len(named) == 16
     for factor, (test, model) in named.items():
         assert factor == pytest.approx(_METRES[test] / _METRES[model], rel=1e-12)

@@ -9,6 +9,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune.correlation import GeneralisedSensor, correlate, map_sensors, no_pairs, pair_modes, rigid_motion_sensor
+from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice
 from femtune.fem.structure import NodeTable, Structure
@@ -98,6 +99,20 @@ def _said(case: Callable[[], object]) -> str:
     assert isinstance(found, tuple)
     assert [type(n) for n in found] == [Notice]
     return str(found[0])
+
+
+def _scaled() -> tuple[Notice, ...]:
+    """Sensors by number, whose coordinates are in millimetres."""
+    test = _test(n1=(0.0, 0, 0), n2=(2000.0, 0, 0), n3=(2000.0, 1000.0, 0), n4=(0.0, 1000.0, 0))
+    return tuple(n for n in _map(test, by_id=True) if n.code == "sensor.units")
+
+
+def _factor() -> tuple[Notice, ...]:
+    test, model = _modes([10.0, 17.0, 31.0], _EYE[:, :3]), _modes([318.0, 530.0, 985.0], _EYE[:, :3])
+    return unit_factor(test, model, pair_modes(test, model))
+
+
+_CASES |= {"sensor.units": _scaled, "correlate.unit-factor": _factor}
 
 
 @pytest.mark.parametrize("code", sorted(_CASES))

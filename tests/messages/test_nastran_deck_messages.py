@@ -35,6 +35,9 @@ READING = {
     "deck.truncated, in the middle of a card": "PBAR,1,2,3.,4.,5.,6.,,,+A",
     "deck.continuation": "+,1.\n",
     "deck.continuation, another name": "PBAR,1,2,,,,,,,+A\n+B,1.\n",
+    "deck.continuation, repeated": "PBAR,1,2,,,,,,,+A\n+A,1.\n+A,2.\n",
+    "deck.continuation, two of a name": "PBAR,1,2,,,,,,,+A\nPROD,1,2\n+A,1.\n+A,2.\n",
+    "deck.continuation, ambiguous": "PBAR,1,2,,,,,,,+A\nPBAR,2,2,,,,,,,+A\nPROD,1,2\n+A,1.\n",
     "deck.card-name": "Dear reader\n",
     "deck.too-many-fields": "GRID,1,2,3.,4.,5.,6,7,8,9,10\n",
     "deck.replication": "=,*(1)\n",
@@ -117,8 +120,8 @@ def test_notices(tmp_path: Path) -> None:
     assert [notice.code for notice in notices] == [
         "deck.several-subcases",
         "deck.beyond-column-80",
-        "deck.dangling-continuation",
         "deck.superelement",
+        "deck.dangling-continuation",
         "deck.repeated-param",
         "deck.no-enddata",
     ]

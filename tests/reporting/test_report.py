@@ -94,6 +94,31 @@ def test_the_verdict_names_bounds_and_undetermined_combinations(results: Results
     assert level == "warning"
 
 
+def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    multipliers = [{"parameter": "Icx2", "value": 0.5}, {"parameter": "rho", "value": -0.1}]
+    data["update"] |= {
+        "ok": True,
+        "chi_square": 13.56,
+        "certificate": {"projected_gradient": 2e-6, "predicted_decrease": 1e-12, "multipliers": multipliers},
+    }
+    document = build_report(Results.model_validate(data), arrays)
+    text = " ".join(_texts(_section(document, "convergence")).split())
+    assert "The result is the minimum within the bounds: χ² = 13.56." in text
+    assert "2 parameters at a bound, 1 with a negative multiplier" in text
+    data["update"]["smallest_change"] = {
+        "chi_square": 13.56, "allowed": 0.25, "increase": 0.24, "weight": 0.3, "size": 2.0, "optimum_size": 7.5,
+        "optimum": [1.0] * len(data["update"]["history_parameters"]), "optimum_at_bound": ["Icx2"],
+    }  # fmt: skip
+    document = build_report(Results.model_validate(data), arrays)
+    text = " ".join(_texts(_section(document, "convergence")).split())
+    assert (
+        "exceeds the minimum within the bounds by at most 0.25: χ² is 13.56 at the minimum, and 0.24 more in the result"
+        in text
+    )
+    assert "2 prior standard deviations long, against 7.5 at the minimum" in text
+    assert "where Icx2 would be at a bound" in text
+
+
 def test_a_failed_update_is_a_problem(data: dict[str, Any]) -> None:
     message = "stopped because no step of any length reduces the objective; the best point is kept"
     data["update"] |= {"ok": False, "status": "STALLED", "message": message}

@@ -279,8 +279,31 @@ def test_undetermined_parameters_are_an_alert(beam: Bench) -> None:
     tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J")
     run = steps.update(beam.study(tail))
     assert "update.undetermined" in {a.code for a in run.results.alerts}
+    update = run.results.update
+    assert update is not None
+    assert update.parameters[1].value == pytest.approx(1.0, abs=1e-6)
+    assert update.smallest_change is not None
+    assert update.smallest_change.increase <= update.smallest_change.allowed
+    assert update.certificate is not None
+    assert update.iteration == update.history[-1].iteration
+    assert any(i.to_smallest_change for i in update.history) or update.smallest_change.size == pytest.approx(
+        update.smallest_change.optimum_size, rel=1e-6
+    )
+
+
+def test_the_minimum_itself_can_be_asked_for(beam: Bench) -> None:
+    tail = beam.parameters.replace("PBAR 2 I1", "PBAR 2 J") + "\n[update]\nsmallest_change = 0\n"
+    run = steps.update(beam.study(tail))
     assert run.results.update is not None
-    assert run.results.update.parameters[1].value == 1.0
+    assert run.results.update.ok
+    assert run.results.update.smallest_change is None
+
+
+@pytest.mark.parametrize("value", ["-0.1", "1e4", '"no"'])
+def test_a_wrong_allowance_is_an_error(beam: Bench, value: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study(beam.parameters + f"\n[update]\nsmallest_change = {value}\n"))
+    assert "smallest_change" in str(caught.value)
 
 
 SQUARE = """SOL 103
@@ -394,3 +417,23 @@ def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(
     three, nine = found(count=3), found(count=9)
     assert (len(usual), len(three), len(nine)) == (6, 3, 9)
     assert len(found(max_hz=0.5 * (usual[1] + usual[2]))) == 2
+
+
+def test_an_error_that_all_frequencies_share_widens_the_intervals(beam: Bench) -> None:
+    text = beam.parameters + "[residuals]\nfrequency_sd = 0.002\n"
+    plain, wide = (
+        steps.update(beam.study(text + line)).results.update for line in ("", "common_frequency_sd = 0.03\n")
+    )
+    assert plain is not None
+    assert wide is not None
+    for a, b in zip(plain.parameters[:2], wide.parameters[:2]):
+        assert b.value == pytest.approx(a.value, rel=1e-3)
+    # the modes in the other plane, whose stiffness is known, tell the common error in part
+    assert all(b.sd > a.sd for a, b in zip(plain.parameters, wide.parameters) if a.sd and b.sd)
+
+
+@pytest.mark.parametrize("value", ["-0.1", "1.5", '"test"'])
+def test_a_wrong_common_deviation_is_an_error(beam: Bench, value: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study(beam.parameters + f"[residuals]\ncommon_frequency_sd = {value}\n"))
+    assert "common_frequency_sd" in str(caught.value)

@@ -11,7 +11,7 @@ from scipy.stats import chi2, kstest
 
 from femtune.residuals import ResidualBlock
 from femtune.validation import Outcome, goodness_of_fit
-from femtune.validation.goodness import fewest_runs
+from femtune.validation.goodness import Finding, fewest_runs
 
 
 def _blocks(r: np.ndarray, J: np.ndarray, kind: str = "frequency") -> list[ResidualBlock]:
@@ -54,17 +54,58 @@ def test_an_unmodelled_part_is_found_and_named() -> None:
     assert found.p_value is not None
     assert found.p_value < 1e-4
     assert found.largest_label == "free mode 7 frequency"
-    assert found.sentence.startswith("the residuals are not noise of the stated size: chi-square ")
+    assert found.sentence.startswith("the residuals are larger than noise of the stated size: chi-square ")
 
 
 def test_signs_that_come_in_runs_are_no_noise() -> None:
-    """Small residuals that drift: their size alone is within the stated scatter."""
-    r = np.concatenate([np.full(10, 0.4), np.full(10, -0.4)])
+    """Residuals that drift: their size alone is that of the stated noise."""
+    r = np.concatenate([np.full(10, 0.9), np.full(10, -0.9)])
     found = goodness_of_fit(_blocks(r, np.zeros((20, 1))))
-    assert found.p_value is not None
-    assert found.p_value > 0.9
-    assert (found.runs, found.outcome) == (2, Outcome.FAIL)
+    assert (found.runs, found.finding, found.outcome) == (2, Finding.SYSTEMATIC, Outcome.FAIL)
+    assert found.sentence.startswith("the residuals have the stated size, but they are not random: chi-square 16.2")
     assert "their signs form only 2 runs" in found.sentence
+
+
+def _drifting(size: float) -> np.ndarray:
+    return size * np.repeat([1.0, -1.0], 134)
+
+
+def _random(size: float) -> np.ndarray:
+    return size * np.random.default_rng(3).choice([1.0, -1.0], 268)
+
+
+@pytest.mark.parametrize(
+    ("r", "finding", "outcome"),
+    [
+        (_random(1.0), Finding.NOISE, Outcome.PASS),
+        (_random(0.075), Finding.SMALL, Outcome.PASS),
+        (_drifting(0.075), Finding.SMALL_SYSTEMATIC, Outcome.PASS),
+        (_drifting(1.0), Finding.SYSTEMATIC, Outcome.FAIL),
+        (_random(1.5), Finding.LARGE, Outcome.FAIL),
+        (_drifting(1.5), Finding.LARGE_SYSTEMATIC, Outcome.FAIL),
+        (np.ones(4), Finding.NOISE, Outcome.PASS),
+        (0.01 * np.ones(4), Finding.SMALL, Outcome.PASS),
+        (9.0 * np.ones(4), Finding.LARGE, Outcome.FAIL),
+        (np.ones(0), Finding.NOT_TESTED, Outcome.NOT_TESTED),
+    ],
+)
+def test_every_combination_of_size_and_order(r: np.ndarray, finding: Finding, outcome: Outcome) -> None:
+    """Chi-square of 1.5 on 268 degrees is never called noise larger than stated; four residuals have no runs test."""
+    found = goodness_of_fit(_blocks(r, np.zeros((len(r), 1))))
+    assert (found.finding, found.outcome) == (finding, outcome)
+    assert found.sentence.startswith(finding.value)
+    assert ("runs" in found.sentence) == finding.name.endswith("SYSTEMATIC")
+    assert ("larger than" in found.sentence) == finding.larger
+    assert ("too large" in found.sentence) == finding.name.startswith("SMALL")
+    assert ("; the largest is" in found.sentence) == finding.larger
+    assert "p = 1" not in found.sentence
+
+
+def test_values_and_rank_count_kinds_that_are_not_tested_too() -> None:
+    J = np.eye(5)[:, :2]
+    macs = [replace(b, not_normal="a MAC is not normal") for b in _blocks(np.ones(5), J, "MAC")]
+    found = goodness_of_fit([*_blocks(np.ones(2), J[:2]), *macs])
+    assert (found.finding, found.values, found.rank) == (Finding.NOT_TESTED, 7, 2)
 
 
 def test_scatter_that_is_stated_too_large_is_told() -> None:

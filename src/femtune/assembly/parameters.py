@@ -16,7 +16,8 @@ from femtune.fem.fields import FACTORS
 from femtune.files.damping_catalogue import look_up
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
-from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, parse_field_ref, resolve
+from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, follows, parse_field_ref, resolve
+from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import RegionTable, element_list
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
@@ -93,7 +94,7 @@ def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: 
 
 def _of_cards(ref: FieldRef, built: BuiltModel) -> list[FieldRef]:
     table = built.structure.values
-    return [r for i, r in enumerate(table.refs) if (r.card, r.name) == (ref.card, ref.name) and not table.is_derived(i)]
+    return [r for i, r in enumerate(table.refs) if (r.card, r.name) == (ref.card, ref.name) and not follows(built, i)]
 
 
 def _is_used(built: BuiltModel, ref: FieldRef, chosen: frozenset[int] | None) -> bool:
@@ -133,7 +134,8 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     _check_positive(target)
     lower = nominal if entry.lower is None else entry.lower
     upper = nominal if entry.upper is None else entry.upper
-    return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where)
+    positive = bool(target.refs) and all(field_nature(ref).positive for ref in target.refs)
+    return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
 
 
 def _check_positive(target: Target) -> None:

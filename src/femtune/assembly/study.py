@@ -68,7 +68,8 @@ class Study:
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
             raise self.no_test("the update may use, and none has a [[residual]]")
-        return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
+        stated = self.file.residuals
+        return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
         """The error that no configuration has modes for a purpose, with what each of them has instead."""
@@ -115,6 +116,10 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     built = with_parameters_of_modes(file, _built(file, progress))
     with errors_at_cards(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    if file.given.units_known and not file.imported:
+        from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415  of a study alone
+
+        study = replace(study, notices=(*unit_notices(file, built), *study.notices))
     if file.imported:
         from femtune.assembly.imported_model import mesh_of_grid  # noqa: PLC0415
 
@@ -186,6 +191,10 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
+    if file.sensors.position_sd or file.sensors.angle_sd_deg:
+        from femtune.assembly.residuals import check_placement  # noqa: PLC0415
+
+        check_placement(file, cases)
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
 
@@ -215,8 +224,10 @@ def with_modes_asked(study: Study, count: int | None, max_hz: float | None) -> S
     ------
     FemtuneError : as `with_modes`
     """
+    if count is None and max_hz is None:
+        return study
     file = with_modes(study.file, count, max_hz)
-    count, max_hz = file.modes.wanted, file.modes.max_hz
+    count, max_hz = file.modes.count, file.modes.max_hz
     cases = []
     for case in study.cases:
         compared = None if case.compared is None else replace(case.compared, count=count, max_hz=max_hz)

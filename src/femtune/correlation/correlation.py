@@ -12,10 +12,18 @@ from femtune.arrays import Reals
 from femtune.correlation.noise import NoiseShare, noise_share, orthogonality_noise
 from femtune.correlation.pairing import ClusterMatch, Pairing, pair_modes, visible_modes
 from femtune.correlation.reduced_mass import NotTested, ReducedMass
+from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import Notice
 from femtune.modal import ModeSet
-from femtune.modal.shape_criteria import comac, cross_orthogonality, mac_where_defined, motion_agreement
+from femtune.modal.shape_criteria import (
+    comac,
+    cross_orthogonality,
+    enhanced_comac,
+    mac_where_defined,
+    mac_without_each,
+    motion_agreement,
+)
 
 REDUCTION_TOLERANCE = 0.05
 """Cross-orthogonality is refused for modes whose frequency the reduced mass and stiffness miss by more."""
@@ -36,6 +44,8 @@ class Correlation:
     paired_mac : (p, p) of the paired modes after rotation within clusters; the pairs are on its diagonal
     frequency_errors : (p,) (model − test)/test
     comac : (n,) over the pairs, NaN where undefined or measured in fewer than two of them; DOF labels in `dofs`
+    enhanced_comac : (n,) over the pairs, see `femtune.modal.enhanced_comac`; NaN where not measured in any of them
+    mac_without : (n, p) MAC of each pair without one of the sensors, see `femtune.modal.mac_without_each`
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
@@ -54,6 +64,8 @@ class Correlation:
     paired_mac: Reals
     frequency_errors: Reals
     comac: Reals
+    enhanced_comac: Reals
+    mac_without: Reals
     cross_orthogonality: Reals | NotTested
     self_orthogonality: Reals | NotTested
     orthogonality_dropped: tuple[str, ...]
@@ -128,11 +140,13 @@ def correlate(
         mac_where_defined(psi, phi),
         np.array([pair.frequency_error for pair in pairing.pairs]),
         _comac(psi, phi),
+        _enhanced_comac(psi, phi),
+        mac_without_each(psi, phi),
         cross,
         self_,
         mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
         _noise(test, pairing),
-        (*pairing.notices, *_inverted(test.dofs, psi, phi)),
+        (*pairing.notices, *unit_factor(test, model, pairing), *_inverted(test.dofs, psi, phi)),
         *_orthogonality_sd(test, psi, phi, mass if not isinstance(cross, NotTested) else None, pairing),
     )
 
@@ -161,6 +175,11 @@ def _comac(psi: NDArray, phi: Reals) -> Reals:
         return np.full(len(psi), np.nan)
     measured = (~np.isnan(psi[:, keep])).sum(axis=1)
     return np.where(measured < 2, np.nan, comac(psi[:, keep], phi[:, keep]))
+
+
+def _enhanced_comac(psi: NDArray, phi: Reals) -> Reals:
+    keep = _defined(psi, phi)
+    return enhanced_comac(psi[:, keep], phi[:, keep]) if keep.any() else np.full(len(psi), np.nan)
 
 
 def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:

@@ -39,7 +39,13 @@ _FACTORS = {
     1.0 / 0.3048: "metres where the model has feet",
     12.0: "feet where the model has inches",
     1.0 / 12.0: "inches where the model has feet",
+    304.8: "feet where the model has millimetres",
+    1.0 / 304.8: "millimetres where the model has feet",
 }
+# how near to a factor the ratio of places must be, and their least number
+_NEAR_FIT, _LEAST_PLACES = 0.03, 4
+# extents differ by a factor of this size or more; the sensors cover 45 to 110 % of the extent of the model
+_LARGE_FACTOR, _COVERED = 9.9, (0.9, 2.2)
 
 
 @dataclass(frozen=True)
@@ -312,6 +318,7 @@ def _build(
     shape = (len(placed), request.nodes.n_dofs)
     matches = tuple(match for match, _ in placed)
     notices = (*_ties(matches, sensors, request), *_far(matches, request.tolerance), *_shared(matches))
+    notices += _scaled(matches, sensors, request)
     if unmatched:
         names = ", ".join(str(u.label) for u in unmatched)
         notices += (Notice("sensor.left-out", names=names),)
@@ -363,6 +370,55 @@ def _shared(matches: Sequence[Match]) -> tuple[Notice, ...]:
     )
 
 
+def _scaled(matches: Sequence[Match], sensors: Sequence[Sensor], request: _Request) -> tuple[Notice, ...]:
+    """A warning where the coordinates of the test are those of the model in another unit of length.
+
+    Points that are assigned by number must be in one ratio to their grid points. Where grid points were found by their
+    distance, most points of the test share one, and the extents are in that ratio.
+    """
+    place = {(s.label.node, s.label.direction): s.position for s in sensors}
+    found = {m.label.node: (place[m.label.node, m.label.direction], m) for m in matches if m.node is not None}
+    pairs = [(p, m) for p, m in found.values() if np.isfinite(p).all() and request.nodes.has_grid(m.node or 0)]
+    if len(pairs) < _LEAST_PLACES:
+        return ()
+    points = np.array([p for p, _ in pairs])
+    grids = np.array([request.nodes.xyz[request.nodes.position(m.node or 0)] for _, m in pairs])
+    if any(m.how != "nearest" for _, m in pairs):
+        words = _fitted_words(_fitted_ratio(points, grids))
+    elif 2 * len({m.node for _, m in pairs}) <= len(np.unique(points, axis=0)):
+        words = _extent_words(points, request.nodes.xyz)
+    else:
+        words = ""
+    return (Notice("sensor.units", words=words),) if words else ()
+
+
+def _fitted_ratio(points: Reals, grids: Reals) -> float:
+    """Ratio of the places of grid points to those of their test points; 1 where there is no common one."""
+    points, grids = points - points.mean(axis=0), grids - grids.mean(axis=0)
+    square = float((points * points).sum())
+    ratio = float((points * grids).sum()) / square if square > 0.0 else 1.0
+    left = np.linalg.norm(grids - ratio * points)
+    return ratio if ratio > 0.0 and left <= _NEAR_FIT * np.linalg.norm(grids) else 1.0
+
+
+def _fitted_words(ratio: float) -> str:
+    """The units that a ratio of places belongs to; "" where it is near 1 or none that is known."""
+    factor = min(_FACTORS, key=lambda known: abs(np.log(ratio / known)))
+    near = abs(np.log(ratio / factor)) <= _NEAR_FIT
+    return _in_words(_FACTORS[factor], factor, "X, Y, Z") if near else ""
+
+
+def _extent_words(points: Reals, grids: Reals) -> str:
+    """The units that the ratio of the largest extents of model and test belongs to; "" where there are none."""
+    of_test, of_model = (float(np.ptp(x, axis=0).max()) if len(x) else 0.0 for x in (points, grids))
+    if not (0.0 < of_test < np.inf and of_model > 0.0):
+        return ""
+    ratio, (least, most) = of_model / of_test, _COVERED
+    large = (f for f in _FACTORS if max(f, 1.0 / f) >= _LARGE_FACTOR and least <= ratio / f <= most)
+    factor = min(large, key=lambda known: abs(np.log(ratio / known)), default=1.0)
+    return _in_words(_FACTORS[factor], factor, "X, Y, Z")
+
+
 def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Request) -> FemtuneError:
     values = {str(u.label): _distance_in_words(u) for u in unmatched[:20]}
     if len(unmatched) > 20:
@@ -372,7 +428,10 @@ def _unmatched_error(unmatched: Sequence[Unmatched], total: int, request: _Reque
         if request.by_id
         else f"grid point within the tolerance of {request.tolerance:.4g}"
     )
-    guess = request.search.looks_like(np.array([u.position for u in unmatched])) if len(unmatched) == total else ""
+    points = np.array([u.position for u in unmatched])
+    guess = request.search.looks_like(points) if len(unmatched) == total else ""
+    if not guess and 2 * len(unmatched) > total >= _LEAST_PLACES:
+        guess = _extent_words(points, request.nodes.xyz)
     return FemtuneError(
         "sensor.unmatched",
         values=values,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -112,6 +112,28 @@ class ValueTable:
     def is_derived(self, i: int) -> bool:
         """True where entry i follows from others."""
         return i in self._targets
+
+    def with_own(self, refs: Iterable[FieldRef]) -> ValueTable:
+        """The table in which some fields are values of their own, even if they would follow from others."""
+        own = {self._positions[ref] for ref in refs if ref in self._positions}
+        if own.isdisjoint(self._targets):
+            return self
+        return replace(self, derived=tuple(d for d in self.derived if d.target not in own))
+
+    def followers(self, refs: Iterable[FieldRef], wanted: Container[FieldRef]) -> list[FieldRef]:
+        """The wanted fields (whatever their region) that follow from some fields and are none of them."""
+        own = {self._positions[ref] for ref in refs if ref in self._positions}
+        found = (self.refs[i] for i in sorted(self.dependents(own) - own) if self.is_derived(i))
+        return [ref for ref in found if replace(ref, region="") in wanted]
+
+    def following(self, values: Mapping[FieldRef, float], wanted: Container[FieldRef]) -> dict[FieldRef, float]:
+        """Values of the `followers` of fields that have new values."""
+        found = self.followers(values, wanted)
+        if not found:
+            return {}
+        at = {self._positions[ref]: value for ref, value in values.items() if ref in self._positions}
+        table = self.evaluate({i: jet.constant(value, 0) for i, value in at.items()}, 0)
+        return {ref: float(table.value[self._positions[ref]]) for ref in found}
 
     def dependents(self, indices: Iterable[int]) -> set[int]:
         """The given entries and all that follow from them."""

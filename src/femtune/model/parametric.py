@@ -90,6 +90,8 @@ def parametric_model(
     errors = ErrorCollector()
     with errors.catch():
         _check_regions(structure, parameters, assignments)
+    # what a parameter sets does not follow from other values
+    structure = replace(structure, values=structure.values.with_own([a.ref for a in assignments]))
     placed: dict[int, tuple[str, int, bool]] = {}
     for assignment in assignments:
         with errors.catch():

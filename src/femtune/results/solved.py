@@ -29,7 +29,7 @@ def solve(study: Study, case: StudyCase, x: NDArray) -> EigenSolution:
     with errors_at_deck(study.built.deck):
         if case.compared is not None:
             return case.compared.solver.modes(case.compared.configured.at(x), case.compared.count, case.compared.max_hz)
-        return study.solver.modes(case.configured.at(x), study.file.modes.wanted, study.file.modes.max_hz)
+        return study.solver.modes(case.configured.at(x), study.file.modes.count, study.file.modes.max_hz)
 
 
 def solved_if_any(study: Study, case: StudyCase, x: NDArray) -> EigenSolution | None:

@@ -121,6 +121,8 @@ def read_test(
 def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Path | str, *, wide: bool = False) -> Path:
     """Write a deck with other values in some of its fields; all other lines are copied without change.
 
+    G of a MAT1 that is given beside E and NU, and agrees with them, changes with E and NU.
+
     Parameters
     ----------
     model : what `read_deck` returned, or the path of a deck
@@ -146,6 +148,7 @@ def write_deck(model: Model | Path | str, values: Mapping[str, float], path: Pat
     refs = {parse_field_ref(field): float(value) for field, value in values.items()}
     for ref in refs:
         resolve(read.built, ref)
+    refs |= read.built.structure.values.with_own(refs).following(refs, read.built.fields)
     path = Path(path)
     return write_files(plan_edits(read.built, refs, wide=wide).edited, path.parent, path.name).main
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from femtune.results.folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.results.provenance import input_paths
 from femtune.results.update import WriteBackResults, WrittenValue
 from femtune.results.write_back import edits, new_cards, repointed
+from femtune.study.expanded_files import EXPANDED_FILE
 from femtune.study.respond import FRFS_FILE, uff_paths
 from femtune.study.starts import HISTORY_FILE
 
@@ -56,7 +57,8 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     check_overwrites(study.built.deck, folder, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
-    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
+    shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
+    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, (*frfs, *shapes))):
         if os.path.realpath(folder / name) in inputs:
             raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 
@@ -69,6 +71,7 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     FemtuneError : ``run.unwritable`` and the codes ``write.*``
     """
     values = study.model.field_values(result.x)
+    values = {**values, **study.model.structure.values.following(values, study.built.fields)}
     regions = _regions(study)
     of_cards = {ref: value for ref, value in values.items() if ref.card not in _OF_NO_CARD}
     blocked = {} if study.file.write.split else _shared_fields(of_cards)
@@ -91,9 +94,12 @@ def _regions(study: Study) -> dict[str, Iterable[int]]:
     return {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
 
 
-def _placed(study: Study) -> Iterable[tuple[str, FieldRef]]:
-    refs = study.model.structure.values.refs
-    return ((name, refs[i]) for name, i, _ in study.model.placed)
+def _placed(study: Study) -> Iterator[tuple[str, FieldRef]]:
+    """Each field with the parameter that sets it, or that sets what it follows from."""
+    table = study.model.structure.values
+    for name, i, _ in study.model.placed:
+        yield name, table.refs[i]
+        yield from ((name, ref) for ref in table.followers([table.refs[i]], study.built.fields))
 
 
 def _written(study: Study, plan: WritePlan) -> dict[str, tuple[WrittenValue, ...]]:

@@ -11,7 +11,8 @@ Source: Bard (1974), Nonlinear Parameter Estimation, section 7; Wald and Wolfowi
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from math import comb
 
 import numpy as np
@@ -23,6 +24,35 @@ from femtune.validation.criteria import Outcome
 
 LEVEL = 0.01
 """Residuals with a smaller probability than this are not called noise."""
+
+
+class Finding(Enum):
+    """What the sum of squares and the runs of signs say together; the text begins the sentence of a report."""
+
+    NOT_TESTED = "not tested"
+    NOISE = "the residuals may be noise of the stated size"
+    SMALL = "the residuals are smaller than the stated standard deviations imply, which are probably too large"
+    SMALL_SYSTEMATIC = (
+        "the residuals are smaller than the stated standard deviations imply, which are probably too large; what is "
+        "left is not random"
+    )
+    SYSTEMATIC = "the residuals have the stated size, but they are not random"
+    LARGE = "the residuals are larger than noise of the stated size"
+    LARGE_SYSTEMATIC = "the residuals are larger than noise of the stated size, and they are not random"
+
+    @property
+    def outcome(self) -> Outcome:
+        """Residuals of the stated size or larger that are no noise fail; smaller ones pass, random or not."""
+        if self is Finding.NOT_TESTED:
+            return Outcome.NOT_TESTED
+        return Outcome.FAIL if self in (Finding.SYSTEMATIC, Finding.LARGE, Finding.LARGE_SYSTEMATIC) else Outcome.PASS
+
+    @property
+    def larger(self) -> bool:
+        """True where the stated standard deviations may be too small."""
+        return self in (Finding.LARGE, Finding.LARGE_SYSTEMATIC)
+
+
 _FEWEST_RUNS = 10
 _RANK = 1e-10
 
@@ -40,6 +70,8 @@ class GoodnessOfFit:
     largest, largest_label : largest studentised residual, with its sign, and what it compares
     by_kind : chi-square, degrees of freedom and p-value of each kind of residual by itself
     untested : by kind of residual, why it is not in the test
+    values, rank : independent values of all residuals, and how many combinations of the parameters fit themselves to
+        them; of those not in the test too
     """
 
     chi_square: float | None
@@ -51,29 +83,35 @@ class GoodnessOfFit:
     largest_label: str = ""
     by_kind: tuple[tuple[str, float, int, float], ...] = ()
     untested: tuple[tuple[str, str], ...] = ()
+    values: int = 0
+    rank: int = 0
+
+    @property
+    def finding(self) -> Finding:
+        """Size and order of the residuals together."""
+        if self.p_value is None:
+            return Finding.NOT_TESTED
+        random = self.runs_p_value is None or self.runs_p_value >= LEVEL
+        if self.p_value < LEVEL:
+            return Finding.LARGE if random else Finding.LARGE_SYSTEMATIC
+        if self.p_value > 1.0 - LEVEL:
+            return Finding.SMALL if random else Finding.SMALL_SYSTEMATIC
+        return Finding.NOISE if random else Finding.SYSTEMATIC
 
     @property
     def outcome(self) -> Outcome:
         """Pass if the residuals may be noise of the stated size, or of a smaller one."""
-        if self.p_value is None:
-            return Outcome.NOT_TESTED
-        few = self.runs_p_value is not None and self.runs_p_value < LEVEL
-        return Outcome.FAIL if self.p_value < LEVEL or few else Outcome.PASS
+        return self.finding.outcome
 
     @property
     def sentence(self) -> str:
         """Outcome in words with the numbers."""
         if self.p_value is None or self.chi_square is None:
-            return f"not tested: {self._why_not()}"
+            return f"{self.finding.value}: {self._why_not()}"
         degrees = "degree" if self.degrees_of_freedom == 1 else "degrees"
         numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} {degrees} of freedom"
-        if self.outcome is Outcome.FAIL:
-            details = f"{numbers}, {_chance(self.p_value)}{self._runs()}{self._largest()}"
-            return f"the residuals are not noise of the stated size: {details}"
-        if self.p_value > 1.0 - LEVEL:
-            what = "the residuals are smaller than the stated standard deviations imply"
-            return f"{what} ({numbers}); these are probably too large"
-        return f"the residuals may be noise of the stated size: {numbers}, p = {self.p_value:.2g}"
+        largest = self._largest() if self.finding.larger else ""
+        return f"{self.finding.value}: {numbers}, {_chance(self.p_value)}{self._runs()}{largest}"
 
     def _why_not(self) -> str:
         if self.untested:
@@ -90,6 +128,9 @@ class GoodnessOfFit:
 
 
 def _chance(p: float) -> str:
+    """The probability; one that rounds to 1 is not written as certainty."""
+    if p > 0.995:
+        return "p > 0.99"
     return f"p = {p:.2g}" if p >= 1e-12 else "p < 1e-12"
 
 
@@ -110,16 +151,24 @@ def goodness_of_fit(
     """
     why = {b.kind: untested or b.not_normal for b in blocks if untested or b.not_normal}
     kept = [b.whitened() for b in blocks if b.kind not in why]
-    skipped = tuple(why.items())
+    skipped, (values, rank) = tuple(why.items()), _counts(blocks)
     chi2, dof = _chi_square(kept)
     if dof <= 0:
-        return GoodnessOfFit(None, 0, None, untested=skipped)
+        return GoodnessOfFit(None, 0, None, untested=skipped, values=values, rank=rank)
     rest, spread = _left_over(kept)
     runs, chance = _runs(rest)
     at = int(np.argmax(np.abs(rest) / spread))
     label = [b.label for b in kept for _ in b.values][at]
     numbers = GoodnessOfFit(chi2, dof, _p_value(chi2, dof), runs, chance, float(rest[at] / spread[at]), label)
-    return GoodnessOfFit(**{**numbers.__dict__, "by_kind": tuple(_by_kind(kept)), "untested": skipped})
+    return replace(numbers, by_kind=tuple(_by_kind(kept)), untested=skipped, values=values, rank=rank)
+
+
+def _counts(blocks: Sequence[ResidualBlock]) -> tuple[int, int]:
+    """Independent values, and the rank of the Jacobian."""
+    if not blocks:
+        return 0, 0
+    r, U = _range([b.whitened() for b in blocks])
+    return len(r) - sum(b.lost for b in blocks), U.shape[1]
 
 
 def _chi_square(blocks: Sequence[ResidualBlock]) -> tuple[float, int]:

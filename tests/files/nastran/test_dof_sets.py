@@ -50,7 +50,9 @@ def test_notices_say_what_the_sets_do(deck_of: DeckOf) -> None:
     assert {(n.code, n.level, n.what) for n in model.notices} == {
         ("deck.dof-set", "info",
          "SUPORT names 6 DOFs: they are not constrained; rigid-body modes are found without SUPORT"),
-        ("deck.dof-set", "info", "ASET names 2 DOFs: the model is not reduced; all its DOFs are kept"),
+        ("deck.dof-set", "warning",
+         "ASET names 2 DOFs: the model is not reduced; the modes are those with all DOFs, and those of a reduced run "
+         "are higher"),
         ("deck.dof-set", "info", "USET U3 names 1 DOF: the set has no effect"),
     }  # fmt: skip
     assert not {c.name for c in model.cards if c.use != "read"}

@@ -48,7 +48,7 @@ def test_formats_give_the_same_fields(deck_of: DeckOf, text: str, layout: str) -
     ("first", "second"),
     [
         ("PBAR    1       2       3.      4.      5.      6.                              ", "        1.      2.\n"),
-        ("PBAR    1       2       3.      4.      5.      6.                              +C1", "+C1     1.      2.\n"),
+        ("PBAR    1       2       3.      4.      5.      6.                      +C1", "+C1     1.      2.\n"),
         ("PBAR    1       2       3.      4.      5.      6.                      KC1", "+C1     1.      2.\n"),
         ("PBAR    1       2       3.      4.      5.      6.                      +", "+       1.      2.\n"),
         ("PBAR    1       2       3.      4.      5.      6.", ",1.,2.\n"),
@@ -135,4 +135,4 @@ def test_several_errors_are_shown_together(deck_of: DeckOf) -> None:
 def test_dangling_continuation_and_long_lines_are_noticed(deck_of: DeckOf) -> None:
     long = "GRID           1       0     0.0     0.0     0.0".ljust(82) + "lost\n"
     deck = deck_of("PBAR,1,2,,,,,,,+A\nGRID,1\n" + long)
-    assert [notice.code for notice in deck.notices] == ["deck.dangling-continuation", "deck.beyond-column-80"]
+    assert [notice.code for notice in deck.notices] == ["deck.beyond-column-80", "deck.dangling-continuation"]

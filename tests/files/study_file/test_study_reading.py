@@ -180,7 +180,7 @@ def test_study_is_frozen(full: StudyFile) -> None:
 def test_least_study_has_one_state_as_the_deck(folder: Path) -> None:
     study = study_from_text(_LEAST, folder / "s.toml")
     assert [(c.name, c.test) for c in study.configurations] == [("as the deck", None)]
-    assert study.modes.wanted == 10
+    assert study.modes.count is None
 
 
 def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
@@ -190,7 +190,7 @@ def test_single_test_belongs_to_the_state_as_the_deck(folder: Path) -> None:
     assert (state.name, state.test, state.test_units, state.mode_labels) == (
         "as the deck", "building.uff", "mm-t-s", ("1",),
     )  # fmt: skip
-    assert study.modes.wanted is None
+    assert study.modes.count is None
 
 
 def test_lines_that_end_as_on_windows(folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Any
 
@@ -149,6 +149,8 @@ class _Assembly:
         self.plain: list[SourceLine] = []
         self.names: dict[str, str] = {}
         self.superelement = 0
+        self.asking: list[_Part] = []
+        self.apart: list[_Part] = []
 
     def take_plain(self, line: SourceLine) -> bool:
         """Take a line in plain columns of small fields, which stays uncut; whether it is one."""
@@ -176,9 +178,8 @@ class _Assembly:
 
     def finish(self) -> None:
         with self.problems.catch():
-            if self.open and _asks_for_continuation(self.open[-1].tail):
-                raise _cut(self.open)
             self._close()
+        self._join()
         self.problems.raise_if_any()
 
     def _take(self, line: SourceLine, body: str) -> None:
@@ -200,12 +201,15 @@ class _Assembly:
             self.open = [_checked_name(cut)]
 
     def _continue(self, cut: FieldLine) -> None:
-        if not self.open:
+        above = self.open[-1] if self.open else None
+        if above is not None and (not cut.head[1:] or _is_named_by(above, cut)):
+            self.open.append(cut)
+        elif cut.head[1:]:
+            # Nastran finds the card of a continuation by its name, wherever it stands
+            self._close()
+            self.open = [cut]
+        else:
             raise _continuation(cut, "deck.continuation")
-        asked, given = self.open[-1].tail[1:].upper(), cut.head[1:]
-        self.open.append(cut)
-        if asked and given and asked != given:
-            raise _continuation(cut, "deck.continuation/other-name", required=asked, found=given)
 
     def _cut_plain(self) -> None:
         """Cut up the card that is being read, to go on with lines that are not plain."""
@@ -223,8 +227,52 @@ class _Assembly:
         if not self.open:
             return
         lines, self.open = self.open, []
-        self._note_dangling(lines)
+        if lines[0].continues:
+            above = self.cards[-1].record if self.cards else ""
+            self.apart.append(_Part(lines, self.superelement, above=above))
+            return
+        if lines[-1].tail:
+            self.asking.append(_Part(lines, self.superelement, len(self.cards)))
         self.cards.append(_card(lines, len(self.cards), self.superelement))
+
+    def _join(self) -> None:
+        """Put continuations that do not follow their card below the line that names them."""
+        asking = [*self.asking, *self.apart]
+        by_name: dict[tuple[int, str], list[_Part]] = {}
+        for part in asking if self.apart else ():
+            for name in _names(part.lines[-1].tail):
+                by_name.setdefault((part.superelement, name), []).append(part)
+        for part in self.apart:
+            with self.problems.catch():
+                _parent(part, by_name).followers.append(part)
+        for part in self.asking:
+            with self.problems.catch():
+                self._with_followers(part)
+        if not self.problems.errors:
+            # a circle of continuations that name each other
+            for part in [part for part in self.apart if not part.joined][:1]:
+                self.problems.errors.append(_no_parent(part))
+
+    def _with_followers(self, part: _Part) -> None:
+        lines, last = list(part.lines), part
+        while last.followers:
+            if len(last.followers) > 1:
+                second = last.followers[1].lines[0]
+                raise _continuation(second, "deck.continuation/repeated", found=second.head[1:])
+            last = last.followers[0]
+            last.joined = True
+            lines += last.lines
+        if len(lines) > len(part.lines):
+            following = self.cards[part.card + 1 : part.card + 2]
+            if any(card.replicated for card in following):
+                raise FemtuneError("deck.replication", where=following[0].where())
+            self.cards[part.card] = _card(lines, part.card, part.superelement)
+        tail = lines[-1].tail
+        if _asks_for_continuation(tail):
+            if part.card == len(self.cards) - 1 and not self.apart:
+                raise _cut(lines)
+            where = Where(lines[-1].source.file, lines[-1].source.number, lines[0].head)
+            self.notices.append(Notice("deck.dangling-continuation", where=where, continuation_name=tail))
 
     def _replicate(self, cut: FieldLine) -> None:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
@@ -243,11 +291,47 @@ class _Assembly:
             where = Where(cut.source.file, cut.source.number, cut.head)
             self.notices.append(Notice("deck.beyond-column-80", where=where))
 
-    def _note_dangling(self, lines: list[FieldLine]) -> None:
-        tail = lines[-1].tail
-        if _asks_for_continuation(tail):
-            where = Where(lines[-1].source.file, lines[-1].source.number, lines[0].head)
-            self.notices.append(Notice("deck.dangling-continuation", where=where, continuation_name=tail))
+
+@dataclass(eq=False)
+class _Part:
+    """Lines of a card, or continuations that do not follow their card.
+
+    `card` is the position of the card, `above` the card that the continuations follow, `followers` are those whose
+    name stands in field 10 of the last line.
+    """
+
+    lines: list[FieldLine]
+    superelement: int
+    card: int = -1
+    above: str = ""
+    followers: list[_Part] = field(default_factory=list)
+    joined: bool = False
+
+
+def _names(tail: str) -> set[str]:
+    """Names of the continuation that field 10 asks for; its first character may be any."""
+    tail = tail.upper()
+    return {tail[1:], tail if tail[:1] not in ("+", "*") else ""} - {""}
+
+
+def _is_named_by(above: FieldLine, cut: FieldLine) -> bool:
+    return cut.head[1:] in _names(above.tail)
+
+
+def _parent(part: _Part, by_name: dict[tuple[int, str], list[_Part]]) -> _Part:
+    """The part whose last line names these continuations."""
+    found = by_name.get((part.superelement, part.lines[0].head[1:]), [])
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise _no_parent(part)
+    places = " and ".join(f"{p.lines[-1].source.file}:{p.lines[-1].source.number}" for p in found[:2])
+    raise _continuation(part.lines[0], "deck.continuation/ambiguous", found=part.lines[0].head[1:], places=places)
+
+
+def _no_parent(part: _Part) -> FemtuneError:
+    above = f"the card above it is {part.above}" if part.above else "no card stands above it"
+    return _continuation(part.lines[0], "deck.continuation/other-name", found=part.lines[0].head[1:], above=above)
 
 
 def _card(lines: list[FieldLine], position: int, superelement: int) -> Card:

@@ -38,6 +38,7 @@ from femtune.files.nastran.inventory import (
     missing_notice,
     take_inventory,
 )
+from femtune.files.nastran.left_out import left_out
 from femtune.files.nastran.masses import add_nonstructural_mass, read_masses
 from femtune.files.nastran.materials import read_materials
 from femtune.files.nastran.matrices import read_direct_matrices
@@ -46,6 +47,7 @@ from femtune.files.nastran.scalar_elements import read_dampers, read_rods, read_
 from femtune.files.nastran.shear_panels import read_shear_panels
 from femtune.files.nastran.shells import read_shells
 from femtune.files.nastran.solids import read_solids
+from femtune.files.nastran.surplus import surplus_fields
 from femtune.model.damping import ModalDamping
 
 _MOST_SHOWN = 20
@@ -115,7 +117,8 @@ def build_structure(deck: Deck, allow_missing: bool = False) -> BuiltModel:
 
 
 def _report_cards(building: Building, cards: tuple[CardUse, ...], allow_missing: bool) -> None:
-    building.notices += [*ignored_notices(cards), *ignored_params(building.deck)]
+    building.notices += [*ignored_notices(cards), *ignored_params(building.deck), *left_out(building.deck)]
+    building.notices += surplus_fields(building.deck)
     missing = [count for count in cards if count.use == MISSING]
     if allow_missing:
         building.notices += [missing_notice(count) for count in missing]
@@ -176,7 +179,7 @@ def _element_cards(building: Building) -> dict[int, int]:
     for name in (kind.name for kind in CATALOGUE.values() if kind.role == ELEMENT):
         cards = building.deck.by_name(name)
         numbers = plain_numbers(cards)
-        if numbers is not None and found.keys().isdisjoint(numbers):
+        if numbers is not None and found.keys().isdisjoint(numbers) and min(numbers) > 0:
             found.update(zip(numbers, (card.position for card in cards)))
         else:
             _add_one_by_one(building, name, found)
@@ -187,6 +190,8 @@ def _add_one_by_one(building: Building, name: str, found: dict[int, int]) -> Non
     for record in building.records(name):
         with building.errors.catch():
             number = record.integer("EID")
+            if number < 1:
+                raise record.error("deck.field-value/element-number", at="EID")
             if number in found:
                 raise duplicate(record.card, f"element {number}", building.deck.cards[found[number]])
             found[number] = record.card.position

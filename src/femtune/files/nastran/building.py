@@ -84,6 +84,8 @@ class Building:
         for record in records:
             with self.errors.catch():
                 number = record.card.integer(record.start)
+                if number < 1:
+                    raise record.card.error("deck.field-value/number", index=record.start, kind=what)
                 if number in found:
                     raise duplicate(record.card, f"{what} {number}", found[number].card)
                 found[number] = record

@@ -131,16 +131,19 @@ class Card:
         values = {} if index is None else self._values(index)
         return FemtuneError(code, where=self.where(index), values=values, hint=hint, **facts)
 
+    def field_name(self, index: int) -> str:
+        """Number of a field as in the manuals: ``field 5``, ``field 2 of continuation 1``."""
+        line, column = divmod(index, 8)
+        return f"field {column + 2}" + (f" of continuation {line}" if line else "")
+
     def _checked_default(self, index: int, default: Any, code: str) -> Any:
         if default is ...:
             raise self.error(code, index=index, card=self.name)
         return default
 
     def _values(self, index: int) -> dict[str, object]:
-        line, column = divmod(index, 8)
-        field = f"{column + 2}" + (f" of continuation {line}" if line else "")
         text = self.fields[index] if index < len(self.fields) else ""
-        return {"field": field, "text": f"'{text}'"}
+        return {"field": self.field_name(index).removeprefix("field "), "text": f"'{text}'"}
 
     def _line_of(self, index: int) -> SourceLine:
         return self.lines[min(self.slot(index)[0], len(self.lines) - 1)]

@@ -1,4 +1,7 @@
-"""Case control: SPC, MPC, METHOD, NSM, SDAMPING, titles and SETs of the first subcase over the global level."""
+"""Case control: SPC, MPC, METHOD, NSM, SDAMPING, titles and SETs of the subcase whose modes are requested.
+
+Commands of a subcase take precedence over those above all subcases, and those of a STEP over those of its subcase.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,11 @@ _SET = re.compile(r"(\d{1,9})\s*=\s*(.*)", re.DOTALL)
 _PLOT_OUTPUT = re.compile(r"\(\s*(PLOT|XYPLOT|XYOUT)\b", re.IGNORECASE)
 _SELECTIONS = ("SPC", "MPC", "METHOD", "NSM", "SDAMPING")
 _TITLES = ("TITLE", "SUBTITLE", "LABEL")
+# what begins a subcase or a part of one; combinations of the results of others have no selections of their own
+_SUBCASES = ("SUBCASE", "SYM")
+_COMBINATIONS = ("SUBCOM", "SYMCOM", "REPCASE")
+# analyses that have no natural modes, although a METHOD may be selected (buckling)
+_WITHOUT_MODES = ("STAT", "BUCK", "NLST", "HEAT", "HSTA", "HTRA", "DFRE", "DTRA", "DCEI", "PREL", "NLTR")
 
 
 @dataclass(frozen=True)
@@ -39,7 +47,9 @@ class CaseControl:
     """What the used subcase selects: its own commands over those of the global level.
 
     `subcases` are all subcase numbers, `used` the one taken (None where there is none); `others` are the
-    commands without a meaning here, kept as they stand.
+    commands without a meaning here, kept as they stand; `effective` are those of them that apply to the used subcase.
+    `loading` names the steps before the used one in the same subcase, in each of which the structure is loaded, and
+    `preload` are the loads (LOAD, TEMPERATURE, DEFORM) of the static subcase that STATSUB takes as preload.
     """
 
     spc: int | None = None
@@ -54,6 +64,9 @@ class CaseControl:
     subcases: tuple[int, ...] = ()
     used: int | None = None
     others: tuple[CaseCommand, ...] = ()
+    effective: tuple[CaseCommand, ...] = ()
+    loading: tuple[str, ...] = ()
+    preload: tuple[CaseCommand, ...] = ()
     parameter_lines: tuple[SourceLine, ...] = ()
     notices: tuple[Notice, ...] = ()
 
@@ -63,14 +76,19 @@ class CaseControl:
         return dict(Counter(command.name for command in self.others))
 
 
-def read_case_control(lines: Sequence[SourceLine]) -> CaseControl:
+def read_case_control(lines: Sequence[SourceLine], method_is_modal: bool = True) -> CaseControl:
     """Read the lines between CEND and BEGIN BULK.
+
+    Parameters
+    ----------
+    lines : the lines
+    method_is_modal : False for a solution whose METHOD requests something else than natural modes (buckling)
 
     Raises
     ------
     FemtuneError : ``deck.case-control`` (a selection that is not a number), ``deck.list`` (a SET)
     """
-    reading = _CaseControlReading()
+    reading = _CaseControlReading(method_is_modal)
     for command in _commands(lines):
         reading.take(command)
     return reading.result()
@@ -109,55 +127,107 @@ def _command(body: str, line: SourceLine) -> CaseCommand:
 def _full_name(word: str) -> str:
     """Four letters are enough for the commands that we know (``SUBT``, ``METH``)."""
     word = word.upper()
-    known = ("METHOD", "SDAMPING", "SUBCASE", *_TITLES)
+    known = ("METHOD", "SDAMPING", "SUBCASE", "ANALYSIS", "STATSUB", *_TITLES)
     full = (name for name in known if len(word) >= 4 and name.startswith(word))
     return next(full, word)
 
 
-class _CaseControlReading:
-    """Values of the global level and of the first subcase, as the commands go by."""
+@dataclass(eq=False)
+class _Level:
+    """Commands above all subcases (`begin` is None), of a subcase, or of a STEP of the subcase `parent`."""
 
-    def __init__(self) -> None:
-        self.levels: list[dict[str, CaseCommand]] = [{}]
-        self.sets: dict[int, IntegerList] = {}
-        self.subcases: list[int] = []
+    begin: CaseCommand | None = None
+    parent: _Level | None = None
+    commands: dict[str, CaseCommand] = field(default_factory=dict)
+    sets: dict[int, IntegerList] = field(default_factory=dict)
+    others: list[CaseCommand] = field(default_factory=list)
+    steps: list[_Level] = field(default_factory=list)
+
+    @property
+    def path(self) -> list[_Level]:
+        """The levels that apply here, the outermost first."""
+        return [*(self.parent.path if self.parent else ()), self]
+
+    @property
+    def own(self) -> list[_Level]:
+        """The levels of the subcase, without the one above all subcases."""
+        return [level for level in self.path if level.begin is not None]
+
+    def analysis(self) -> str:
+        """Word of ANALYSIS, upper case; empty without one."""
+        words = [c.value.upper() for level in self.path for c in level.others if c.name == "ANALYSIS"]
+        return words[-1] if words else ""
+
+    @property
+    def has_no_modes(self) -> bool:
+        """Whether ANALYSIS requests something else than modes."""
+        return self.analysis().startswith(_WITHOUT_MODES)
+
+    @property
+    def name(self) -> str:
+        """SUBCASE or STEP with its number."""
+        return "" if self.begin is None else f"{self.begin.name} {self.begin.value}".strip()
+
+
+class _CaseControlReading:
+    """Commands of all levels, as they go by."""
+
+    def __init__(self, method_is_modal: bool) -> None:
+        self.method_is_modal = method_is_modal
+        self.top = _Level()
+        self.at = self.top
+        self.subcases: list[_Level] = []
         self.others: list[CaseCommand] = []
         self.parameters: list[SourceLine] = []
         self.plotting = False
-        self.first_subcase: CaseCommand | None = None
 
     def take(self, command: CaseCommand) -> None:
         if command.name == "OUTPUT":
             self.plotting = _PLOT_OUTPUT.match(command.options) is not None
-        if command.name == "SUBCASE":
+        if command.name in _SUBCASES:
             self._subcase(command)
+        elif command.name in _COMBINATIONS:
+            self.plotting, self.at = False, _Level(command, self.top)
+        elif command.name == "STEP" and self.at is not self.top:
+            self._step(command)
         elif self.plotting:
             self.others.append(command)
         elif command.name in _TITLES or (command.name in _SELECTIONS and not _of_fluid(command)):
-            self.levels[-1][command.name] = command
+            self.at.commands[command.name] = command
         elif command.name == "SET":
             self._set(command)
         elif command.name == "PARAM":
             self.parameters.append(command.line)
         else:
-            self.others.append(command)
+            self._other(command)
 
     def _subcase(self, command: CaseCommand) -> None:
-        self.plotting = False
-        self.subcases.append(_number(command))
-        self.levels.append({})
-        self.first_subcase = self.first_subcase or command
+        _number(command)
+        self.plotting, self.at = False, _Level(command, self.top)
+        self.subcases.append(self.at)
+
+    def _step(self, command: CaseCommand) -> None:
+        subcase = self.at.own[0]
+        self.plotting, self.at = False, _Level(command, subcase)
+        subcase.steps.append(self.at)
+
+    def _other(self, command: CaseCommand) -> None:
+        self.others.append(command)
+        self.at.others.append(command)
 
     def _set(self, command: CaseCommand) -> None:
         match = _SET.fullmatch(command.value)
         if match is None or not re.match(r"ALL$|\d+(?:[\s,]|$)", match[2].strip(), re.IGNORECASE):
-            self.others.append(command)
-        elif len(self.levels) <= 2:
-            self.sets[int(match[1])] = read_list(re.split(r"[\s,]+", match[2]), command.where)
+            self._other(command)
+        else:
+            self.at.sets[int(match[1])] = read_list(re.split(r"[\s,]+", match[2]), command.where)
 
     def result(self) -> CaseControl:
-        used = {**self.levels[0], **(self.levels[1] if len(self.levels) > 1 else {})}
+        level, notices = self._chosen()
+        used = {name: command for above in level.path for name, command in above.commands.items()}
         selected = {name: _number(used[name]) if name in used else None for name in _SELECTIONS}
+        if not self.method_is_modal or level.has_no_modes:
+            selected["METHOD"] = None
         texts = {name.lower(): used[name].value if name in used else "" for name in _TITLES}
         return CaseControl(
             spc=selected["SPC"],
@@ -166,23 +236,86 @@ class _CaseControlReading:
             nsm=selected["NSM"],
             damping=selected["SDAMPING"],
             **texts,
-            sets=self.sets,
-            subcases=tuple(self.subcases),
-            used=self.subcases[0] if self.subcases else None,
+            sets={number: numbers for above in level.path for number, numbers in above.sets.items()},
+            subcases=tuple(_number(subcase.begin) for subcase in self.subcases if subcase.begin),
+            used=_number(level.own[0].begin) if level.own and level.own[0].begin else None,
             others=tuple(self.others),
+            effective=tuple(command for above in level.path for command in above.others),
+            loading=_before(level),
+            preload=self._loads(level),
             parameter_lines=tuple(self.parameters),
-            notices=self._notices(),
+            notices=notices,
         )
 
-    def _notices(self) -> tuple[Notice, ...]:
-        if len(self.subcases) < 2 or self.first_subcase is None:
-            return ()
-        named = ", ".join(map(str, self.subcases))
-        return (
+    def _chosen(self) -> tuple[_Level, tuple[Notice, ...]]:
+        """The level whose selections are used: the first with METHOD, else with ANALYSIS = MODES, else the first."""
+        parts = [part for subcase in self.subcases for part in subcase.steps or [subcase]]
+        if not parts:
+            return self.top, ()
+        with_method = [part for part in parts if self._selects_method(part)]
+        with_modes = [part for part in parts if part.analysis().startswith("MODE")]
+        used = (with_method or with_modes or parts)[0]
+        if len(parts) < 2 or used.begin is None:
+            return used, ()
+        if len(with_method) > 1:
+            code, requesting = "deck.several-subcases/several-methods", with_method
+        elif with_method or (with_modes and len(with_modes) < len(parts)):
+            code, requesting = "deck.several-subcases/modal", with_method or with_modes
+        else:
+            code, requesting = "deck.several-subcases", parts
+        only = code == "deck.several-subcases/modal" and len(requesting) == 1
+        return used, (
             Notice(
-                "deck.several-subcases", where=self.first_subcase.where, subcases=named, first_subcase=self.subcases[0]
+                code,
+                where=used.begin.where,
+                level="info" if only else "warning",
+                subcases=_named(parts),
+                requesting=_named(requesting),
+                request="METHOD" if with_method else "ANALYSIS = MODES",
+                used=_named([used]),
             ),
         )
+
+    def _selects_method(self, part: _Level) -> bool:
+        """Whether modes are solved there: METHOD applies, and no other subcase takes it as its static preload."""
+        if not self.method_is_modal or part.has_no_modes or not any("METHOD" in level.commands for level in part.path):
+            return False
+        number = _number(part.own[0].begin) if part.own[0].begin else 0
+        return number not in {preload for other in self.subcases for preload in _preloads(other)}
+
+    def _loads(self, level: _Level) -> tuple[CaseCommand, ...]:
+        """Loads of the subcases that a level takes as its static preload."""
+        wanted = set(_preloads(level))
+        found = [s for s in self.subcases if s.begin and _number(s.begin) in wanted]
+        return tuple(c for s in found for above in s.path for c in above.others if _is_load(c))
+
+
+def _preloads(level: _Level) -> list[int]:
+    """Numbers of the static subcases whose loads change the stiffness (STATSUB)."""
+    given = (c for above in [*level.path, *level.steps] for c in above.others if c.name == "STATSUB")
+    return [number for c in given if (number := parse_integer(c.value)) is not None]
+
+
+def _is_load(command: CaseCommand) -> bool:
+    if command.name.startswith("TEMP"):
+        return "LOAD" in command.options.upper() or "BOTH" in command.options.upper() or not command.options
+    return command.name in ("LOAD", "DEFORM")
+
+
+def _before(level: _Level) -> tuple[str, ...]:
+    """Steps before a step of the same subcase."""
+    subcase = level.parent
+    if subcase is None or level not in subcase.steps:
+        return ()
+    return tuple(step.name for step in subcase.steps[: subcase.steps.index(level)])
+
+
+def _named(parts: Sequence[_Level]) -> str:
+    """Numbers of subcases, with those of their steps: ``1, 2 STEP 3``."""
+    return ", ".join(
+        " ".join([*(level.begin.value for level in part.own[:1] if level.begin), *(s.name for s in part.own[1:])])
+        for part in parts
+    )
 
 
 def _of_fluid(command: CaseCommand) -> bool:

@@ -19,6 +19,7 @@ class CardKind:
     values : names of the fields that element matrices are functions of; of fields that repeat with a number, the first
     starts : positions at which the sequence of names starts (a PELAS card holds two properties)
     properties : names of the property cards that the PID of an element may refer to
+    length : number of fields that a card may have; None where it ends with a list
     """
 
     name: str
@@ -27,6 +28,14 @@ class CardKind:
     values: tuple[str, ...] = ()
     starts: tuple[int, ...] = (0,)
     properties: tuple[str, ...] = ()
+    length: int | None = None
+
+    @property
+    def blanks(self) -> tuple[int, ...]:
+        """Positions below `length` that hold nothing."""
+        if self.length is None or len(self.starts) > 1 or self.name in _RESERVED_USED:
+            return ()
+        return tuple(i for i, name in enumerate(self.fields) if name == "-" and i < self.length)
 
     def holds(self, name: str) -> bool:
         """Whether it has a value of that name; plies have any number."""
@@ -160,12 +169,38 @@ _STARTS = {
 }
 
 
+# cards with a list at their end
+_OPEN_NAMES = """
+    SPOINT CORD1R CORD1C CORD1S PCOMP PCOMPG PBEAM PBARL PBEAML PBCOMP PBUSH PBUSH1D RBE2 RBE1 RBE3 MPC MPCADD
+    SPC1 SPCADD ASET1 OMIT1 BSET1 CSET1 QSET1 BNDFIX1 BNDFRE1 USET1 NSM NSM1 NSML NSML1 NSMADD EIGRL TABDMP1
+"""
+_OPEN = frozenset(_OPEN_NAMES.split())
+# numbers of fields where a card has more than those that are read: allowable stresses, thermal expansion, pairs
+_LENGTHS = {
+    "MAT1": 12,
+    "MAT2": 17,
+    "MAT8": 19,
+    "RBAR": 9,
+    "RBAR1": 6,
+    "RROD": 7,
+    "RTRPLT": 13,
+    "RTRPLT1": 8,
+    "PARAM": 3,
+    **dict.fromkeys(("PELAS", "PVISC", "PMASS", "PDAMP"), 8),
+    **dict.fromkeys(("ASET", "OMIT", "BSET", "CSET", "QSET", "BNDFIX", "BNDFREE", "SUPORT"), 8),
+    **dict.fromkeys(("SUPORT1", "USET"), 7),
+}
+# "-" of these holds what was read by older programs
+_RESERVED_USED = ("EIGR",)
+
+
 def _kind(line: str) -> CardKind:
     layout, _, values = line.partition("|")
     name, role, *words = layout.split()
     fields = tuple(word.partition("=")[0] for word in words)
     properties = tuple(card for word in words for card in word.partition("=")[2].split(",") if card)
-    return CardKind(name, role, fields, tuple(values.split()), _STARTS.get(name, (0,)), properties)
+    length = None if name in _OPEN else _LENGTHS.get(name, len(fields))
+    return CardKind(name, role, fields, tuple(values.split()), _STARTS.get(name, (0,)), properties, length)
 
 
 CATALOGUE: dict[str, CardKind] = {kind.name: kind for kind in map(_kind, _LAYOUT.strip().splitlines())}

@@ -159,7 +159,7 @@ _USER_SET = re.compile(r"U[1-6]")
 _SYNONYMS = {"A": "ASET", "B": "BSET", "C": "CSET", "O": "OMIT", "Q": "QSET", "R": "SUPORT"}
 _KEPT = ("ASET", "BSET", "CSET", "QSET")
 
-_REDUCED = "the model is not reduced; all its DOFs are kept"
+_REDUCED = "the model is not reduced; the modes are those with all DOFs, and those of a reduced run are higher"
 _FOUND = "they are not constrained; rigid-body modes are found without SUPORT"
 _EFFECTS = {
     **dict.fromkeys((*_KEPT, "OMIT"), _REDUCED),
@@ -224,7 +224,7 @@ def _notice(name: str, count: int, record: CardEntry) -> Notice:
     return Notice(
         "deck.dof-set",
         where=record.where,
-        level="info",
+        level="warning" if effect_of(name) == _REDUCED else "info",
         set_name=name,
         count=count,
         plural="s" if count != 1 else "",

@@ -113,7 +113,7 @@ def coupled_mass(building: Building) -> bool:
 def hold_singular(building: Building) -> bool:
     """AUTOSPC of case control, else PARAM AUTOSPC; YES without either, as in normal modes."""
     words = {"YES": True, "NO": False, "1": True, "0": False, "-1": False}
-    for command in building.deck.case_control.others:
+    for command in building.deck.case_control.effective:
         word = command.value.upper()
         if command.name == "AUTOSPC" and word in words:
             return words[word]

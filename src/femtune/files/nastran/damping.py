@@ -73,7 +73,7 @@ def _is_large(value: float) -> bool:
 def _matrix_notices(deck: Deck) -> list[Notice]:
     return [
         Notice("deck.damping-matrix", where=c.where, command=c.name, matrix=c.value)
-        for c in deck.case_control.others
+        for c in deck.case_control.effective
         if c.name in _MATRICES
     ]
 

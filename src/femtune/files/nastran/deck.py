@@ -19,7 +19,9 @@ _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK\b|SUPER\b|$)", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
 _EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
 _SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
-_SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111}
+_SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111, "SEBUCKL": 105,
+    "NLSTATIC": 106, "NONLIN": 400}  # fmt: skip
+_BUCKLING = 105
 
 
 @dataclass(frozen=True)
@@ -86,14 +88,15 @@ def read_deck(path: str | Path) -> Deck:
         before BEGIN BULK, or in the middle of a line without ENDDATA
     """
     source = read_source(path)
-    executive, case, bulk_lines = _sections(source)
-    case_control = read_case_control(case)
+    lines, case, bulk_lines = _sections(source)
+    executive = _executive(lines)
+    case_control = read_case_control(case, executive.solution_number != _BUCKLING)
     bulk = read_bulk(bulk_lines)
     params, repeated = _params(case_control, bulk)
     has_sections = bool(bulk_lines) and _BEGIN.match(bulk_lines[0].text) is not None
     end = _check_end(source, has_sections)
     notices = (*case_control.notices, *bulk.notices, *repeated, *end)
-    return Deck(Path(path), source, _executive(executive), case_control, bulk.cards, params, notices)
+    return Deck(Path(path), source, executive, case_control, bulk.cards, params, notices)
 
 
 _Lines = tuple[SourceLine, ...]

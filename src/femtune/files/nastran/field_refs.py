@@ -97,11 +97,17 @@ def resolve(built: BuiltModel, ref: FieldRef, where: Where | None = None) -> int
         raise _blank(ref, where)
     if index is None:
         raise _not_in_table(built, ref, where)
-    if table.is_derived(index):
+    if follows(built, index):
         raise FemtuneError("parameter.derived-field/blank", where=where, field=ref, sources=_sources(built, index))
     if not len(built.structure.users(index)):
         raise _untouched(ref, where)
     return index
+
+
+def follows(built: BuiltModel, index: int) -> bool:
+    """Whether an entry of the value table follows from others and stands in no field of its own."""
+    table = built.structure.values
+    return table.is_derived(index) and table.refs[index] not in built.fields
 
 
 def _sources(built: BuiltModel, index: int) -> str:

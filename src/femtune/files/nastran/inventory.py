@@ -68,7 +68,7 @@ def take_inventory(deck: Deck) -> tuple[CardUse, ...]:
 
 def _selected(deck: Deck) -> bool:
     """Whether case control adds matrices of DMIG cards."""
-    return any(command.name in ("K2GG", "M2GG", "B2GG", "K42GG") for command in deck.case_control.others)
+    return any(command.name in ("K2GG", "M2GG", "B2GG", "K42GG") for command in deck.case_control.effective)
 
 
 def use_of(name: str) -> str:
@@ -126,6 +126,6 @@ def matrix_input(deck: Deck) -> list[FemtuneError]:
             command_name=command.name,
             command_value=command.value,
         )
-        for command in deck.case_control.others
+        for command in deck.case_control.effective
         if command.name in _MATRIX_INPUT
     ]

@@ -1,13 +1,16 @@
-"""Materials by number. The isotropic one, MAT1, has any two of E, G and ν; the third is derived."""
+"""Materials by number. The isotropic one, MAT1, has any two of E, G and ν; the third is derived.
+
+Where a card gives all three and they agree, G follows E and ν too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from femtune.errors import FemtuneError, Notice, did_you_mean
 from femtune.fem.fields import FieldRef
-from femtune.files.nastran.building import Building, Library
+from femtune.files.nastran.building import Building, FieldPlace, Library
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.parameters.jet import Jet
@@ -28,6 +31,15 @@ def young_modulus(shear: Jet, poisson: Jet) -> Jet:
 def poisson_ratio(young: Jet, shear: Jet) -> Jet:
     """ν = E / 2G − 1."""
     return young / (2.0 * shear) - 1.0
+
+
+def shear_in_ratio(young: Jet, poisson: Jet, ratio: Jet) -> Jet:
+    """G = r E / 2(1 + ν); r is 1 but for the digits that the card gives."""
+    return ratio * shear_modulus(young, poisson)
+
+
+# as in Nastran: MAT1 is implausible where |1 - E / 2(1 + NU)G| is larger
+_LARGEST_DIFFERENCE = 0.01
 
 
 @dataclass
@@ -79,14 +91,42 @@ class Materials:
         blanks = [name for name in ("E", "G", "NU") if record.blank(name)]
         # Nastran takes 0 for both where two are blank
         blank = blanks[0] if len(blanks) == 1 else ""
-        given = {n: b.value(record, mid, n) for n in ("E", "G", "NU") if n != blank}
+        given = {n: b.value(record, mid, n) for n in ("E", "G", "NU") if n != blank and (blanks or n != "G")}
         if blank == "G":
             given["G"] = b.values.derive(FieldRef("MAT1", mid, "G"), shear_modulus, given["E"], given["NU"])
         elif blank == "E":
             given["E"] = b.values.derive(FieldRef("MAT1", mid, "E"), young_modulus, given["G"], given["NU"])
         elif blank == "NU" and record.real("G") != 0.0:
             given["NU"] = b.values.derive(FieldRef("MAT1", mid, "NU"), poisson_ratio, given["E"], given["G"])
+        elif not blanks:
+            given["G"] = self._shear(record, mid)
         return given
+
+    def _shear(self, record: CardEntry, mid: int) -> int:
+        """G of a card that gives E and ν too: it follows them where the material is isotropic, else it is on its own.
+
+        It follows in the ratio that the card has, so that the values of the deck are kept to the last digit.
+        """
+        b = self.building
+        young, shear, poisson = (record.real(name) for name in ("E", "G", "NU"))
+        isotropic = young / (2.0 * (1.0 + poisson))
+        if abs(shear - isotropic) > _LARGEST_DIFFERENCE * shear:
+            b.notices.append(
+                Notice(
+                    "deck.inconsistent-shear",
+                    where=record.where,
+                    mid=mid,
+                    shear=shear,
+                    isotropic=isotropic,
+                    difference=100.0 * (shear / isotropic - 1.0),
+                )
+            )
+            return b.value(record, mid, "G")
+        ref = FieldRef("MAT1", mid, "G")
+        b.places[ref] = FieldPlace(record.card.position, (record.at("G"),))
+        ratio = b.values.add(replace(ref, name="G ratio"), shear / isotropic)
+        sources = b.value(record, mid, "E"), b.value(record, mid, "NU"), ratio
+        return b.values.derive(ref, shear_in_ratio, *sources, nominal=shear)
 
 
 def read_materials(building: Building) -> Materials:

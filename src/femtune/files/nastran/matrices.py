@@ -164,7 +164,7 @@ _PART = re.compile(r"(?:([^*,\s]+)\s*\*\s*)?([A-Z][A-Z0-9]{0,7})", re.IGNORECASE
 def read_direct_matrices(building: Building, grids: Grids) -> tuple[AssembledMatrix, ...]:
     """The matrices that case control selects; each has a factor in the value table, ``MATRIX STIFF``."""
     found: list[AssembledMatrix] = []
-    commands = {c.name: c for c in building.deck.case_control.others if c.name in KINDS}
+    commands = {c.name: c for c in building.deck.case_control.effective if c.name in KINDS}
     for command in commands.values():
         with building.errors.catch():
             found += [_matrix(building, grids, command, *part) for part in _parts(command)]

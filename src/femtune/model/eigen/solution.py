@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError, Notice
 from femtune.model.configured import ModelPoint
+from femtune.model.distributed import slepc_count
+from femtune.model.eigen.default_count import MOST_MODES, default_count
 from femtune.model.eigen.nearby import Nearby, modes_nearby
 from femtune.model.eigen.pairs import DENSE_UP_TO, EigenSearch, Pairs, is_iterative, lowest, method_of
 from femtune.model.eigen.pencil import Pencil, indefinite_mass
@@ -23,7 +25,6 @@ from femtune.model.solvers.interface import Factor
 
 __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 
-_DEFAULT_COUNT = 10
 _EXTRA_MODES, _MOST_EXTRA = 6, 400
 _LARGEST = 1e90
 _ONE_FACTOR_FROM = 60_000
@@ -82,7 +83,10 @@ class EigenSolution:
 def solve_modes(
     point: ModelPoint, count: int | None = None, max_hz: float | None = None, start: EigenSolution | None = None
 ) -> EigenSolution:
-    """The `count` lowest modes (ten where nothing is said), or all up to `max_hz` but at least one.
+    """The `count` lowest modes, or all up to `max_hz` but at least one.
+
+    Where neither is given, there are ten elastic modes (`default_count`) beside the rigid-body modes. Where both are,
+    all up to `max_hz`, at least `count` elastic ones, and at most as many as `MOST_MODES`, with a notice.
 
     That no mode was missed is proven by the Sturm count; a model with fewer modes gives all that it has.
 
@@ -97,6 +101,38 @@ def solve_modes(
         ``eigen.no-dofs``, ``eigen.missed-modes``, ``eigen.inaccurate``, ``eigen.negative``, ``eigen.no-convergence``,
         ``eigen.uncounted``, ``eigen.other-start``
     """
+    if max_hz is None:
+        return _solved(point, default_count(point) if count is None else count, None, start)
+    return _solved(point, None, max_hz, start) if count is None else _reaching(point, count, max_hz, start)
+
+
+def _reaching(point: ModelPoint, elastic: int, max_hz: float, start: EigenSolution | None) -> EigenSolution:
+    """At least some elastic modes, and as many more as it takes to reach a frequency."""
+    count = default_count(point, elastic)
+    found = _solved(point, count, None, start)
+    if found.freq_hz[-1] >= max_hz or found.wanted < count:
+        return found
+    below = _number_below(point, max_hz)
+    if below is None or below <= found.wanted:
+        return found
+    most = max(MOST_MODES, count)
+    more = _solved(point, min(below, most), None, found)
+    if below <= most:
+        return more
+    notice = Notice("eigen.many-modes", below=below, max_hz=max_hz, solved=most, reached=float(more.freq_hz[-1]))
+    return replace(more, notices=(*more.notices, notice))
+
+
+def _number_below(point: ModelPoint, max_hz: float) -> int | None:
+    """Number of modes below a frequency, None where it cannot be counted."""
+    value = (2.0 * np.pi * max_hz) ** 2
+    if goes_to_slepc(point.symmetric_mass, 1):
+        return slepc_count(point.symmetric_stiffness, point.symmetric_mass, value)
+    return count_below(Pencil(point.symmetric_stiffness, point.symmetric_mass), value).below
+
+
+def _solved(point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None) -> EigenSolution:
+    """The lowest modes by one of the two."""
     _check_start(point, start)
     pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
     _check_matrices(point, pencil)
@@ -201,8 +237,7 @@ def _is_accurate(factor: Factor | None) -> bool:
 
 
 def _by_slepc(point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
-    number = _DEFAULT_COUNT if count is None else count
-    found = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, number, max_hz, _end)
+    found = solve_by_slepc(point.symmetric_stiffness, point.symmetric_mass, count, max_hz, _end)
     notices = (not_counted(),) if found.sturm_count < 0 else ()
     return EigenSolution(
         point,
@@ -258,7 +293,7 @@ def _check_start(point: ModelPoint, start: EigenSolution | None) -> None:
 def _wanted(count: int | None, limit: Count | None) -> int:
     if limit is not None:
         return max(limit.below or 0, 1)
-    return _DEFAULT_COUNT if count is None else max(count, 1)
+    return max(count or 0, 1)
 
 
 def _uncounted(max_hz: float | None) -> FemtuneError:

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.derivatives.modes import SubspaceDerivative
+from femtune.model.eigen.default_count import ELASTIC_MODES, MOST_MODES
 from femtune.model.reduce.reduced_model import ReducedPoint
 
 RIGID = 1e-6
 """λ below this fraction of the highest of the wanted ones are of rigid-body modes."""
-_REPEATED, _MASSLESS = 1e-9, 1e-14
+_REPEATED, _MASSLESS, _RIGID_MOTIONS = 1e-9, 1e-14, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,9 @@ class ReducedModes:
 
 
 def reduced_modes(point: ReducedPoint, count: int | None = None, max_hz: float | None = None) -> ReducedModes:
-    """Modes by a dense solution: the `count` lowest (ten where nothing is said) or those up to `max_hz`.
+    """Modes by a dense solution: the `count` lowest or those up to `max_hz`.
+
+    Their number without either, and with both, is that of `solve_modes`.
 
     Raises
     ------
@@ -64,8 +67,18 @@ def reduced_modes(point: ReducedPoint, count: int | None = None, max_hz: float |
     theta, vectors = theta[::-1], vectors[:, ::-1]
     finite = int(np.sum(theta > _MASSLESS * theta[0]))
     values, shapes = shift + 1.0 / theta[:finite], vectors[:, :finite] / np.sqrt(theta[:finite])
-    below = count or 10 if max_hz is None else max(int(np.sum(values <= (2.0 * np.pi * max_hz) ** 2)), 1)
-    return ReducedModes(point, values, shapes, min(below, finite), theta, vectors)
+    return ReducedModes(point, values, shapes, min(_wanted(values, count, max_hz), finite), theta, vectors)
+
+
+def _wanted(values: Reals, count: int | None, max_hz: float | None) -> int:
+    if max_hz is None and count is not None:
+        return count
+    below = 1 if max_hz is None else max(int(np.sum(values <= (2.0 * np.pi * max_hz) ** 2)), 1)
+    if max_hz is not None and count is None:
+        return below
+    least = count or ELASTIC_MODES
+    least += int((~elastic(values[: least + _RIGID_MOTIONS])).sum())
+    return max(least, min(below, MOST_MODES))
 
 
 def _indefinite(point: ReducedPoint) -> FemtuneError:

@@ -1,0 +1,62 @@
+"""Whether frequencies of test and model differ by a factor that mistaken units cause."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.correlation.pairing import Pairing
+from femtune.errors import Notice
+from femtune.modal import ModeSet
+from femtune.modal.shape_criteria import mac_where_defined
+
+FACTORS = {
+    1000.0: "a modulus or length in other units (the square root of 1e6)",
+    1000.0**0.5: "kilograms and tonnes (the square root of 1000)",
+    386.0886**0.5: "weight instead of mass in inches (the square root of 386.09)",
+    9806.65**0.5: "weight instead of mass in millimetres (the square root of 9807)",
+    9.80665**0.5: "weight instead of mass in metres (the square root of 9.81)",
+    32.174**0.5: "weight instead of mass in feet (the square root of 32.17)",
+    2.0 * np.pi: "rad/s and Hz",
+    60.0: "revolutions per minute and Hz",
+}
+"""Ratios of frequencies, or their inverses, and what causes them."""
+
+_NEAR, _SPREAD = 0.12, 0.15
+_LEAST_MAC, _LEAST_PAIRS = 0.7, 2
+_RIGID = 1e-3
+
+
+def unit_factor(test: ModeSet, model: ModeSet, pairing: Pairing) -> tuple[Notice, ...]:
+    """A warning where modes of the same shapes have frequencies in one ratio, and mistaken units cause that ratio.
+
+    At least two test modes must have a MAC of 0.7 with a mode of the model, whatever its frequency; their ratios must
+    agree within 15 % and be within 12 % of one of the factors. Where half of the test modes are paired, no ratio is
+    looked for.
+    """
+    if 2 * len(pairing.pairs) >= len(test):
+        return ()
+    ratios = _ratios(test, model)
+    if len(ratios) < _LEAST_PAIRS:
+        return ()
+    ratio = float(np.median(ratios))
+    if np.abs(np.log(ratios / ratio)).max() > _SPREAD:
+        return ()
+    size = max(ratio, 1.0 / ratio)
+    factor = min(FACTORS, key=lambda known: abs(np.log(size / known)))
+    if abs(np.log(size / factor)) > _NEAR:
+        return ()
+    word = "higher" if ratio > 1.0 else "lower"
+    return (Notice("correlate.unit-factor", modes=len(ratios), ratio=size, word=word, cause=FACTORS[factor]),)
+
+
+def _ratios(test: ModeSet, model: ModeSet) -> Reals:
+    """Model frequency by test frequency of the modes that are most similar to each other."""
+    if not len(test) or not len(model):
+        return np.zeros(0)
+    macs = np.nan_to_num(mac_where_defined(test.shapes, model.shapes))
+    elastic = model.freq_hz > _RIGID * model.freq_hz.max()
+    macs = np.where(elastic, macs, 0.0)
+    best = macs.argmax(axis=1)
+    pairs = [(i, j) for i, j in enumerate(best) if macs[i, j] >= _LEAST_MAC and macs[:, j].argmax() == i]
+    return np.array([model.freq_hz[j] / test.freq_hz[i] for i, j in pairs if test.freq_hz[i] > 0.0])

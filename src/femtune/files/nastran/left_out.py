@@ -1,0 +1,71 @@
+"""What a deck requests and the modes of femtune leave out: preloads, contact, glue and fluid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from femtune.errors import Notice, Where
+from femtune.files.nastran.case_control import CaseCommand
+from femtune.files.nastran.deck import Deck
+
+_NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
+_BUCKLING = 105
+_OF_STATSUB = ("", "(PRELOAD)")
+
+# commands that change stiffness or mass, with the wording of the warning
+_COMMANDS = {
+    "NLIC": "deck.left-out/nonlinear",
+    "MFLUID": "deck.left-out/fluid",
+    "A2GG": "deck.left-out/fluid",
+    "BGSET": "deck.left-out/glue",
+    "BCSET": "deck.left-out/contact",
+    "BCTABLE": "deck.left-out/contact",
+    "BCONTACT": "deck.left-out/contact",
+    "BOLTLD": "deck.left-out/bolts",
+    "RGYRO": "deck.left-out/rotation",
+}
+
+
+def left_out(deck: Deck) -> list[Notice]:
+    """A warning for each effect that the deck requests for its modes and that is not modelled."""
+    found = {notice.code + notice.what: notice for notice in (*_preloads(deck), *_nonlinear(deck), *_commands(deck))}
+    return list(found.values())
+
+
+def _preloads(deck: Deck) -> Iterator[Notice]:
+    if deck.executive.solution_number == _BUCKLING:
+        yield Notice("deck.left-out/buckling", where=Where(str(deck.path), record="SOL"))
+        return
+    for command in deck.case_control.effective:
+        if command.name == "STATSUB" and command.options.replace(" ", "").upper() in _OF_STATSUB:
+            loads = ", ".join(_text(load) for load in deck.case_control.preload)
+            of_loads = f" ({loads})" if loads else ""
+            yield Notice("deck.left-out/preload", where=command.where, command=_text(command), loads=of_loads)
+
+
+def _nonlinear(deck: Deck) -> Iterator[Notice]:
+    """Modes after a nonlinear solution: earlier steps, METHOD in a nonlinear solution, or PARAM NMLOOP."""
+    case, number = deck.case_control, deck.executive.solution_number
+    loop = deck.params.get("NMLOOP")
+    if loop is not None and loop.value not in ("", "0"):
+        yield Notice("deck.left-out/nonlinear", where=loop.card.where(), request=f"PARAM NMLOOP = {loop.value}")
+    elif number in _NONLINEAR and case.loading:
+        steps = ", ".join(case.loading)
+        where = Where(str(deck.path), record=f"SOL {number}")
+        yield Notice("deck.left-out/nonlinear", where=where, request=f"SOL {number} with {steps} before the modes")
+    elif number in _NONLINEAR:
+        where = Where(str(deck.path), record=f"SOL {number}")
+        # a deck without METHOD does not request modes; it only serves as the model
+        level = "info" if case.method is None else "warning"
+        yield Notice("deck.left-out/nonlinear-solution", where=where, level=level, number=number)
+
+
+def _commands(deck: Deck) -> Iterator[Notice]:
+    for command in deck.case_control.effective:
+        code = _COMMANDS.get(command.name)
+        if code and command.value.upper() not in ("NONE", "NO", "0"):
+            yield Notice(code, where=command.where, request=_text(command))
+
+
+def _text(command: CaseCommand) -> str:
+    return f"{command.name}{command.options} = {command.value}"

@@ -1,0 +1,82 @@
+"""Filled fields that no card has: beyond its last field, between its fields, or in field 10 of a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from femtune.errors import Notice, Where
+from femtune.files.nastran.card import Card
+from femtune.files.nastran.catalogue import CATALOGUE, CardKind
+from femtune.files.nastran.deck import Deck
+from femtune.files.nastran.lines import parse_real, split_line
+from femtune.files.nastran.sections import SHAPES
+
+_MOST_SHOWN = 5
+_OF_LINE, _WIDTH, _FIRST = 8, 8, 8
+
+
+def surplus_fields(deck: Deck) -> list[Notice]:
+    """A warning for each card with such fields; of many cards of one name the first few, and how many there are."""
+    notices = []
+    for name, cards in deck.names.items():
+        kind = CATALOGUE.get(name)
+        if kind is None:
+            continue
+        found = list(_of_cards(kind, cards))
+        notices += [_notice(card, indices) for card, indices in found[:_MOST_SHOWN]]
+        if len(found) > _MOST_SHOWN:
+            rest = len(found) - _MOST_SHOWN
+            notices.append(Notice("deck.surplus-field/more", where=found[_MOST_SHOWN][0].where(), rest=rest, name=name))
+        notices += _of_tails(cards)
+    return notices
+
+
+def _of_cards(kind: CardKind, cards: Sequence[Card]) -> Iterator[tuple[Card, list[int]]]:
+    for card in cards:
+        length = _length(kind, card)
+        filled = [i for i in _candidates(kind, card, length) if _is_filled(card, i)]
+        if filled:
+            yield card, filled
+
+
+def _length(kind: CardKind, card: Card) -> int | None:
+    if kind.name != "PBARL":
+        return kind.length
+    shape = SHAPES.get(card.text(3))
+    # the dimensions and NSM stand on the continuations
+    return None if shape is None else _OF_LINE + len(shape.dimensions) + 1
+
+
+def _candidates(kind: CardKind, card: Card, length: int | None) -> Iterable[int]:
+    """Positions that must be blank."""
+    count = _OF_LINE * len(card.lines) if card.plain else len(card.fields)
+    if kind.name == "MPC":
+        # terms stand in pairs, between blank fields at the end of a line and at the start of the next
+        return [i for i in range(7, count) if i % _OF_LINE in (0, 7)]
+    beyond = () if length is None else range(length, count)
+    return [*(i for i in kind.blanks if i < count), *beyond]
+
+
+def _is_filled(card: Card, index: int) -> bool:
+    if not card.plain:
+        return not card.blank(index)
+    # most cards of a large deck are never cut up
+    line, slot = divmod(index, _OF_LINE)
+    start = _FIRST + _WIDTH * slot
+    return not (text := card.lines[line].text[start : start + _WIDTH]).isspace() and bool(text)
+
+
+def _notice(card: Card, indices: Sequence[int]) -> Notice:
+    shown = ", ".join(f"{card.field_name(i)} = '{card.text(i)}'" for i in indices[:_MOST_SHOWN])
+    more = f" and {len(indices) - _MOST_SHOWN} more" if len(indices) > _MOST_SHOWN else ""
+    return Notice("deck.surplus-field", where=card.where(indices[0]), card=card.record, fields=shown + more)
+
+
+def _of_tails(cards: Sequence[Card]) -> Iterator[Notice]:
+    """Numbers with a decimal point in field 10, which is for names of continuations."""
+    for card in cards:
+        for line in () if card.plain or card.replicated else card.lines:
+            tail = split_line(line, line.body).tail
+            if "." in tail and not tail.startswith("+") and parse_real(tail) is not None:
+                where = Where(line.file, line.number, card.record)
+                yield Notice("deck.surplus-field", where=where, card=card.record, fields=f"field 10 = '{tail}'")
