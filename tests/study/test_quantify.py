@@ -75,7 +75,64 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     # three frequencies are too few for distances to the covariance
     assert [p.cosine_distance for p in found.parameters] == [None, None]
     np.testing.assert_allclose([o.measured_sd_hz for o in found.outputs], hz.std(axis=0, ddof=1))
-    assert {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key} == set(arrays)
+    keys = {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key}
+    assert {*keys, found.robust_distance_key} == set(arrays)
+    assert [found.checks[i].verdict for i in (0, 2)] == ["pass", "not tested"]
+
+
+def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:
+    out = hz.copy()
+    out[rows] *= 1.0 + share
+    return out
+
+
+def test_a_jump_and_an_outlier_are_alerts_of_the_run(repeated):
+    bench, _, hz = repeated
+    _table(bench, _moved(_moved(hz, slice(6, None), 0.2), slice(10, 11), 0.5))
+    run = steps.run(_study(bench))
+    found = run.results.quantify
+    order, outliers, _ = found.checks
+    assert (order.verdict, outliers.verdict) == ("fail", "fail")
+    assert "jump after repeat 6" in order.sentence
+    assert found.outliers
+    assert found.outputs[0].change_hz > 0.0
+    assert found.outputs[0].robust_sd_hz > 0.0
+    codes = {a.code: a.sentence for a in run.results.alerts}
+    assert codes["quantify.order-dependence"] == order.sentence
+    assert "quantify.outlier" in codes
+    page = run.report.read_text(encoding="utf-8")
+    assert "Tests of the repeats" in page
+    assert "these depend on their order" in page
+
+
+def test_repeats_that_are_held_out_check_the_prediction(repeated):
+    bench, factors, hz = repeated
+    _table(bench, hz)
+    held = [2, 3, 5, 8, 11]
+    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    kept = np.delete(factors, np.array(held) - 1, axis=0)
+    assert (found.repeats, found.held_out) == (7, (2, 3, 5, 8, 11))
+    assert_near(found, kept, 5e-4)
+    assert found.checks[2].verdict == "pass"
+    hz[np.array(held) - 1] *= 1.2
+    _table(bench, hz)
+    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    assert found.checks[2].verdict == "fail"
+    assert "differ from the predicted distribution" in found.checks[2].sentence
+    found = steps.quantify(_study(bench, "hold_out = 0.2\n")).record
+    assert len(found.held_out) == 2
+    assert found.checks[2].verdict == "not tested"
+
+
+def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
+    bench, factors, hz = repeated
+    _table(bench, _moved(hz, slice(4, 5), 0.3))
+    found = steps.quantify(_study(bench, 'covariance = "robust"\n')).record
+    assert found.estimate == "minimum covariance determinant, reweighted"
+    kept = np.delete(factors, 4, axis=0)
+    np.testing.assert_allclose([p.mean for p in found.parameters], kept.mean(axis=0), rtol=0.05)
+    assert max(p.sd for p in found.parameters) < 0.1
+    assert max(p.sd for p in steps.quantify(_study(bench)).record.parameters) > 0.1
 
 
 @pytest.mark.slow
@@ -228,6 +285,12 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n"), "quantify.file", "no line of values"),
         (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 has the same value in all repeats"),
         (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = [4]\n"), "quantify.hold-out", "repeat 4, which does not"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = 0.1\n"), "quantify.hold-out", "leaves no repeats"),
+        (_broken("1,2\n10,60\n11,61\n", "hold_out = 1.5\n"), "study.value", "hold_out"),
+        (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.type", "hold_out"),
+        (_broken("1,2\n10,60\n11,61\n", 'covariance = "other"\n'), "study.value", "covariance"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", 'covariance = "robust"\n'), "quantify.robust", "at least four more"),
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),
     ],
 )  # fmt: skip

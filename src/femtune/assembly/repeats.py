@@ -43,12 +43,18 @@ class Repeats:
         """Positions of the test modes that any repeat has."""
         return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.hz).any(axis=0)))
 
-    def statistics(self, labels: tuple[str, ...], missing: str) -> OutputStatistics:
-        """Mean and covariance of the modes with these labels, in this order."""
+    def of_modes(self, labels: tuple[str, ...]) -> NDArray[np.float64]:
+        """(n, m) repeats of the modes with these labels, in this order."""
         known = self.case.compared.test.labels if self.case.compared is not None else ()
-        columns = [known.index(label) for label in labels]
-        names = tuple(f"mode {label}" for label in labels)
-        return statistics_of_repeats(self.hz[:, columns], names, missing)  # type: ignore[arg-type]
+        return self.hz[:, [known.index(label) for label in labels]]
+
+    def statistics(
+        self, labels: tuple[str, ...], table: QuantifyTable, held: NDArray[np.bool_] | None = None
+    ) -> OutputStatistics:
+        """Mean and covariance of the modes with these labels, in this order, without the repeats that are held out."""
+        names, hz = tuple(f"mode {label}" for label in labels), self.of_modes(labels)
+        kept = hz if held is None else hz[~held]
+        return statistics_of_repeats(kept, names, table.missing, table.covariance, checked=False)
 
 
 def read_repeats(study: Study, table: QuantifyTable) -> Repeats:

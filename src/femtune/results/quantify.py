@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from femtune.results.base import CitationRecord, Record
+from femtune.results.base import CitationRecord, Record, VerdictWord
+
+ORDER, OUTLIERS, HELD_OUT = "order of the tests", "outliers", "held-out repeats"
 
 
 class QuantifiedParameter(Record):
@@ -40,6 +42,25 @@ class QuantifiedOutput(Record):
     """Mean of the samples of the forward check, in Hz."""
     model_sd_hz: float
     """Standard deviation of these samples, in Hz."""
+    robust_sd_hz: float | None = None
+    """Standard deviation to which outliers do not contribute, in Hz; None if there are too few repeats for it."""
+    change_hz: float | None = None
+    """Change from the first repeat to the last, or at a jump, in Hz; None if no dependence on order was found."""
+
+
+class RepeatCheck(Record):
+    """A test of the repeats, or of the predicted distribution, by its p-value."""
+
+    check: str
+    """"order of the tests", "outliers" or "held-out repeats"."""
+    p_value: float | None
+    """Probability of a result as extreme if there is no such effect; None if not tested."""
+    limit: float
+    """Smallest p-value that passes."""
+    verdict: VerdictWord
+    """Outcome."""
+    sentence: str
+    """Result of the test, or the reason why it was not tested."""
 
 
 class QuantifyResults(Record):
@@ -87,3 +108,12 @@ class QuantifyResults(Record):
     """Key of the covariance of the parameters, shape (parameters, parameters), in their units."""
     citations: tuple[CitationRecord, ...] = ()
     """Publications on the method."""
+    checks: tuple[RepeatCheck, ...] = ()
+    """Tests of the repeats, and of the prediction for repeats that were held out."""
+    outliers: tuple[int, ...] = ()
+    """Numbers of the outlying repeats, from 1 in the order of the tests."""
+    held_out: tuple[int, ...] = ()
+    """Numbers of the repeats that the update did not use."""
+    robust_distance_key: str | None = None
+    """Key of the robust distances of the repeats from their mean, shape (repeats), NaN for repeats with missing values;
+    None if there are too few repeats."""
