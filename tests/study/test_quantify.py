@@ -124,6 +124,21 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
     assert found.checks[2].verdict == "not tested"
 
 
+def test_measurement_errors_of_a_study_are_subtracted(repeated):
+    bench, factors, hz = repeated
+    noisy = hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape))
+    _table(bench, noisy)
+    plain = steps.quantify(_study(bench)).record
+    found = steps.quantify(_study(bench, 'noise_sd = { "1" = 0.01, "3" = 0.01, "5" = 0.01 }\n')).record
+    same = steps.quantify(_study(bench, "noise_sd = 0.01\n")).record
+    assert [p.sd for p in same.parameters] == [p.sd for p in found.parameters]
+    assert all(a.sd < b.sd for a, b in zip(found.parameters, plain.parameters))
+    assert 10.0 < found.noise_percent < 60.0
+    assert found.outputs[0].noise_sd_hz == pytest.approx(0.01 * noisy[:, 0].mean())
+    assert any("were subtracted" in s for s in found.sentences)
+    assert plain.noise_percent is None
+
+
 def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
     bench, factors, hz = repeated
     _table(bench, _moved(hz, slice(4, 5), 0.3))
@@ -290,6 +305,8 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n10,60\n11,61\n", "hold_out = 1.5\n"), "study.value", "hold_out"),
         (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.type", "hold_out"),
         (_broken("1,2\n10,60\n11,61\n", 'covariance = "other"\n'), "study.value", "covariance"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", 'noise_sd = { "1" = 0.01 }\n'), "quantify.noise", "for mode 2"),
+        (_broken("1,2\n10,60\n11,61\n", "noise_sd = -0.1\n"), "study.value", "noise_sd"),
         (_broken("1,2\n10,60\n11,61\n12,61\n", 'covariance = "robust"\n'), "quantify.robust", "at least four more"),
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),
     ],

@@ -44,6 +44,8 @@ class QuantifiedOutput(Record):
     """Standard deviation of these samples, in Hz."""
     robust_sd_hz: float | None = None
     """Standard deviation to which outliers do not contribute, in Hz; None if there are too few repeats for it."""
+    noise_sd_hz: float | None = None
+    """Standard deviation of the measurement error of a single repeat, in Hz; None if it is neglected."""
     change_hz: float | None = None
     """Change from the first repeat to the last, or at a jump, in Hz; None if no dependence on order was found."""
 
@@ -110,6 +112,8 @@ class QuantifyResults(Record):
     """Publications on the method."""
     checks: tuple[RepeatCheck, ...] = ()
     """Tests of the repeats, and of the prediction for repeats that were held out."""
+    noise_percent: float | None = None
+    """Part of the measured variance that is due to measurement errors, in %; None if these are neglected."""
     outliers: tuple[int, ...] = ()
     """Numbers of the outlying repeats, from 1 in the order of the tests."""
     held_out: tuple[int, ...] = ()

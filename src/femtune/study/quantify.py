@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray]
 
 _CLOUDS = ("cross-covariance", "output-difference")
-_FEWEST = 4
+_FEWEST, _NOTHING = 4, 1e-6
 _NO_REPEAT = "the repeats do not have it"
 _NO_OUTLIERS = {
     "few": "this test needs at least four more repeats without missing values than frequencies",
@@ -85,12 +85,25 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
         outputs = _outputs(study, repeats, start)
         held = _held(table, len(repeats.hz))
-        measured = repeats.statistics(outputs.modes, table, held)
+        measured = _with_noise(repeats.statistics(outputs.modes, table, held), outputs.modes, table)
         found = _updated(study, table, outputs, measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
         check = forward_check(outputs, found, table.samples, table.seed)
         tested = _tested(repeats.of_modes(outputs.modes), held, check, found)
     return _record(study, table, repeats, check, tested, arrays)
+
+
+def _with_noise(measured: OutputStatistics, modes: tuple[str, ...], table: QuantifyTable) -> OutputStatistics:
+    """The statistics with the measurement errors that the study states."""
+    asked = table.noise_sd
+    if asked is None:
+        return measured
+    if isinstance(asked, dict):
+        unknown = [m for m in modes if m not in asked]
+        if unknown:
+            raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
+    shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
+    return replace(measured, noise=np.diag((shares * measured.mean) ** 2))
 
 
 @dataclass(frozen=True)
@@ -118,7 +131,7 @@ def _tested(hz: Reals, held: NDArray[np.bool_], check: ForwardCheck, found: Stoc
     measured = found.measured
     fit = Fit(
         len(measured.repeats), check.mean, check.covariance, found.G @ found.T,
-        np.zeros_like(measured.covariance),
+        np.zeros_like(measured.covariance) if measured.noise is None else measured.noise,
     )  # fmt: skip
     prediction = check_held_out(hz[held], fit) if held.any() else None
     return _Tested(hz, held, check_repeats(hz, measured.labels), prediction, found)
@@ -171,7 +184,7 @@ def _record(
     found = tested.found
     measured, status = found.measured, found.status
     keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
-    values = (measured.repeats, measured.covariance, check.z, found.covariance)
+    values = (measured.repeats, measured.covariance, check.with_noise(table.seed), found.covariance)
     arrays |= dict(zip(keys.values(), values))
     near = _distances(found)
     parameters = _parameters(study, found, near)
@@ -193,6 +206,7 @@ def _record(
         outputs=_output_records(check, tested.checks),
         sentences=(*check.sentences, *_remarks(found, parameters), *_of_distances(near)),
         checks=_check_records(tested),
+        noise_percent=_noise_percent(measured),
         outliers=tested.checks.outliers,
         held_out=tuple(int(i) + 1 for i in np.flatnonzero(tested.held)),
         robust_distance_key=_keep_distances(tested, arrays),
@@ -257,6 +271,13 @@ def _parameters(study: Study, found: StochasticResult, near: CosineDistances | N
 def _of_distances(near: CosineDistances | None) -> list[str]:
     """The verdict of the distances where it is a clear one: those of few parameters seldom are."""
     return [near.sentences[0]] if near is not None and near.clear else []
+
+
+def _noise_percent(measured: OutputStatistics) -> float | None:
+    """Share of the measured variance, outputs in units of their standard deviations."""
+    if measured.noise is None:
+        return None
+    return 100.0 * float(np.mean(np.diag(measured.noise) / np.diag(measured.covariance)))
 
 
 def _keep_distances(tested: _Tested, arrays: Arrays) -> str | None:
@@ -341,6 +362,7 @@ def _output_records(check: ForwardCheck, checks: RepeatChecks) -> tuple[Quantifi
             model_mean_hz=float(check.mean[i]),
             model_sd_hz=float(check.sd[i]),
             robust_sd_hz=None if robust_sd is None else float(robust_sd[i]),
+            noise_sd_hz=None if measured.noise is None else float(np.sqrt(measured.noise[i, i])),
             change_hz=None if change is None else float(change[i]),
         )
         for i, label in enumerate(measured.labels)
@@ -351,8 +373,25 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
+def _of_noise(found: StochasticResult) -> list[str]:
+    """What of the measured variance the stated measurement errors are, and where they are all of it."""
+    percent = _noise_percent(found.measured)
+    if percent is None:
+        return []
+    out = [f"Measurement errors are {percent:.2g} % of the measured variance, and were subtracted."]
+    none = [n for n, sd, unit in zip(found.names, found.sd, found.start_sd) if sd <= _NOTHING * unit]
+    larger = np.flatnonzero(np.diag(found.measured.structural) <= 0.0)
+    if larger.size:
+        which = ", ".join(found.measured.labels[i] for i in larger)
+        out.append(f"The stated measurement errors are larger than the measured standard deviations of {which}.")
+    if none:
+        out.append(f"The stated measurement errors explain all variability of {', '.join(none)}.")
+    return out
+
+
 def _remarks(found: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
     out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
+    out += _of_noise(found)
     if len(found.names) >= len(found.measured.mean):
         out.append(
             f"{len(found.names)} parameters can reproduce the covariance of {len(found.measured.mean)} frequencies "

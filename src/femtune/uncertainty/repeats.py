@@ -96,6 +96,7 @@ class OutputStatistics:
     notices : what the user should know about them
     checks : order dependence and outliers of the repeats; None if they were not checked
     robust : True if mean and covariance are robust, so that they are not those of the repeats
+    noise : (m, m) covariance of the measurement errors of a single repeat; None for negligible ones
     """
 
     labels: tuple[str, ...]
@@ -106,6 +107,7 @@ class OutputStatistics:
     notices: tuple[Notice, ...] = ()
     checks: RepeatChecks | None = None
     robust: bool = False
+    noise: Reals | None = None
 
     @property
     def sd(self) -> Reals:
@@ -114,8 +116,14 @@ class OutputStatistics:
 
     @property
     def complete(self) -> bool:
-        """True if mean and covariance are those of the repeats, without missing values."""
-        return len(self.repeats) > 0 and not self.robust and bool(np.isfinite(self.repeats).all())
+        """True if mean and covariance are those of the repeats, without missing values or measurement errors."""
+        own = self.noise is None and not self.robust
+        return own and len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
+
+    @property
+    def structural(self) -> Reals:
+        """(m, m) covariance without that of the measurement errors, chapter equation (38); may be indefinite."""
+        return self.covariance if self.noise is None else self.covariance - self.noise
 
     @property
     def singular(self) -> bool:

@@ -35,6 +35,7 @@ class QuantifyTable(TomlTable):
     method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
     missing: Literal["em", "pairwise", "complete"] = "em"
     covariance: Literal["sample", "robust"] = "sample"
+    noise_sd: Fraction | dict[Text, Fraction] | None = None
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
     weighting: Literal["relative", "covariance"] = "relative"
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0

@@ -96,6 +96,8 @@ def output_table(found: QuantifyResults) -> Table:
     )
     depends = any(c.check == ORDER and c.verdict == "fail" for c in found.checks)
     note += "; these depend on their order, so that it is larger." if depends else "."
+    if found.noise_percent is not None:
+        note += " Model σ contains the stated measurement errors."
     if any(o.robust_sd_hz is not None for o in found.outputs):
         note += " Robust σ: that to which outliers do not contribute."
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
