@@ -12,6 +12,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.files.study_file import QuantifyTable
 from femtune.reporting import build_report
+from femtune.reporting.sections.quantify import variability_blocks
 from femtune.results.quantify import QuantifyResults
 from femtune.study.quantify import in_words_of_the_study
 
@@ -124,8 +125,39 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
     assert found.checks[2].verdict == "not tested"
 
 
+def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
+    """Beams at both corners of a box and inside it; the two lowest frequencies of the plane determine the box."""
+    lower, upper = np.array([1.0, 0.9]), np.array([1.2, 1.0])
+    shares = np.vstack([[0.0, 0.0], [1.0, 1.0], np.random.default_rng(2).uniform(size=(6, 2))])
+    factors = _written(lower + shares * (upper - lower))
+    hz = np.array([bench.modes(_truth(bench, f), 6)[IN_PLANE] for f in factors])
+    bench.uff(bench.measure(_truth(bench, np.array([1.1, 0.95])), count=6))
+    _table(bench, hz)
+    result = steps.quantify(_study(bench, "intervals = true\n"))
+    box = result.record.intervals
+    assert box.ok
+    assert box.proven
+    np.testing.assert_allclose([p.lower for p in box.parameters], lower, rtol=2e-3)
+    np.testing.assert_allclose([p.upper for p in box.parameters], upper, rtol=2e-3)
+    np.testing.assert_allclose([o.model_upper_hz for o in box.outputs], hz.max(axis=0), rtol=1e-4)
+    np.testing.assert_allclose([o.measured_lower_hz for o in box.outputs], hz.min(axis=0))
+    assert "proven by monotony" in box.sentence
+    titles = [b.title for b in variability_blocks(result.record) if hasattr(b, "title")]
+    assert titles[-2:] == ["Intervals of the parameters", "Extreme frequencies"]
+
+
+def test_intervals_that_contradict_are_a_sentence(repeated):
+    """The smallest third frequency with the largest first one: no box has both."""
+    bench, _, hz = repeated
+    hz[:, 1] = hz[:, 1].mean() * (1.0 + 1e-7 * np.arange(COUNT))
+    _table(bench, hz)
+    box = steps.quantify(_study(bench, "intervals = true\n")).record.intervals
+    assert box.sentence
+    assert not box.ok or max(abs(o.model_upper_hz / o.measured_upper_hz - 1.0) for o in box.outputs) > 1e-3
+
+
 def test_measurement_errors_of_a_study_are_subtracted(repeated):
-    bench, factors, hz = repeated
+    bench, _, hz = repeated
     noisy = hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape))
     _table(bench, noisy)
     plain = steps.quantify(_study(bench)).record

@@ -65,6 +65,49 @@ class RepeatCheck(Record):
     """Result of the test, or the reason why it was not tested."""
 
 
+class ParameterInterval(Record):
+    """Interval of one parameter, in its unit."""
+
+    parameter: str
+    """Name of the parameter."""
+    lower: float
+    """Lower end."""
+    upper: float
+    """Upper end."""
+
+
+class OutputInterval(Record):
+    """Smallest and largest value of one frequency, in the repeats and in the box of the parameters."""
+
+    label: str
+    """Test mode."""
+    measured_lower_hz: float
+    """Smallest value of the repeats, in Hz."""
+    measured_upper_hz: float
+    """Largest value of the repeats, in Hz."""
+    model_lower_hz: float
+    """Smallest value in the box, in Hz."""
+    model_upper_hz: float
+    """Largest value in the box, in Hz."""
+
+
+class IntervalResults(Record):
+    """Interval updating: the box of the parameters whose extreme frequencies are nearest to the measured ones."""
+
+    ok: bool
+    """True if the box converged and is determined by the frequencies."""
+    proven: bool
+    """True if the extrema over the box are proven by monotony."""
+    sentence: str
+    """The outcome."""
+    solutions: int
+    """Number of model solutions."""
+    parameters: tuple[ParameterInterval, ...]
+    """One record a free parameter; none if no box was found."""
+    outputs: tuple[OutputInterval, ...]
+    """One record a compared frequency; none if no box was found."""
+
+
 class QuantifyResults(Record):
     """Stochastic updating and its forward check."""
 
@@ -114,6 +157,8 @@ class QuantifyResults(Record):
     """Tests of the repeats, and of the prediction for repeats that were held out."""
     noise_percent: float | None = None
     """Part of the measured variance that is due to measurement errors, in %; None if these are neglected."""
+    intervals: IntervalResults | None = None
+    """Intervals of the parameters; None if the study does not request them."""
     outliers: tuple[int, ...] = ()
     """Numbers of the outlying repeats, from 1 in the order of the tests."""
     held_out: tuple[int, ...] = ()

@@ -25,6 +25,7 @@ from femtune.results.quantify import (
 )
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
+from femtune.study.parameter_intervals import parameter_intervals
 from femtune.uncertainty import (
     CloudRules,
     Fit,
@@ -89,8 +90,10 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
         found = _updated(study, table, outputs, measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
         check = forward_check(outputs, found, table.samples, table.seed)
+        intervals = parameter_intervals(outputs, found) if table.intervals else None
         tested = _tested(repeats.of_modes(outputs.modes), held, check, found)
-    return _record(study, table, repeats, check, tested, arrays)
+    record = _record(study, table, repeats, check, tested, arrays)
+    return record.model_copy(update={"intervals": intervals})
 
 
 def _with_noise(measured: OutputStatistics, modes: tuple[str, ...], table: QuantifyTable) -> OutputStatistics:

@@ -43,7 +43,7 @@ def variability_blocks(found: QuantifyResults) -> list[Block]:
     rest = [Listing(tuple(others))] if others else []
     return [
         Paragraph(first), *rest, Paragraph(_how(found)), parameter_table(found), output_table(found),
-        *check_tables(found),
+        *check_tables(found), *interval_blocks(found),
     ]  # fmt: skip
 
 
@@ -101,6 +101,25 @@ def output_table(found: QuantifyResults) -> Table:
     if any(o.robust_sd_hz is not None for o in found.outputs):
         note += " Robust σ: that to which outliers do not contribute."
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
+
+
+def interval_blocks(found: QuantifyResults) -> list[Block]:
+    """Intervals of the parameters and of the frequencies; none if the study does not request them."""
+    box = found.intervals
+    if box is None:
+        return []
+    parameters = tuple(row(p.parameter, value(p.lower), value(p.upper)) for p in box.parameters[:_MOST_SHOWN])
+    outputs = tuple(
+        row(o.label, *map(freq, (o.measured_lower_hz, o.model_lower_hz, o.measured_upper_hz, o.model_upper_hz)))
+        for o in box.outputs[:_MOST_SHOWN]
+    )
+    heads = columns("Mode", ">Measured lowest Hz", ">Model lowest Hz", ">Measured highest Hz", ">Model highest Hz")
+    note = "The measured limits are the smallest and the largest value of the repeats; more repeats have wider ones."
+    tables = [
+        Table("Intervals of the parameters", columns("Parameter", ">Lower", ">Upper"), parameters, note),
+        Table("Extreme frequencies", heads, outputs),
+    ]
+    return [Paragraph(box.sentence), *(tables if parameters else [])]
 
 
 def check_tables(found: QuantifyResults) -> list[Table]:

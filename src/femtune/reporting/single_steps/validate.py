@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED, as_sentence
-from femtune.reporting.sections.quantify import check_tables, output_table, parameter_table, variability_blocks
+from femtune.reporting.sections.quantify import (
+    check_tables,
+    interval_blocks,
+    output_table,
+    parameter_table,
+    variability_blocks,
+)
 from femtune.reporting.sections.validation import (
     outcome_sentence,
     prediction_blocks,
@@ -35,6 +41,7 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
         Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
         Section("outputs", "Forward check", (output_table(found),)),
         *(Section("checks", "Tests of the repeats", (table,)) for table in check_tables(found)),
+        *([Section("intervals", "Intervals", tuple(interval_blocks(found)))] if found.intervals else []),
     )
     return subject.document(first, level, sections)
 
