@@ -8,12 +8,13 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.subspace import clusters
-from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes
+from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes, subspace_derivative
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.residuals.case import Group
 from femtune.residuals.frequency import FrequencyResidual
@@ -249,6 +250,55 @@ class EigenvalueOutputs:
                 out[position] = int(mode)
             at += len(g)
         return out
+
+
+@dataclass(frozen=True)
+class ModeOutputs:
+    """Eigenvalues in rad²/s², then the entries of the mode shapes, mode by mode, of modes that are followed.
+
+    Each shape has unit norm over its entries, and the sign of that of the reference. Close modes are not distinguished
+    by their subspace: their shapes change with the smallest change of the parameters.
+
+    Parameters
+    ----------
+    eigenvalues : which modes, and from where they are followed
+    entries : positions among the free DOFs; all where None
+    """
+
+    eigenvalues: EigenvalueOutputs
+    entries: tuple[int, ...] | None = None
+
+    def values(self, theta: Reals) -> Reals:
+        """(count + count·entries,)."""
+        solution, order = self._followed(theta)
+        shapes = self._unit(solution, order)[0]
+        return np.concatenate([solution.eigenvalues[order], shapes.T.ravel()])
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """Values, and their derivatives by the unit of each parameter."""
+        solution, order = self._followed(theta)
+        shapes, norms = self._unit(solution, order)
+        scale = self.eigenvalues.configured.model.parameters.scale
+        slopes = [eigenvalue_derivatives(solution)[order]]
+        for unit, norm, j in zip(shapes.T, norms, order):
+            slope = subspace_derivative(solution, [j]).shape_gradient[self._rows(solution)] / norm
+            slopes.append(slope - np.outer(unit, unit @ slope))
+        return np.concatenate([solution.eigenvalues[order], shapes.T.ravel()]), np.concatenate(slopes) / scale
+
+    def _followed(self, theta: Reals) -> tuple[EigenSolution, list[int]]:
+        solution = self.eigenvalues._solved(theta)
+        return solution, self.eigenvalues._order(solution)
+
+    def _rows(self, solution: EigenSolution) -> NDArray[np.int64]:
+        return np.arange(len(solution.shapes)) if self.entries is None else np.array(self.entries, dtype=np.int64)
+
+    def _unit(self, solution: EigenSolution, order: list[int]) -> tuple[Reals, Reals]:
+        """(entries, count) shapes of unit norm, and the signed norms (count,) that they were divided by."""
+        reference, rows = self.eigenvalues._reference, self._rows(solution)
+        overlap = reference.shapes[:, : self.eigenvalues.count] * (solution.point.mass @ solution.shapes[:, order])
+        shapes = solution.shapes[rows][:, order]
+        norms = np.where(overlap.sum(axis=0) < 0.0, -1.0, 1.0) * np.linalg.norm(shapes, axis=0)
+        return np.asarray(shapes / norms), np.asarray(norms)
 
 
 @dataclass(frozen=True)
