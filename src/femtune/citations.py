@@ -53,6 +53,16 @@ _register(
     year="1974",
 )
 _register(
+    "belisle1993",
+    "article",
+    author="Bélisle, C. J. P. and Romeijn, H. E. and Smith, R. L.",
+    title="Hit-and-run algorithms for generating multivariate distributions",
+    journal="Mathematics of Operations Research",
+    volume="18",
+    pages="255--266",
+    year="1993",
+)
+_register(
     "friswell1995",
     "book",
     author="Friswell, M. I. and Mottershead, J. E.",
@@ -95,6 +105,48 @@ _register(
     title="Spatial correlation of mode shapes, the coordinate modal assurance criterion (COMAC)",
     booktitle="Proceedings of the 6th International Modal Analysis Conference",
     year="1988",
+)
+_register(
+    "hunt1992",
+    "inproceedings",
+    author="Hunt, D. L.",
+    title="Application of an enhanced coordinate modal assurance criterion (ECOMAC)",
+    booktitle="Proceedings of the 10th International Modal Analysis Conference",
+    year="1992",
+)
+_register(
+    "pascual1997",
+    "inproceedings",
+    author="Pascual, R. and Golinval, J. C. and Razeto, M.",
+    title="A frequency domain correlation technique for model correlation and updating",
+    booktitle="Proceedings of the 15th International Modal Analysis Conference",
+    year="1997",
+)
+_register(
+    "ocallahan1989",
+    "inproceedings",
+    author="O'Callahan, J. and Avitabile, P. and Riemer, R.",
+    title="System equivalent reduction expansion process (SEREP)",
+    booktitle="Proceedings of the 7th International Modal Analysis Conference",
+    year="1989",
+)
+_register(
+    "kidder1973",
+    "article",
+    author="Kidder, R. L.",
+    title="Reduction of structural frequency equations",
+    journal="AIAA Journal",
+    volume="11",
+    number="6",
+    year="1973",
+)
+_register(
+    "balmes2000",
+    "inproceedings",
+    author="Balmès, E.",
+    title="Review and evaluation of shape expansion methods",
+    booktitle="Proceedings of the 18th International Modal Analysis Conference",
+    year="2000",
 )
 _register(
     "heylen1996",

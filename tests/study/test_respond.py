@@ -212,6 +212,32 @@ def test_grid_points_find_the_sensors_on_them_with_their_sign(measured: tuple[Be
     np.testing.assert_allclose(test[1, 0], frfs.values[1, 1], atol=1e-9 * np.abs(frfs.values[1, 1]).max())
 
 
+def test_the_fdac_of_a_stiffer_deck_shows_its_frequency_shift(bench: Bench) -> None:
+    """E of the true beam is 0.81 times that of the deck: the model's frequencies are 1/0.9 of the test's."""
+    softer = bench.truth((("2.1+11 ", "1.701+11"),))
+    lines = np.arange(4.0, 500.0, 1.0)
+    frfs = _functions(softer, ["5Z+", "3Z+", "4Z+", "2Z+"], ["5Z+"], lines)
+    bench.uff(replace(bench.measure(softer), frfs=frfs))
+    write_uff_frfs(bench.folder / "beam.uff", replace(bench.measure(softer), frfs=frfs))
+    study = bench.study("[response]\nratio = 0.01\nfrom_hz = 4.0\nto_hz = 550.0\nstep_hz = 1.0\n")
+    result = steps.respond(study, report=bench.folder / "page.html")
+    record = result[0].frfs
+    assert record is not None
+    (found,) = record.fdac
+    assert (found.axis, found.dof, found.functions) == ("input", "5Z+", 4)
+    assert found.shift_percent == pytest.approx(100.0 * (1.0 / 0.9 - 1.0), abs=0.1)
+    assert found.mean_shifted is not None
+    assert found.mean is not None
+    assert found.mean_shifted > 0.98
+    assert found.mean < 0.98
+    values = result.arrays[found.values_key]
+    assert values.shape == (len(result.arrays[found.test_freq_key]), len(result.arrays[found.model_freq_key]))
+    assert max(values.shape) <= 400
+    page = (bench.folder / "page.html").read_text()
+    assert "Frequency domain assurance criterion" in page
+    assert "FDAC, input 5Z+" in page
+
+
 @pytest.mark.slow
 def test_a_run_ends_on_the_measured_functions(measured: tuple[Bench, FrfSet]) -> None:
     bench, frfs = measured

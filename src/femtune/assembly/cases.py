@@ -16,9 +16,10 @@ from femtune.model import AddedMass, Configuration, configure
 
 if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
-    from femtune.correlation import SensorMap
+    from femtune.correlation import SensorMap, SensorPlacement
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.modal import FrfSet
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.residuals import ComparedCase
     from femtune.testdata import ModalTest
@@ -32,14 +33,16 @@ HELD_OUT = "held out for validation"
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Positions of the test modes and of the sensors that are held out in one configuration."""
+    """Positions of the test modes and of the sensors that are held out in one configuration, and of the FRFs (response,
+    reference)."""
 
     modes: frozenset[int] = frozenset()
     sensors: frozenset[int] = frozenset()
+    functions: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def any(self) -> bool:
-        """True where something is held out."""
+        """True where modes or sensors are held out."""
         return bool(self.modes or self.sensors)
 
 
@@ -62,7 +65,8 @@ class StudyCase:
     """One configuration: its entry in the study, the model in this state, and its test where there is one.
 
     `sensors` are those of the modes that are compared; `all_sensors` has those of measured FRFs too. `mesh` is drawn
-    in place of the model's own elements, where it has none. `compared` is all that is compared in this configuration,
+    in place of the model's own elements, where it has none. `placement` has the stated errors in the positions and
+    directions of the sensors of the modes. `compared` is all that is compared in this configuration,
     None where nothing is; the update sees it without what is `held` out.
     """
 
@@ -74,11 +78,22 @@ class StudyCase:
     all_sensors: SensorMap | None = None
     mesh: DrawnMesh | None = None
     held: HeldOut = field(default_factory=HeldOut)
+    placement: SensorPlacement | None = field(default=None, repr=False)
 
     @property
     def name(self) -> str:
         """Name of the configuration."""
         return self.entry.name
+
+    @property
+    def used_frfs(self) -> FrfSet | None:
+        """The FRFs of the test, NaN where they are held out."""
+        frfs = None if self.test is None else self.test.frfs
+        if frfs is None or not self.held.functions:
+            return frfs
+        values = frfs.values.copy()
+        values[tuple(np.array(sorted(self.held.functions)).T)] = np.nan
+        return replace(frfs, values=values)
 
     @property
     def modal(self) -> ComparedCase | None:

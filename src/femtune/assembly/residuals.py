@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
@@ -10,12 +11,16 @@ import scipy.sparse as sp
 
 from femtune.assembly.axes import named_axis, sensor_axis
 from femtune.assembly.error_places import errors_at
+from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
 from femtune.residuals.kinds import kinds
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from femtune.assembly.cases import StudyCase
+    from femtune.correlation import SensorPlacement
     from femtune.dofs import DofSet
     from femtune.errors import Notice, Where
     from femtune.files.study_file import Comparison, StudyFile
@@ -62,8 +67,13 @@ class AskedOf:
 
     @property
     def frfs(self) -> FrfSet | None:
-        """The measured FRFs."""
-        return None if self.case.test is None else self.case.test.frfs
+        """The measured FRFs, NaN where they are held out."""
+        return self.case.used_frfs
+
+    @property
+    def placement(self) -> SensorPlacement | None:
+        """Errors in the placement of the sensors."""
+        return self.case.placement
 
     def where(self, *keys: str | int) -> Where:
         """Place of the table, or of one of its keys."""
@@ -91,6 +101,7 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     FemtuneError : ``study.no-test``, ``study.unknown-mode``, ``residual.*``, ``response.held-port``,
         ``model.unknown-node`` …; several are shown together
     """
+    case = replace(case, placement=placement_of(file, case))
     errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
@@ -107,6 +118,35 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
         return case
     scaled = any(getattr(c.entry, "mass_scaled", False) for c in mine)
     return replace(case, compared=_compared(file, case, found, scaled))
+
+
+def placement_of(file: StudyFile, case: StudyCase) -> SensorPlacement | None:
+    """Errors in the placement of the sensors of the modes, where [sensors] states them."""
+    table = file.sensors
+    if (
+        case.modal is None
+        or case.sensors is None
+        or not case.sensors.matches
+        or (not table.position_sd and not table.angle_sd_deg)
+    ):
+        return None
+    return sensor_placement(case.configured, case.sensors, table.position_sd, _radians(table.angle_sd_deg))
+
+
+def check_placement(file: StudyFile, cases: Sequence[StudyCase]) -> None:
+    """Refuse test nodes in [sensors] that have no sensor in any configuration (error ``sensor.placement-unknown``)."""
+    known = {m.label.node for case in cases if case.modal and case.sensors for m in case.sensors.matches}
+    for key in ("position_sd", "angle_sd_deg"):
+        given = getattr(file.sensors, key)
+        unknown = sorted(set(given) - known) if isinstance(given, dict) else []
+        if unknown:
+            nodes = ", ".join(map(str, unknown[:10]))
+            raise FemtuneError("sensor.placement-unknown", where=file.where("sensors", key), nodes=nodes)
+
+
+def _radians(degrees: float | dict[int, float]) -> float | dict[int, float]:
+    factor = math.pi / 180.0
+    return {n: factor * d for n, d in degrees.items()} if isinstance(degrees, dict) else factor * degrees
 
 
 def _is_of(comparison: Comparison, case: StudyCase) -> bool:

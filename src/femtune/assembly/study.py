@@ -68,7 +68,8 @@ class Study:
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
             raise self.no_test("the update may use, and none has a [[residual]]")
-        return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
+        stated = self.file.residuals
+        return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
         """The error that no configuration has modes for a purpose, with what each of them has instead."""
@@ -190,6 +191,10 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
+    if file.sensors.position_sd or file.sensors.angle_sd_deg:
+        from femtune.assembly.residuals import check_placement  # noqa: PLC0415
+
+        check_placement(file, cases)
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
 

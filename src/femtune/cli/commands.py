@@ -226,13 +226,15 @@ def identify(path: Path, output: Path | None, as_json: bool, quiet: bool, **aske
 
 @main.command()
 @_study
+@click.option("--expand", metavar="METHOD", help="Expand the test shapes to the model: serep, dynamic or mdre.")
+@click.option("--uff", type=_FILE, metavar="FILE", help="Write the expanded shapes to a Universal File (55).")
 @_eigensolver
 @_fresh
 @_json
 @_quiet
-def correlate(study: Path, fresh: bool, as_json: bool, quiet: bool) -> None:
+def correlate(study: Path, expand: str | None, uff: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the model with the test: frequencies, MAC, mode pairs."""
-    result = run_step("of_study:correlate", study, quiet, fresh=fresh)
+    result = run_step("of_study:correlate", study, quiet, fresh=fresh, expand=expand, uff=uff)
     out.say(result.remarks, quiet)
     shown = (result.records, result.arrays)
     out.show("correlate:correlation_document", study, *shown, as_json=as_json, quiet=quiet)

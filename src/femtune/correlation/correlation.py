@@ -16,7 +16,14 @@ from femtune.correlation.unit_factor import unit_factor
 from femtune.dofs import DofSet
 from femtune.errors import Notice
 from femtune.modal import ModeSet
-from femtune.modal.shape_criteria import comac, cross_orthogonality, mac_where_defined, motion_agreement
+from femtune.modal.shape_criteria import (
+    comac,
+    cross_orthogonality,
+    enhanced_comac,
+    mac_where_defined,
+    mac_without_each,
+    motion_agreement,
+)
 
 REDUCTION_TOLERANCE = 0.05
 """Cross-orthogonality is refused for modes whose frequency the reduced mass and stiffness miss by more."""
@@ -37,6 +44,8 @@ class Correlation:
     paired_mac : (p, p) of the paired modes after rotation within clusters; the pairs are on its diagonal
     frequency_errors : (p,) (model − test)/test
     comac : (n,) over the pairs, NaN where undefined or measured in fewer than two of them; DOF labels in `dofs`
+    enhanced_comac : (n,) over the pairs, see `femtune.modal.enhanced_comac`; NaN where not measured in any of them
+    mac_without : (n, p) MAC of each pair without one of the sensors, see `femtune.modal.mac_without_each`
     cross_orthogonality : (p, p) of the paired modes with the mass reduced to the sensors, or why not
     self_orthogonality : (p, p) of the paired test modes, or why not
     orthogonality_dropped : labels of sensors that both leave out, since they only repeat others
@@ -55,6 +64,8 @@ class Correlation:
     paired_mac: Reals
     frequency_errors: Reals
     comac: Reals
+    enhanced_comac: Reals
+    mac_without: Reals
     cross_orthogonality: Reals | NotTested
     self_orthogonality: Reals | NotTested
     orthogonality_dropped: tuple[str, ...]
@@ -129,6 +140,8 @@ def correlate(
         mac_where_defined(psi, phi),
         np.array([pair.frequency_error for pair in pairing.pairs]),
         _comac(psi, phi),
+        _enhanced_comac(psi, phi),
+        mac_without_each(psi, phi),
         cross,
         self_,
         mass.dropped if isinstance(mass, ReducedMass) and not isinstance(cross, NotTested) else (),
@@ -162,6 +175,11 @@ def _comac(psi: NDArray, phi: Reals) -> Reals:
         return np.full(len(psi), np.nan)
     measured = (~np.isnan(psi[:, keep])).sum(axis=1)
     return np.where(measured < 2, np.nan, comac(psi[:, keep], phi[:, keep]))
+
+
+def _enhanced_comac(psi: NDArray, phi: Reals) -> Reals:
+    keep = _defined(psi, phi)
+    return enhanced_comac(psi[:, keep], phi[:, keep]) if keep.any() else np.full(len(psi), np.nan)
 
 
 def _inverted(dofs: DofSet, psi: NDArray, phi: Reals) -> tuple[Notice, ...]:

@@ -12,7 +12,7 @@ from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import toml_data, toml_text
-from femtune.files.study_file.source import StudyLines, line_numbers, table, texts
+from femtune.files.study_file.source import StudyLines, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
 
 # ----------------------------------------------------------------------------------------------------
@@ -60,11 +60,31 @@ class ChannelEntry(TomlTable):
     factor: float = 1.0
 
 
+class LevelEntry(TomlTable):
+    """[[level]]: the same measurement at another level of the force."""
+
+    record: Text | None = None
+    frfs: Text | None = None
+    force: Positive
+    name: Text | None = None
+
+
+class LinearityTable(TomlTable):
+    """[linearity]: force of the measurement of [identify], and accepted differences between the levels."""
+
+    force: Positive | None = None
+    largest_frequency_change: Annotated[float, Field(gt=0, lt=1)] = 0.005
+    largest_damping_change: Positive = 0.2
+    least_frac: Annotated[float, Field(gt=0, lt=1)] = 0.9
+
+
 class IdentifyFile(TomlTable):
     """The whole file; names of files are relative to it."""
 
     identify: IdentifyTable
     channel: tuple[ChannelEntry, ...] = ()
+    level: tuple[LevelEntry, ...] = ()
+    linearity: LinearityTable = Field(default_factory=LinearityTable)
     output: OutputTable = Field(default_factory=lambda: OutputTable(folder="identified"))
 
     _path: Path = PrivateAttr(default=Path("identify.toml"))
@@ -127,6 +147,7 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
         hint = 'write record = "ambient.csv" or frfs = "frf.unv"'
         yield source.error(("identify",), "identify.source", {}, hint=hint)
     yield from _methods(asked, source)
+    yield from _levels(data, source)
     band = asked.get("band_hz")
     if (
         isinstance(band, tuple)
@@ -136,6 +157,19 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
     ):
         hint = "give the lower end first: band_hz = [2.0, 40.0]"
         yield source.error(("identify", "band_hz"), "study.value/empty-band", {"band_hz": band}, hint=hint)
+
+
+def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Levels are measured as the first one is, whose force is stated; without levels there is nothing to compare."""
+    entries = list(tables(data, "level"))
+    kind = "frfs" if "frfs" in table(data, "identify") else "record"
+    for place, entry in entries:
+        if kind not in entry or ("record" in entry) == ("frfs" in entry):
+            yield source.error(place, "identify.level", entry, key=kind)
+    if entries and "force" not in table(data, "linearity"):
+        yield source.error(entries[0][0], "identify.level/first-force", {})
+    if not entries and "linearity" in data:
+        yield source.error(("linearity",), "identify.level/none", {})
 
 
 def _methods(asked: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

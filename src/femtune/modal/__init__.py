@@ -5,9 +5,17 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.modal.frf_set import FrfSet, as_kind, frac
+    from femtune.modal.frf_set import FrfSet, as_kind, fdac, frac, frequency_shift
     from femtune.modal.mode_set import ModeSet
-    from femtune.modal.shape_criteria import auto_mac, comac, cross_orthogonality, mac, modal_scale_factor
+    from femtune.modal.shape_criteria import (
+        auto_mac,
+        comac,
+        cross_orthogonality,
+        enhanced_comac,
+        mac,
+        mac_without_each,
+        modal_scale_factor,
+    )
     from femtune.modal.state_space import StateSpace, freq_and_damping, pole_of, system_modes
     from femtune.modal.subspace import Rotation, clusters, principal_angles_deg, rotate_to, subspace_mac
     from femtune.modal.time_series import Channel, TimeSeries
@@ -26,9 +34,13 @@ __all__ = [
     "clusters",
     "comac",
     "cross_orthogonality",
+    "enhanced_comac",
+    "fdac",
     "frac",
     "freq_and_damping",
+    "frequency_shift",
     "mac",
+    "mac_without_each",
     "modal_scale_factor",
     "pole_of",
     "principal_angles_deg",

@@ -122,3 +122,100 @@ def frac(a: NDArray, b: NDArray) -> float | None:
     a, b = (v / np.abs(v).max(initial=np.finfo(float).tiny) for v in (a, b))
     size = float(np.vdot(a, a).real * np.vdot(b, b).real)
     return float(abs(np.vdot(a, b)) ** 2 / size) if size > 0.0 else None
+
+
+def fdac(test: NDArray, model: NDArray) -> NDArray[np.float64]:
+    """Frequency domain assurance criterion |tᴴm|²/(tᴴt · mᴴm) of the deflection shapes t and m at two frequencies.
+
+    Parameters
+    ----------
+    test, model : (n, k) and (n, l) functions of n responses to one input, at k lines of the test and l of the model
+
+    Returns
+    -------
+    (k, l) in 0 … 1; NaN where one of the shapes is zero or not known. Responses that are nowhere known on both sides
+    are ignored
+
+    Source: Pascual, Golinval and Razeto (1997).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import fdac
+    >>> fdac(np.array([[1.0], [1.0j]]), np.array([[2.0, 1.0], [2.0j, 0.0]])).round(3)
+    array([[1. , 0.5]])
+    """
+    used = np.isfinite(test).any(axis=1) & np.isfinite(model).any(axis=1)
+    t, m = test[used], model[used]
+    sizes = [np.sqrt(np.sum(np.abs(v) ** 2, axis=0)) for v in (t, m)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t, m = t / sizes[0], m / sizes[1]
+    return np.asarray(np.minimum(np.abs(t.conj().T @ m) ** 2, 1.0))
+
+
+@dataclass(frozen=True)
+class FrequencyShift:
+    """How the FDAC of all lines agrees.
+
+    Parameters
+    ----------
+    ratio : frequency of the model over that of the test at which the deflection shapes agree best; NaN where that is at
+        the end of the range that is searched
+    mean : mean FDAC over the test's lines along this ratio; NaN without one
+    mean_unshifted : at equal frequencies; NaN where model and test have no frequency range in common
+    """
+
+    ratio: float
+    mean: float
+    mean_unshifted: float
+
+
+LARGEST_SHIFT = 1.25
+"""Frequency ratios that are searched: up to this and down to its inverse."""
+
+
+def frequency_shift(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDArray) -> FrequencyShift | None:
+    """The one ratio of frequencies along which the FDAC is largest on average.
+
+    Parameters
+    ----------
+    values : (k, l) `fdac`
+    test_hz, model_hz : (k,) and (l,) ascending lines, above 0
+
+    Returns
+    -------
+    None where no ratio brings at least half of the test's lines into the model's range
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import frequency_shift
+    >>> test_hz, model_hz = np.linspace(5.0, 20.0, 100), np.linspace(4.0, 24.0, 200)
+    >>> values = np.exp(-((model_hz - 1.1 * test_hz[:, None]) ** 2))
+    >>> round(frequency_shift(values, test_hz, model_hz).ratio, 2)
+    1.1
+    """
+    ratios = np.exp(np.linspace(-1.0, 1.0, 1001) * np.log(LARGEST_SHIFT))
+    means = np.array([_mean_along(values, test_hz, model_hz, r) for r in ratios])
+    if np.isnan(means).all():
+        return None
+    middle = len(ratios) // 2
+    # of equally good ratios the one nearest to one
+    good = np.flatnonzero(means >= np.nanmax(means) - 1e-12)
+    best = int(good[np.argmin(np.abs(good - middle))])
+    if best in (0, len(ratios) - 1):
+        return FrequencyShift(np.nan, np.nan, float(means[middle]))
+    return FrequencyShift(float(ratios[best]), float(means[best]), float(means[middle]))
+
+
+def _mean_along(values: NDArray[np.float64], test_hz: NDArray, model_hz: NDArray, ratio: float) -> float:
+    """Mean over the test's lines of the FDAC at `ratio` times their frequency; NaN below half of the lines."""
+    wanted = ratio * test_hz
+    rows = np.flatnonzero((wanted >= model_hz[0] * (1.0 - 1e-9)) & (wanted <= model_hz[-1] * (1.0 + 1e-9)))
+    if len(model_hz) < 2 or 2 * len(rows) < len(test_hz):
+        return np.nan
+    right = np.clip(np.searchsorted(model_hz, wanted[rows]), 1, len(model_hz) - 1)
+    part = np.clip((wanted[rows] - model_hz[right - 1]) / (model_hz[right] - model_hz[right - 1]), 0.0, 1.0)
+    along = (1.0 - part) * values[rows, right - 1] + part * values[rows, right]
+    known = np.isfinite(along)
+    return float(along[known].mean()) if 2 * known.sum() >= len(test_hz) else np.nan

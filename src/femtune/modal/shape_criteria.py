@@ -115,6 +115,81 @@ def comac(test: NDArray, model: NDArray) -> Reals:
     return _squared_ratio(np.abs(np.sum(a * b.conj(), axis=1)) ** 2, a, b)
 
 
+def enhanced_comac(test: NDArray, model: NDArray) -> Reals:
+    """Enhanced COMAC of each DOF over paired modes: Σ_r |a_kr − b_kr| / 2L, 0 for agreement in L modes.
+
+    The test's shapes are scaled to a largest entry of one, the model's to the test's by the modal scale factor. Unlike
+    `comac` it shows wrong scales and reversed signs of a sensor that are the same in all modes.
+
+    Parameters
+    ----------
+    test, model : (n, m) paired columns; NaN entries are left out
+
+    Returns
+    -------
+    (n,) 0 where both agree, half the relative amplitude of the DOF, averaged over the modes, where the sensor is
+    reversed; NaN where nothing was measured
+
+    Raises
+    ------
+    FemtuneError : ``modal.zero-shape``, ``modal.rows-differ``
+
+    Source: Hunt (1992), with this scale of the shapes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import enhanced_comac
+    >>> model = np.ones((50, 1))
+    >>> test = model.copy()
+    >>> test[3] = -1.0
+    >>> enhanced_comac(test, model)[[0, 3]].round(2)
+    array([0.02, 0.98])
+    """
+    factor = modal_scale_factor(test, model)
+    check_shapes(test, "the test")
+    size = np.nanmax(np.abs(test), axis=0)
+    known = ~(np.isnan(test) | np.isnan(model))
+    gap = np.abs(np.where(known, test - factor * model, 0.0)) / size
+    count = known.sum(axis=1)
+    return np.where(count > 0, gap.sum(axis=1) / (2.0 * np.maximum(count, 1)), np.nan)
+
+
+def mac_without_each(test: NDArray, model: NDArray) -> Reals:
+    """MAC of each pair when one DOF is left out, (n, m): above the MAC of all DOFs where this DOF lowers it.
+
+    Parameters
+    ----------
+    test, model : (n, m) paired columns
+
+    Returns
+    -------
+    (n, m); NaN where the DOF was not measured, where fewer than two others were, or where no motion is left
+
+    Raises
+    ------
+    FemtuneError : ``modal.rows-differ``
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.modal import mac_without_each
+    >>> test = np.array([[1.0], [2.0], [-3.0], [4.0]])
+    >>> mac_without_each(test, np.abs(test)).round(2).ravel()
+    array([0.14, 0.09, 1.  , 0.08])
+    """
+    check_rows(test, model)
+    a, b = unit_largest(test), unit_largest(model)
+    known = ~(np.isnan(a) | np.isnan(b))
+    a, b = np.where(known, a, 0.0), np.where(known, b, 0.0)
+    products = (a.conj() * b, np.abs(a) ** 2, np.abs(b) ** 2)
+    inner, own_a, own_b = (p.sum(axis=0) - p for p in products)
+    defined = known & (known.sum(axis=0) > 2) & (own_a > STILL**2) & (own_b > STILL**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        value = np.abs(inner) ** 2 / (own_a * own_b)
+    return np.where(defined, np.minimum(value, 1.0), np.nan)
+
+
 def motion_agreement(test: NDArray, model: NDArray) -> Reals:
     """Signed companion of `comac`, (n,) in −1 … 1: near −1 where a DOF moves against the model in every mode."""
     a, b = _paired_units(test, model)

@@ -23,7 +23,18 @@ from femtune.reporting.document import (
 )
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.reporting.figures.stabilisation import StabilisationPicture, stabilisation_svg
-from femtune.reporting.numbers import NONE, as_sentence, counted, freq, percent, short, typeset, unit_fraction
+from femtune.reporting.numbers import (
+    NONE,
+    NOT_TESTED,
+    as_sentence,
+    counted,
+    freq,
+    percent,
+    short,
+    signed_percent,
+    typeset,
+    unit_fraction,
+)
 
 if TYPE_CHECKING:
     from femtune.reporting.document import (
@@ -31,6 +42,7 @@ if TYPE_CHECKING:
         Level,
     )
     from femtune.study.identification import IdentifyResult
+    from femtune.study.identification.levels import LevelFunctions, LevelMode, LevelTrend, LinearityResults
     from femtune.study.identification.records import IdentifiedMode
 
 _SHOWN_FUNCTIONS = 6
@@ -43,11 +55,12 @@ def build_identification_page(made: IdentifyResult) -> Document:
         Section("modes", "Modes", tuple(_modes(made))),
         Section("poles", "Choice of the modes", tuple(_poles(made))),
         Section("fit", "Measured and synthesised functions", tuple(_fit(made))),
+        Section("linearity", "Linearity", tuple(_linearity(made))),
         Section("checks", "Remarks", tuple(_remarks(made))),
         Section("files", "Files", (Paragraph(f"{made.folder}: {', '.join(made.files)}"),)),
     )
     whole = tuple(s for s in sections if s.blocks)
-    short_form = tuple(s for s in whole if s.id in ("modes", "checks", "files"))
+    short_form = tuple(s for s in whole if s.id in ("modes", "linearity", "checks", "files"))
     return Document(made.record.title, sentence, level, _facts(made), whole, short_form, "Identification")
 
 
@@ -202,6 +215,80 @@ def _panel(made: IdentifyResult, i: int, j: int) -> FrfPanel:
         FrfCurve("model", found.synthesised.freq_hz, found.synthesised.values[i, j]),
     )
     return FrfPanel(title, found.measured.kind, curves)
+
+
+def _linearity(made: IdentifyResult) -> Iterator[Block]:
+    found = made.record.linearity
+    if found is None:
+        return
+    yield Paragraph(as_sentence(found.sentence), "poor" if found.linear is False else "")
+    note = (
+        f"Changes relative to {found.names[0]}, the largest over the levels, ± one standard deviation, and for twice "
+        f"the force. A mode is not linear if its frequency changes by more than {found.frequency_limit_percent:g} % or "
+        f"its damping ratio by more than {found.damping_limit_percent:g} %, and by more than three standard deviations "
+        "where these are known."
+    )
+    heads = columns(
+        "Mode", *(f">{name}, Hz" for name in found.names), ">Change %", ">Per doubling %",
+        *(f">{name}, damping %" for name in found.names), ">Change %", ">Per doubling %", "Linear",
+    )  # fmt: skip
+    if found.modes:
+        yield Table("Modes at several levels of force", heads, tuple(row(*_level_cells(m)) for m in found.modes), note)
+    yield _level_functions(found)
+
+
+def _level_cells(mode: LevelMode) -> list[str]:
+    damping = [short(None if z is None else 100.0 * z) for z in mode.damping_ratio]
+    return [
+        mode.label,
+        *(freq(f) for f in mode.freq_hz),
+        *_trend_cells(mode.frequency),
+        *damping,
+        *_trend_cells(mode.damping),
+        NOT_TESTED if mode.linear is None else "yes" if mode.linear else "no",
+    ]
+
+
+def _trend_cells(trend: LevelTrend) -> list[str]:
+    pairs = (
+        (trend.largest_percent, trend.sd_percent),
+        (trend.per_doubling_percent, trend.per_doubling_sd_percent),
+    )
+    return [signed_percent(v) + (f" ± {_spread(sd)}" if v is not None and sd is not None else "") for v, sd in pairs]
+
+
+def _level_functions(found: LinearityResults) -> Table:
+    heads = columns(
+        "Level",
+        ">Functions",
+        ">Lines",
+        ">FRAC",
+        ">Lowest FRAC",
+        "Response / reference",
+        ">Change %",
+        ">Noise %",
+        "Remark",
+    )
+    rows = [
+        row(
+            name, str(f.functions), str(f.lines), unit_fraction(f.frac, NONE), unit_fraction(f.lowest_frac, NONE),
+            f.lowest, percent(f.change_percent), percent(f.noise_percent),
+            as_sentence(f.reason) if f.reason else _differing(f),
+        )
+        for name, f in zip(found.names[1:], found.functions)
+    ]  # fmt: skip
+    note = (
+        f"FRFs compared with those of {found.names[0]}. Noise: the change that noise alone would give (from the "
+        "record, or estimated from the fit and from neighbouring lines). A level is not linear if the FRAC is below "
+        f"{found.frac_limit:g} and the functions differ by more than noise."
+    )
+    return Table("FRFs at several levels of force", heads, tuple(rows), note)
+
+
+def _differing(f: LevelFunctions) -> str:
+    if not f.differing:
+        return ""
+    return f"{counted(f.differing, 'function')} below the limit" if f.noise_percent is not None else "below the limit"
 
 
 def _remarks(made: IdentifyResult) -> Iterator[Block]:

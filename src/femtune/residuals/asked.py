@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from femtune.arrays import Reals
+from femtune.correlation import SensorPlacement
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.modal import FrfSet, ModeSet
@@ -52,6 +53,11 @@ class Asked(Protocol):
     @property
     def short(self) -> bool:
         """True for what [residuals] says of all configurations at once."""
+        ...
+
+    @property
+    def placement(self) -> SensorPlacement | None:
+        """Errors in the positions and directions of the sensors of the modes; None where the study states none."""
         ...
 
     def where(self, *keys: str | int) -> Where:

@@ -94,11 +94,13 @@ class Residual(ABC):
         *,
         lost: int = 0,
         covariance: Reals | None = None,
+        common: Reals | None = None,
     ) -> ResidualBlock:
         """A block of this kind; see `ResidualBlock`."""
         return ResidualBlock(
-            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal
-        )
+            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal,
+            common,
+        )  # fmt: skip
 
     def weighted(
         self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
@@ -181,6 +183,7 @@ class PairedMode:
     shape, shape_gradient : (s,) and (s, k) model shape at the sensors, of unit modal mass
     turned : by how many rotations inside its subspace the shape was fitted to the test's; those of a cluster of t test
         modes and c model modes together are as many as there are angles between them, ct − t(t + 1)/2
+    state, members : where the pair was formed, and the positions of the model modes that span its motion
     """
 
     case: ComparedCase
@@ -190,6 +193,8 @@ class PairedMode:
     shape: Reals
     shape_gradient: Reals
     turned: int = 0
+    state: CaseState | None = field(default=None, repr=False)
+    members: tuple[int, ...] = ()
 
     @property
     def label(self) -> str:
@@ -233,6 +238,11 @@ class CaseState:
         """The modes where they have been solved, None where nothing requested them."""
         return self.__dict__.get("solution", self.known)
 
+    @cached_property
+    def further(self) -> dict[tuple[int | None, float | None], EigenSolution]:
+        """Modes of the full model other than those of the case, by number and upper frequency: kept by who asks."""
+        return {}
+
     @property
     def full(self) -> ModelPoint:
         """The full model at this point, whatever model the modes come from."""
@@ -263,4 +273,5 @@ class CaseState:
             for a, i in enumerate(group[0]):
                 value, slope = float(aligned.eigenvalues[a]), aligned.eigenvalue_gradients[a]
                 shape, gradient = aligned.shapes[:, a], aligned.shape_gradients[:, a]
-                yield PairedMode(self.case, i, value, slope, shape, gradient, len(group[1]) - 1 - a)
+                turned = len(group[1]) - 1 - a
+                yield PairedMode(self.case, i, value, slope, shape, gradient, turned, self, tuple(group[1]))

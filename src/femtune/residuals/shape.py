@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.correlation import SensorPlacement
 from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.model import EigenSolution
 from femtune.residuals.asked import Asked, asked_weights, check_asked_mass_scaled
-from femtune.residuals.case import PairedMode
+from femtune.residuals.case import ComparedCase, PairedMode
 from femtune.residuals.pair import PairResidual
 from femtune.residuals.weights import ResidualBlock, Weights, as_weights
 
@@ -79,6 +81,25 @@ def _mass(phi: Reals, slope: Reals, test: Reals) -> tuple[Reals, Reals]:
 Places = NDArray[np.int64]
 
 
+def scale_of(test: Reals, scaling: Scaling) -> float:
+    """What the measured entries are divided by: their norm, or their largest entry."""
+    known = test[~np.isnan(test)]
+    return float(np.abs(known).max() if scaling == "largest-entry" else np.linalg.norm(known))
+
+
+def placement_covariance(
+    placement: SensorPlacement, solution: EigenSolution, case: ComparedCase, members: Sequence[int], test: Reals
+) -> Reals:
+    """(s, s) covariance of the entries of a test shape from errors of the sensors' placement, in its own scale.
+
+    The motion is that combination of some model modes that fits the test shape best.
+    """
+    shapes = solution.shapes[:, list(members)]
+    known = ~np.isnan(test)
+    mixture = np.linalg.lstsq((case.sensors @ shapes)[known], test[known], rcond=None)[0]
+    return placement.covariance(case.configured.transformation @ (shapes @ mixture))
+
+
 def shape_difference(
     shape: Reals, gradient: Reals, test: Reals, sd: float, scaling: Scaling = "unit-norm"
 ) -> tuple[Reals, Reals]:
@@ -115,14 +136,19 @@ class ShapeResidual(PairResidual):
 
     Parameters
     ----------
-    weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order
+    weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order;
+        "test": those of the entries of the test (error ``residual.no-scatter`` where it gives none)
     scaling : see `scaled_difference`
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
+    placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`.
+        It is computed from the motion of the model at the first evaluation of a mode, on the full model, and kept
     """
 
-    weights: float | Weights
+    weights: float | Weights | Literal["test"]
     scaling: Scaling = "unit-norm"
     sensors: DofSet | None = None
+    placement: SensorPlacement | None = None
+    _placed: dict[str, Reals] = field(default_factory=dict, repr=False)
     key = "shape"
     label = "shape"
 
@@ -133,7 +159,12 @@ class ShapeResidual(PairResidual):
         if entry.scaling == "mass":
             check_asked_mass_scaled(asked)
         sensors = dofs if entry.sensors is None else DofSet(_asked_sensors(asked, entry.sensors))
-        return cls(asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors)
+        placement = asked.placement if cls.key == "shape" else None
+        if entry.covariance is None and entry.sd in (None, "test"):
+            if asked.modes.shapes_sd is None:
+                raise FemtuneError("residual.no-scatter/shape", where=asked.where(), configuration=asked.name)
+            return cls("test", entry.scaling, sensors, placement)
+        return cls(asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors, placement)
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value for each entry that was measured (one less where the largest is scaled to one).
@@ -144,19 +175,60 @@ class ShapeResidual(PairResidual):
         """
         if self.scaling == "mass":
             check_mass_scaled(pair)
-        weights, known = as_weights(self.weights), pair.case.test.dofs
-        weights.check_size(len(known if self.sensors is None else self.sensors), f"the sensors of mode {pair.label}")
+        known = pair.case.test.dofs
         which, at = self._places(known)
         test = pair.test_shape[at]
+        count = len(known if self.sensors is None else self.sensors)
+        weights = self._of_test(pair, which, at, count) if self.weights == "test" else as_weights(self.weights)
+        weights.check_size(count, f"the sensors of mode {pair.label}")
         measured = int((~np.isnan(test)).sum())
         if measured <= (self.scaling != "mass") or not np.nan_to_num(test).any():
             raise _unmeasured(pair, measured)
+        weights = self._with_placement(pair, weights, test)
         errors, slopes, kept = scaled_difference(pair.shape[at], pair.shape_gradient[at], test, self.scaling)
         own = weights.of(which[kept])
         values, slopes = own.whiten(errors, slopes)
         lost = pair.turned + (self.scaling in _FROM_THE_SHAPE)
         covariance = self._covariance(test, weights, which, own)
-        return self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        block = self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        return block.whitened() if self.weights == "test" else block
+
+    def _of_test(self, pair: PairedMode, which: Places, at: Places, count: int) -> Weights:
+        """The test's standard deviations of the entries, scaled as its shape is.
+
+        An entry to which the test scales its shape has none of its own: its error is in all others. It gets the root
+        mean square of the others.
+        """
+        if pair.case.test.shapes_sd is None:
+            raise FemtuneError("residual.no-scatter/shape", configuration=pair.case.name)
+        test, sd = pair.test_shape[at], np.array(pair.case.test.shapes_sd[at, pair.position])
+        known = ~np.isnan(test)
+        positive = known & (sd > 0.0)
+        if np.isnan(sd[known]).any() or not positive.any():
+            raise FemtuneError("residual.no-scatter/entries", configuration=pair.case.name, mode=pair.label)
+        sd[known & (sd == 0.0)] = np.sqrt(np.mean(sd[positive] ** 2))
+        size = scale_of(test, self.scaling)
+        # what was not measured is not compared
+        scaled = np.ones(count)
+        scaled[which] = np.where(known, sd / size, 1.0)
+        return Weights(scaled)
+
+    def _with_placement(self, pair: PairedMode, weights: Weights, test: Reals) -> Weights:
+        """The weights of all sensors with the covariance that errors of their placement add."""
+        if self.placement is None:
+            return weights
+        if pair.label not in self._placed and pair.state is not None and pair.case.full is None:
+            self._placed[pair.label] = placement_covariance(
+                self.placement, pair.state.solution, pair.case, pair.members, pair.test_shape
+            )
+        if pair.label not in self._placed:
+            return weights
+        sensors = pair.case.test.dofs if self.sensors is None else self.sensors
+        at, sign = sensors.align(self.placement.dofs)
+        root = weights.root(len(sensors))
+        size = scale_of(test, self.scaling)
+        added = self._placed[pair.label][np.ix_(at, at)] * np.outer(sign, sign) / size**2
+        return Weights(covariance=root @ root.T + added)
 
     def _covariance(self, test: Reals, weights: Weights, which: Places, own: Weights) -> Reals | None:
         """Covariance of the residuals; None where it is the identity, but for what is lost to the scale."""

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from femtune.correlation import NotTested, correlate, reduce_mass
 from femtune.residuals import modes_at_sensors
 from femtune.results.base import Alert, ModelVersion, Record, VerdictWord
+from femtune.results.expansion import ExpansionResults
 from femtune.results.model import alert_of
+from femtune.results.placement import PlacementResults
 from femtune.validation import assess
 
 if TYPE_CHECKING:
@@ -102,6 +104,23 @@ class ComacEntry(Record):
     """0 to 1 (no unit)."""
 
 
+class SensorContribution(Record):
+    """Effect of one measured DOF on the agreement of the paired modes."""
+
+    dof: str
+    """Label of the DOF in the test."""
+    ecomac: float | None
+    """Enhanced COMAC: half the mean difference of the shapes at this DOF, relative to the largest entry of the test
+    shape; 0 for agreement. None if not measured in a paired mode."""
+    mac_change: float | None
+    """Mean over the pairs of the MAC without this DOF minus the MAC with it: positive if the DOF lowers the MAC. None
+    if fewer than two other DOFs were measured."""
+    largest_change: float | None
+    """The change of largest magnitude among the pairs."""
+    largest_change_label: str
+    """Label of the test mode of this pair; "" if there is none."""
+
+
 class CriterionRecord(Record):
     """An acceptance criterion with its limit and the measured value."""
 
@@ -166,6 +185,15 @@ class CorrelationResults(Record):
     """Number of rigid-body modes of the model; 0 in older results without this field."""
     mac_gate: float | None = None
     """Smallest MAC of a pair required by the study, 0 to 1; None if not recorded."""
+    contributions: tuple[SensorContribution, ...] = ()
+    """Effect of each measured DOF on the MAC of the pairs."""
+    mac_without_key: str | None = None
+    """Key of the MAC of each pair without one DOF, shape (DOFs, pairs): DOFs as in `contributions`, pairs as in
+    `pairs`; NaN where it is not defined. None in older results and where no shapes were measured."""
+    placement: PlacementResults | None = None
+    """Effect of errors in the placement of the sensors; None if the study states none."""
+    expansion: ExpansionResults | None = None
+    """Test shapes expanded to the model; None if the study does not request it."""
     alerts: tuple[Alert, ...] = ()
     """Findings of the comparison and of the solution of the modes, such as sensors that move against the model."""
 
@@ -222,6 +250,7 @@ def correlation_results(
     if crossed:
         arrays[f"{prefix}/cross_orthogonality"] = _spread(c)
     arrays[f"{prefix}/mac"] = c.mac
+    arrays[f"{prefix}/mac_without"] = c.mac_without
     arrays[f"{prefix}/auto_mac_test"] = c.auto_mac_test
     arrays[f"{prefix}/auto_mac_model"] = c.auto_mac_model
     return CorrelationResults(
@@ -247,8 +276,24 @@ def correlation_results(
         cross_orthogonality_reason=c.cross_orthogonality.reason if isinstance(c.cross_orthogonality, NotTested) else "",
         cross_orthogonality_dropped=c.orthogonality_dropped,
         criteria=tuple(_criterion(v) for v in assess(c, criteria)),
+        contributions=tuple(_contributions(c)),
+        mac_without_key=f"{prefix}/mac_without",
         alerts=tuple(alert_of(notice) for notice in (*notices, *c.notices)),
     )
+
+
+def _contributions(c: Correlation) -> Iterable[SensorContribution]:
+    changes = c.mac_without - np.diag(c.paired_mac)
+    for dof, ecomac, change in zip(c.dofs, c.enhanced_comac, changes):
+        known = np.isfinite(change)
+        most = int(np.nanargmax(np.abs(change))) if known.any() else None
+        yield SensorContribution(
+            dof=str(dof),
+            ecomac=float(ecomac) if np.isfinite(ecomac) else None,
+            mac_change=float(change[known].mean()) if known.any() else None,
+            largest_change=None if most is None else float(change[most]),
+            largest_change_label="" if most is None else c.test.labels[c.pairing.pairs[most].test],
+        )
 
 
 def _spread(c: Correlation) -> NDArray:

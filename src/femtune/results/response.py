@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from typing import TYPE_CHECKING, Literal
 
@@ -22,7 +22,7 @@ from femtune.assembly.response import (
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.files.uff import force_unit
-from femtune.modal import frac
+from femtune.modal import fdac, frac, frequency_shift
 from femtune.model.damping import without_element_damping
 from femtune.model.response import matrix_ports
 from femtune.model.response.modal_damping import is_proportional, may_be_negative
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     )
     from femtune.assembly.study import Study
     from femtune.files.study_file import LoadEntry, ResponseTable
+    from femtune.modal import FrfSet
     from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
     from femtune.model.response import Ports
     from femtune.units import UnitSystem
@@ -66,6 +67,31 @@ class FrfPair(Record):
     """That magnitude."""
     frac: float | None = None
     """Frequency response assurance criterion over the lines that both have; None for fewer than two."""
+
+
+class FdacResults(Record):
+    """FDAC of the functions that share one input, or one output where a single response was measured."""
+
+    axis: Literal["input", "output"]
+    """What the functions share."""
+    dof: str
+    """This input or output."""
+    functions: int
+    """Number of measured functions that are compared."""
+    mean: float | None
+    """Mean FDAC at equal frequencies, 0 to 1; None if fewer than half of the measured lines are in the range of the
+    model."""
+    shift_percent: float | None
+    """(model − test)/test of the frequencies at which the deflection shapes agree best, one ratio for all lines, in %;
+    None if it was not found."""
+    mean_shifted: float | None
+    """Mean FDAC with this shift."""
+    values_key: str
+    """Key of the FDAC, shape (measured lines, model lines); NaN where it is not defined."""
+    test_freq_key: str
+    """Key of the measured lines, Hz."""
+    model_freq_key: str
+    """Key of the model lines, Hz."""
 
 
 class FrfResults(Record):
@@ -97,6 +123,8 @@ class FrfResults(Record):
     """Key of the measured values, in this kind, shape (outputs, inputs, measured lines); NaN where not measured."""
     pairs: tuple[FrfPair, ...]
     """Every function, input by input."""
+    fdac: tuple[FdacResults, ...] = ()
+    """Frequency domain assurance criterion; empty if no input or output has two measured functions."""
 
 
 class ComplexPole(Record):
@@ -428,7 +456,57 @@ def _frf_results(
         test_freq_key=None if measured is None else f"{prefix}_test_hz",
         test_values_key=None if measured is None else f"{prefix}_test_values",
         pairs=tuple(_pairs(request, values)),
+        fdac=() if measured is None else tuple(_fdac(request, measured, values, prefix, arrays)),
     )
+
+
+_FDAC_LINES = 400
+"""Lines of each side of the FDAC: of more, every n-th is used."""
+
+
+def _fdac(
+    request: ResponseRequest, measured: FrfSet, values: Complexes, prefix: str, arrays: Arrays
+) -> Iterator[FdacResults]:
+    """By input where several responses were measured, else by output."""
+    model_hz = request.freq_hz
+    inside = (measured.freq_hz >= model_hz[0]) & (measured.freq_hz <= model_hz[-1]) & (measured.freq_hz > 0.0)
+    test_at, model_at = _every(np.flatnonzero(inside)), _every(np.flatnonzero(model_hz > 0.0))
+    if not len(test_at) or not len(model_at):
+        return
+    test, model = measured.values[:, :, test_at], values[:, :, model_at]
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(test).any(axis=2))
+    by_input = (known.sum(axis=0) >= _LEAST_FUNCTIONS).any()
+    if not by_input:
+        test, model, known = test.transpose(1, 0, 2), model.transpose(1, 0, 2), known.T
+    labels = (request.inputs if by_input else request.outputs).labels
+    for j in map(int, np.flatnonzero(known.sum(axis=0) >= _LEAST_FUNCTIONS)):
+        key = f"{prefix}_fdac_{j + 1}"
+        found = fdac(test[known[:, j], j], model[known[:, j], j])
+        shift = frequency_shift(found, measured.freq_hz[test_at], model_hz[model_at])
+        arrays |= {key: found, f"{key}_test_hz": measured.freq_hz[test_at], f"{key}_hz": model_hz[model_at]}
+        yield FdacResults(
+            axis="input" if by_input else "output",
+            dof=str(labels[j]),
+            functions=int(known[:, j].sum()),
+            mean=None if shift is None else _or_none(shift.mean_unshifted),
+            shift_percent=None if shift is None else _or_none(100.0 * (shift.ratio - 1.0)),
+            mean_shifted=None if shift is None else _or_none(shift.mean),
+            values_key=key,
+            test_freq_key=f"{key}_test_hz",
+            model_freq_key=f"{key}_hz",
+        )
+
+
+def _or_none(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+_LEAST_FUNCTIONS = 2
+"""The FDAC of a single function is one whatever it is."""
+
+
+def _every(positions: NDArray[np.int64]) -> NDArray[np.int64]:
+    return positions[:: -(-len(positions) // _FDAC_LINES) or 1]
 
 
 def _unit(study: Study, table: ResponseTable) -> str:

@@ -105,9 +105,30 @@ def grid_translations(
     """(grid points, 3, modes) motion of the wanted modes in basic axes, at some rows of the grid points or at all."""
     nodes = configured.model.structure.nodes
     rows = np.arange(len(nodes.ids)) if rows is None else rows
-    at = (6 * rows[:, None] + np.arange(3)).ravel()
-    own = (configured.transformation[at] @ solution.shapes[:, : solution.wanted]).reshape(len(rows), 3, -1)
-    return np.einsum("nij,njm->nim", nodes.frames[rows], own)
+    return _in_basic_axes(configured, solution.shapes[:, : solution.wanted], rows, np.arange(3))
+
+
+def grid_motion(configured: ConfiguredModel, shapes: NDArray) -> NDArray[np.float64]:
+    """(grid points, 6, modes) translations and rotations in basic axes of shapes on the free DOFs (n_free, modes); a
+    shape with NaN entries is NaN throughout."""
+    rows, known = np.arange(len(configured.model.structure.nodes.ids)), np.isfinite(shapes).all(axis=0)
+    filled = np.where(known, shapes, 0.0)
+    found = np.concatenate([_in_basic_axes(configured, filled, rows, k + np.arange(3)) for k in (0, 3)], axis=1)
+    found[:, :, ~known] = np.nan
+    return found
+
+
+def _in_basic_axes(
+    configured: ConfiguredModel, shapes: NDArray, rows: NDArray[np.int64], components: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    own = configured.transformation[(6 * rows[:, None] + components).ravel()] @ shapes
+    return np.einsum("nij,njm->nim", configured.model.structure.nodes.frames[rows], own.reshape(len(rows), 3, -1))
+
+
+def drawn_rows(case: StudyCase, solution: EigenSolution) -> NDArray[np.int32] | None:
+    """Rows of the grid points that `mode_shapes` draws, in its order; None where it draws nothing."""
+    mesh = case.mesh or drawn_mesh(case.configured)
+    return None if _not_drawn(mesh, solution.wanted) else np.asarray(mesh.used, dtype=np.int32)
 
 
 def _measured(case: StudyCase, solution: EigenSolution) -> dict[str, NDArray]:

@@ -310,9 +310,10 @@ def frf_set(record: FrfResults, arrays: Arrays) -> FrfSet:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CorrelateResult(OfConfigurations["CorrelationResults"]):
-    """Test against model in each configuration that has a test; `arrays` by the keys of the records."""
+    """Test against model in each configuration with a test; `arrays` by the keys of the records, `files` written."""
 
     arrays: Arrays = field(kw_only=True)
+    files: tuple[Path, ...] = field(default=(), kw_only=True)
 
     @property
     def pairs(self) -> Rows:
@@ -344,6 +345,43 @@ class CorrelateResult(OfConfigurations["CorrelationResults"]):
         """COMAC of each measured DOF over the paired modes."""
         return Rows.of(
             {"configuration": c.configuration, **row} for c in self.records for row in rows_of(c.comac, "dof", "comac")
+        )
+
+    @property
+    def contributions(self) -> Rows:
+        """eCOMAC of each measured DOF, and the change of the MAC when it is left out."""
+        columns = ("dof", "ecomac", "mac_change", "largest_change", "largest_change_label")
+        return Rows.of(
+            {"configuration": c.configuration, **row}
+            for c in self.records
+            for row in rows_of(c.contributions, *columns)
+        )
+
+    @property
+    def expanded(self) -> dict[str, ModeSet]:
+        """Test shapes expanded to the DOFs of the model's grid points, in basic axes, by configuration."""
+        from femtune.results.expansion import expanded_modes  # noqa: PLC0415
+
+        return {
+            c.configuration: expanded_modes(c.expansion, self.arrays) for c in self.records if c.expansion is not None
+        }
+
+    @property
+    def expansion(self) -> Rows:
+        """Error of each expansion method at sensors that were left out, in %, one line a test mode; `misfit_percent` is
+        that of the method in use at all sensors."""
+        return Rows.of(
+            {
+                "configuration": c.configuration,
+                "test_label": m.test_label,
+                "test_freq_hz": m.test_freq_hz,
+                "method": c.expansion.method,
+                "misfit_percent": m.misfit_percent,
+                **{e.method: e.error_percent for e in m.errors},
+            }
+            for c in self.records
+            if c.expansion is not None
+            for m in c.expansion.modes
         )
 
     @property
@@ -532,16 +570,26 @@ class RunResult(StepResult):
         if self.results.update is None:
             return Rows()
         facts = {p.name: p for p in self.results.parameters}
-        columns = ("value", "sd", "change_percent", "interval_95", "at_bound", "sd_reason")
+        columns = ("value", "sd", "change_percent", "interval_95", "interval_kind", "at_bound", "sd_reason")
         found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
         return Rows.of(
             {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
         )
 
     @property
+    def physical(self) -> Rows:
+        """One line per field that a factor multiplies: unit, initial and updated value, 95 % interval."""
+        if self.results.update is None:
+            return Rows()
+        columns = ("field", "unit", "nominal", "value", "interval_95")
+        return Rows.of(
+            {"name": p.name, **line} for p in self.results.update.parameters for line in rows_of(p.physical, *columns)
+        )
+
+    @property
     def derived(self) -> Rows:
         """One line a derived quantity of the study."""
-        columns = ("name", "unit", "nominal", "value", "sd", "sd_reason")
+        columns = ("name", "unit", "nominal", "value", "sd", "interval_95", "interval_kind", "sd_reason")
         return Rows() if self.results.update is None else rows_of(self.results.update.derived, *columns)
 
     @property

@@ -16,7 +16,9 @@ from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, state_at
 from femtune.results.correlation import array_prefix, correlate_case, correlation_results
 from femtune.results.criteria import of_whole_tests
+from femtune.results.expansion import expansion_results
 from femtune.results.model import model_modes
+from femtune.results.placement import placement_results
 from femtune.results.shapes import mode_shapes
 from femtune.results.solved import nominal, solve, solved_if_any
 
@@ -88,6 +90,8 @@ def model_records(
     """Modes and correlations at `x`; what `known` has is not solved again. `solved` is called with each solution."""
     found, records, shapes, raw = [], [], [], {}
     criteria = of_whole_tests(study)
+    # a model of matrices is never written: what comes after the update is its last version
+    last = version != "after" or study.file.imported
     for i, case in enumerate(study.cases):
         progress.step(f"modes and correlation, {version}: {case.name}", i, len(study.cases))
         solution = known[case.name] if case.name in known else solved_if_any(study, case, x)
@@ -96,8 +100,7 @@ def model_records(
         solved(case, solution)
         found.append(model_modes(case.name, version, solution))
         prefix = array_prefix(version, case.name, i + 1)
-        # a model of matrices is never written: what comes after the update is its last version
-        if version != "after" or study.file.imported:
+        if last:
             shapes.append(mode_shapes(case, version, solution, prefix, arrays))
         if case.modal is not None:
             with errors_at_configuration(study.file, case.entry, "test"):
@@ -106,7 +109,14 @@ def model_records(
             record = correlation_results(
                 case.name, version, raw[case.name], prefix, arrays, criteria, rigid, notices
             )  # fmt: skip
-            records.append(record.model_copy(update={"mac_gate": case.modal.rules.mac_gate}))
+            more: dict[str, object] = {"mac_gate": case.modal.rules.mac_gate}
+            more["placement"] = placement_results(case, raw[case.name], solution)
+            if last and study.file.correlate.expand != "none":
+                progress.step(f"expansion of the test shapes, {version}: {case.name}", i, len(study.cases))
+                more["expansion"] = expansion_results(
+                    case, study.file.correlate, raw[case.name], solution, prefix, arrays
+                )
+            records.append(record.model_copy(update=more))
     return ModelRecords(tuple(found), tuple(records), tuple(shapes), raw)
 
 

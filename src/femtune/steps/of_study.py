@@ -1,9 +1,10 @@
-"""Steps that require a study with a test and write no files: correlate, select, quantify."""
+"""Steps that require a study with a test and write no run folder: correlate, select, quantify."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
@@ -13,9 +14,12 @@ from femtune.assembly.described import StudySource, Test, source_of
 from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
 from femtune.errors import FemtuneError
+from femtune.files.study_file import with_expansion
 from femtune.results.solved import nominal
 from femtune.results.step_results import CorrelateResult, QuantifyResult, SelectResult
 from femtune.results.versions import model_records, start
+from femtune.study.expanded_files import check_expansion_asked, write_expanded_files
+from femtune.study.respond import check_places, uff_paths
 from femtune.study.solutions import looking_up
 
 if TYPE_CHECKING:
@@ -28,6 +32,8 @@ def correlate(
     source: StudySource,
     test: Test = None,
     *,
+    expand: str | None = None,
+    uff: Path | str | None = None,
     fresh: bool = False,
     progress: Progress = silent,
     **tables: Any,
@@ -38,13 +44,17 @@ def correlate(
     ----------
     source : a study (an object, or the path of its TOML file); or a model, with the other tables as keywords
     test : what `read_test` returned, or the path of its file; with a model
+    expand : expand the test shapes to the model: "serep", "dynamic" or "mdre"; "none"; None: as stated in the study
+    uff : Universal File for the expanded shapes; with several configurations each has its own, with its number in the
+        name
     fresh : ignore the journal of an earlier run of the study and solve everything again
     progress : receives progress reports
     tables : keywords of `Study`: ``modes={"count": 12}``, ``sensors={"tolerance": 0.01}``, ``units``, ``output`` …
 
     Raises
     ------
-    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, and errors in the files
+    FemtuneError : ``study.no-test``, ``correlate.*``, ``eigen.*``, ``uff.cannot-write``, ``write.overwrites-input``,
+        and errors in the files
 
     Examples
     --------
@@ -56,15 +66,24 @@ def correlate(
     array([ 4.39,  0.  , -0.88,  0.  ])
     >>> found.mac.shape
     (4, 6)
+    >>> expanded = ft.correlate(model, test, expand="dynamic", uff="expanded.uff")
+    >>> expanded.expanded["as the deck"].shapes.shape, [path.name for path in expanded.files]
+    ((16, 4), ['expanded.uff'])
     """
     study = read_study(source_of(source, test=test, **tables), progress)
+    study = replace(study, file=with_expansion(study.file, expand))
     if all(case.modal is None for case in study.cases):
         raise study.no_test("can be compared")
+    files = [] if uff is None else uff_paths(Path(uff), study)
+    if uff is not None:
+        check_expansion_asked(study, Path(uff))
+        check_places(study, files, Path(uff))
     arrays: dict[str, NDArray[Any]] = {}
     with looking_up(study, fresh) as found:
         records = model_records(found.study, "before", nominal(study), {}, arrays, progress).correlations
+    written = write_expanded_files(study, records, arrays, files)
     remarks = [f"[{a.code}] {a.sentence}" for record in records for a in record.alerts if a.level != "info"]
-    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks))
+    return CorrelateResult(records, arrays=arrays, remarks=(*found.remarks, *remarks), files=tuple(written))
 
 
 @checked

@@ -22,6 +22,7 @@ from femtune.results.folder import ARRAYS_FILE, RESULTS_FILE
 from femtune.results.provenance import input_paths
 from femtune.results.update import WriteBackResults, WrittenValue
 from femtune.results.write_back import edits, new_cards, repointed
+from femtune.study.expanded_files import EXPANDED_FILE
 from femtune.study.respond import FRFS_FILE, uff_paths
 from femtune.study.starts import HISTORY_FILE
 
@@ -56,7 +57,8 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     check_overwrites(study.built.deck, folder, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
-    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, frfs)):
+    shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
+    for name in (NAME, RESULTS_FILE, ARRAYS_FILE, HISTORY_FILE, *map(str, (*frfs, *shapes))):
         if os.path.realpath(folder / name) in inputs:
             raise FemtuneError("write.overwrites-input/study-file", where=Where(str(folder / name)))
 

@@ -161,6 +161,15 @@ def _weight(value: object) -> None:
         raise FemtuneError("study.value/weight", largest=_LARGEST_WEIGHT)
 
 
+def _by_node(value: object) -> None:
+    """A number of 0 or more, or such a number for some test nodes."""
+    numbers: list[tuple[Any, Any]] = list(value.items()) if isinstance(value, dict) else [(1, value)]
+    if not all(is_integer(n) and is_number(x) for n, x in numbers):
+        raise FemtuneError("study.type/by-node")
+    if not all(n > 0 and 0 <= x < float("inf") for n, x in numbers):
+        raise FemtuneError("study.value/by-node")
+
+
 def _group_name(text: str) -> None:
     if not re.fullmatch(_GROUP, text):
         raise FemtuneError("study.value/group-name")
@@ -228,6 +237,8 @@ Expression = Annotated[str, checked(parse_expression)]
 Weight = Annotated[float | Literal["l-curve", "gcv"], read_by(_weight)]
 FrequencySd = Annotated[float | str, read_by(_frequency_sd)]
 Covariance = Annotated[tuple[tuple[float, ...], ...] | str, read_by(_covariance)]
+ByNode = Annotated[float | dict[int, float], read_by(_by_node)]
+"""A number, or one for some test nodes."""
 Inertia = Annotated[Vector | tuple[Vector, Vector, Vector], read_by(_inertia)]
 Rotation = Annotated[tuple[Vector, Vector, Vector], checked(_rotation)]
 

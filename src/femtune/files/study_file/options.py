@@ -1,4 +1,4 @@
-"""[response] and [modes] with options of a call in place of their keys, under the rules of a file."""
+"""[response], [modes] and [correlate] with options of a call in place of their keys, under the rules of a file."""
 
 from __future__ import annotations
 
@@ -61,6 +61,24 @@ def with_modes(file: StudyFile, count: int | None, max_hz: float | None) -> Stud
         ErrorCollector(list(errors)).raise_if_any()
         raise
     return file.model_copy(update={"modes": modes})
+
+
+def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
+    """The study with another expansion of the test shapes in place of that of its [correlate].
+
+    Raises
+    ------
+    FemtuneError : ``study.value`` with the place "option or argument"
+    """
+    if method is None:
+        return file
+    study, known = file.study.model_dump(exclude_unset=True), file.correlate.model_dump(exclude_unset=True)
+    try:
+        found = StudyFile.model_validate({"study": study, "correlate": {**known, "expand": method}})
+    except ValidationError as findings:
+        ErrorCollector(list(problems(findings, StudyLines(_OPTIONS)))).raise_if_any()
+        raise
+    return file.model_copy(update={"correlate": found.correlate})
 
 
 def _replaced(place: Place, given: Mapping[str, Any]) -> bool:

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from femtune.dofs import DIRECTIONS, Dof, parse_dof
 from femtune.files.study_file.kinds import (
+    ByNode,
     DofLabel,
     NotNegative,
     Number,
@@ -59,6 +60,8 @@ class SensorsTable(TomlTable):
     tolerance: Positive | None = None
     by_id: bool = False
     nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
+    position_sd: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
+    angle_sd_deg: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
 
 
 class SensorTerm(TomlTable):
@@ -96,11 +99,14 @@ class RigidFloorEntry(TomlTable):
 
 
 class CorrelateTable(TomlTable):
-    """[correlate]: criteria for mode pairing and for close modes."""
+    """[correlate]: criteria for mode pairing and for close modes, and the expansion of test shapes to the model."""
 
     frequency_gate: Annotated[float, Field(gt=0, le=1)] = 0.30
     mac_gate: Annotated[float, Field(ge=0, le=1)] = 0.50
     cluster_gap: NotNegative = 0.01
+    expand: Literal["none", "serep", "dynamic", "mdre"] = "none"
+    expand_modes: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    expand_noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
 
 
 class CorrelationEntry(TomlTable):

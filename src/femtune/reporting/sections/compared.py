@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Heading, Listing, Paragraph, Table, columns, row, table_or_none
-from femtune.reporting.numbers import NONE, counted, listed, short
+from femtune.reporting.numbers import NONE, counted, listed, percent, short
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Cell
     from femtune.reporting.source import ReportSource
+    from femtune.results.correlation import CorrelationResults
     from femtune.results.model import MatchedSensor, SensorResults
 
 _UNFOLDED = 24
@@ -29,7 +30,38 @@ def compared(source: ReportSource) -> list[Block]:
         *(_unmatched(names, s) for names, s in _alike(source)),
         *(_matched(names, s, source.results.study.units) for names, s in _alike(source)),
         *([] if source.results.sensors else [Paragraph("The sensors were not matched.")]),
+        *(
+            block
+            for c in source.results.correlations
+            if c.stage == "before"
+            for block in placement_blocks(c, source.results.study.units)
+        ),
     ]
+
+
+def placement_blocks(comparison: CorrelationResults, units: str = "") -> list[Block]:
+    """Standard deviations from errors in the placement of the sensors, for page and terminal; [] without any."""
+    found = comparison.placement
+    if found is None or not found.modes:
+        return []
+    heads = columns("Test mode", ">± % of the largest entry", ">Largest ± %", "Sensor", ">1 − MAC")
+    rows = tuple(
+        row(m.test_label, percent(m.sd_percent), percent(m.largest_percent), m.largest_dof, short(m.mac_loss))
+        for m in found.modes
+    )
+    length = units.split("-", maxsplit=1)[0] if units else ""
+    note = (
+        f"Standard deviations of the shapes from errors of the positions ({_span(found.position_sd)} {length}) and the "
+        f"directions ({_span(found.angle_sd_deg)}°) of the sensors, and the mean loss of MAC that they alone "
+        "cause. Residuals of shape differences include them in their covariance."
+    )
+    title = f"{comparison.configuration}: effect of the placement of the sensors"
+    return [Table(title, heads, rows, note.replace(" )", ")"))]
+
+
+def _span(ends: tuple[float, float]) -> str:
+    low, high = map(short, ends)
+    return low if low == high else f"{low} to {high}"
 
 
 def _configurations(source: ReportSource) -> Block:

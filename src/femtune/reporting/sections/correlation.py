@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from femtune.reporting.document import Cell, Figure, FigureRow, Heading, Paragraph, Table, columns, row
 from femtune.reporting.figures.bars import comac_svg
 from femtune.reporting.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
-from femtune.reporting.numbers import NONE, NOT_TESTED, counted, freq, listed, unit_fraction
+from femtune.reporting.numbers import NONE, NOT_TESTED, counted, freq, listed, typeset, unit_fraction
 from femtune.reporting.source import VERSION_HEADS
 
 if TYPE_CHECKING:
@@ -155,7 +155,8 @@ def comac(source: ReportSource) -> list[Block]:
     said = [b for b in blocks if isinstance(b, Paragraph)]
     if not blocks:
         return [Paragraph("COMAC: not tested, modes were not compared.")]
-    return [*([FigureRow(figures)] if figures else []), *said]
+    tables = [t for name in names for t in contribution_table(source.shown(name)[-1])]
+    return [*([FigureRow(figures)] if figures else []), *said, *tables]
 
 
 def _comac_of(source: ReportSource, name: str) -> Figure | Paragraph:
@@ -169,6 +170,32 @@ def _comac_of(source: ReportSource, name: str) -> Figure | Paragraph:
     some = f", the {_SHOWN} lowest of {len(last)} DOFs" if len(last) > _SHOWN else ""
     caption = f"{name}{some}. Lowest: {listed(f'{unit_fraction(last[d])} at {d}' for d in worst[:_NAMED])}."
     return Figure(draw, caption, f"COMAC by measured DOF, {listed(f'{d} {unit_fraction(last[d])}' for d in dofs)}")
+
+
+def contribution_table(comparison: CorrelationResults, most: int = 10) -> list[Block]:
+    """The DOFs that lower the MAC most, for page and terminal; [] where no MAC can be compared without a DOF."""
+    known = [s for s in comparison.contributions if s.mac_change is not None]
+    order = sorted(known, key=lambda s: -(s.mac_change or 0.0))[:most]
+    comacs = _values(comparison)
+    heads = columns("DOF", ">COMAC", ">eCOMAC", ">Change of MAC, mean", ">largest", "in mode")
+    rows = tuple(
+        row(
+            s.dof, unit_fraction(comacs.get(s.dof), NONE), unit_fraction(s.ecomac, NONE), _change(s.mac_change),
+            _change(s.largest_change), s.largest_change_label,
+        )
+        for s in order
+    )  # fmt: skip
+    some = f"the {most} of {len(known)} DOFs with the largest increase" if len(known) > most else "all DOFs"
+    note = (
+        f"Change of the MAC of the pairs when the DOF is left out, {some}: positive where the DOF lowers the MAC. "
+        "eCOMAC is 0 for agreement."
+    )
+    title = f"{comparison.configuration}: MAC without one DOF, {VERSION_HEADS[comparison.stage]}"
+    return [Table(title, heads, rows, note)] if rows else []
+
+
+def _change(value: float | None) -> str:
+    return NONE if value is None else typeset(f"{value:+.4f}").replace("−0.0000", "0.0000").replace("+0.0000", "0.0000")
 
 
 def _values(comparison: CorrelationResults | None) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.reporting.document import AlertBox, Cell, Column, Figure, Heading, Paragraph, Table, columns, row
+from femtune.reporting.figures.fdac import FdacPanel, fdac_svg
 from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.reporting.numbers import NONE, counted, freq, percent, short, signed_percent, unit_fraction, value
 from femtune.reporting.source import VERSION_WORDS
@@ -149,7 +150,52 @@ def _configuration(source: ReportSource, name: str, named: bool) -> list[Block]:
         _figure(source, found, shown),
         *([Paragraph(_rest(len(order) - len(shown)), "muted")] if len(order) > len(shown) else []),
         frf_table(found, order, folded=len(order) > _FOLDED),
+        *fdac_table(found),
+        *_fdac_figures(source, last),
     ]
+
+
+_FDAC_PANELS = 4
+
+
+def fdac_table(found: Sequence[ResponseResults]) -> list[Block]:
+    """Mean FDAC and frequency shift, before and after; [] where it was not computed."""
+    frfs = [r.frfs for r in found if r.frfs is not None]
+    if not frfs[-1].fdac:
+        return []
+    words = ("Model",) if len(frfs) == 1 else ("Before", "After")
+    heads = [Column(frfs[-1].fdac[0].axis.capitalize()), Column("Functions", "right")]
+    for word in words:
+        heads += [Column("FDAC", "right", word), Column("Shift %", "right", word), Column("Shifted", "right", word)]
+    rows = tuple(
+        row(
+            one.dof, str(one.functions),
+            *(cell for f in frfs for cell in (
+                unit_fraction(f.fdac[k].mean), signed_percent(f.fdac[k].shift_percent),
+                unit_fraction(f.fdac[k].mean_shifted),
+            )),
+        )
+        for k, one in enumerate(frfs[-1].fdac)
+    )  # fmt: skip
+    note = (
+        "FDAC, the frequency domain assurance criterion, compares deflection shapes of test and model line by line: "
+        "mean at equal frequencies, the frequency shift (model − test)/test with the best agreement, and the mean with "
+        "this shift."
+    )
+    return [Table("Frequency domain assurance criterion", tuple(heads), rows, note)]
+
+
+def _fdac_figures(source: ReportSource, frfs: FrfResults) -> list[Block]:
+    panels = []
+    for one in frfs.fdac[:_FDAC_PANELS]:
+        values, test, model = map(source.array, (one.values_key, one.test_freq_key, one.model_freq_key))
+        if values is not None and test is not None and model is not None and len(test) > 1 and len(model) > 1:
+            panels.append(FdacPanel(f"{one.axis} {one.dof}", values, test, model, one.shift_percent))
+    if not panels:
+        return []
+    caption = "FDAC of test and model. Grey: equal frequencies. Orange: frequency shift with the best agreement."
+    alt = "; ".join(f"{p.title}, shift {signed_percent(p.shift_percent)} %" for p in panels)
+    return [Figure(partial(fdac_svg, tuple(panels)), caption, f"FDAC, {alt}", wide=True)]
 
 
 def ordered_pairs(frfs: FrfResults) -> list[int]:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from femtune.reporting.document import Cell, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import NONE, as_sentence, freq, listed, signed_percent, typeset, unit_fraction
+from femtune.reporting.sections.compared import placement_blocks
 from femtune.reporting.sections.correlation import (
+    contribution_table,
     dropped_sensors,
     highest_hz,
     model_mode_remark,
@@ -18,6 +20,7 @@ from femtune.reporting.sections.correlation import (
     pair_places,
     shown_columns,
 )
+from femtune.reporting.sections.expansion import expansion_table
 from femtune.reporting.sections.modes import cluster_paragraphs, mac_cell, pair_remark
 from femtune.reporting.sections.validation import criterion_cells, tested, untested
 from femtune.reporting.short_form import agreement
@@ -60,7 +63,10 @@ def _configuration(c: CorrelationResults, arrays: Arrays) -> list[Block]:
         *_unpaired_model(c, arrays),
         *_mac(c, arrays),
         _comac(c),
+        *contribution_table(c, most=5),
+        *placement_blocks(c),
         *_orthogonality(c, arrays),
+        *(expansion_table(c, c.expansion) if c.expansion is not None else []),
         *_criteria(c),
     ]
 

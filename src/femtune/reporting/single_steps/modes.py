@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from femtune.reporting.document import AlertBox, Cell, Column, Listing, Paragraph, Section, Table, row
 from femtune.reporting.numbers import NONE, NOT_TESTED, counted, freq
 from femtune.reporting.sections.modes import solved_by
-from femtune.reporting.sections.responses import frf_table, how, load_blocks, ordered_pairs, pole_blocks
+from femtune.reporting.sections.responses import fdac_table, frf_table, how, load_blocks, ordered_pairs, pole_blocks
 from femtune.reporting.short_form import responses_verdict, sturm_verdict
 from femtune.reporting.single_steps.model import column_groups
 
@@ -79,4 +79,4 @@ def _functions(r: ResponseResults, named: bool) -> list[Block]:
     alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for a in r.alerts]
     more = len(order) - _ROWS
     rest = [Paragraph(f"and {counted(more, 'more function')} in --json and --report", "muted")] if more > 0 else []
-    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_ROWS]), *rest]
+    return [*alerts, Paragraph(name + how(r.frfs)), frf_table([r], order[:_ROWS]), *fdac_table([r]), *rest]

@@ -42,6 +42,7 @@ class Found:
     dropped : frequency and number of estimates of what too few of them had
     curve : behind the stabilisation diagram
     measured, synthesised : functions at the lines of the fit, where the input is known
+    measured_sd : (responses, references, lines) √E|error|² of the measured functions, where their estimate gives it
     misfit_percent : (responses, references) what the synthesised functions miss of the measured ones, or None
     system : state-space model, where the input is known
     of_input : verdicts on peaks that the excitation has, where it was recorded
@@ -67,6 +68,7 @@ class Found:
     of_input: tuple[InputVerdict, ...] = ()
     notices: tuple[Notice, ...] = ()
     remarks: tuple[ModeRemark, ...] = ()
+    measured_sd: NDArray[np.float64] | None = field(default=None, repr=False)
     geometry: WireFrame = field(default=NO_GEOMETRY, repr=False)
 
     def of_structure(self, i: int) -> bool:

@@ -77,6 +77,7 @@ def found_from_frfs(
         measured=measured,
         synthesised=synthesised, misfit_percent=100.0 * error / np.where(size > 0.0, size, 1.0), system=made.system,
         notices=made.notices, remarks=made.remarks, geometry=geometry,
+        measured_sd=None if sd is None else sd[:, :, np.isin(frfs.freq_hz, measured.freq_hz)],
     )  # fmt: skip
 
 

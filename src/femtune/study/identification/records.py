@@ -9,6 +9,7 @@ import numpy as np
 from femtune import __version__
 from femtune.results.base import Alert, InputFile, Record
 from femtune.results.model import alert_of
+from femtune.study.identification.levels import LinearityResults
 
 if TYPE_CHECKING:
     from femtune.study.identification.found import Found
@@ -77,9 +78,13 @@ class Identification(Record):
     """Relative error of the synthesised function with the poorest fit; None if the input is not known."""
     alerts: tuple[Alert, ...]
     """Alerts."""
+    linearity: LinearityResults | None = None
+    """Comparison of tests at several levels of force; None if only one level was measured."""
 
 
-def identification(found: Found, title: str, source: InputFile, units: str) -> Identification:
+def identification(
+    found: Found, title: str, source: InputFile, units: str, linearity: LinearityResults | None = None
+) -> Identification:
     """The record of what was found."""
     clusters = tuple(
         PoleCluster(freq_hz=c.freq_hz, damping_ratio=c.damping_ratio, chosen=c.chosen, reason=c.reason)
@@ -96,6 +101,7 @@ def identification(found: Found, title: str, source: InputFile, units: str) -> I
         clusters=clusters,
         largest_misfit_percent=None if found.misfit_percent is None else float(found.misfit_percent.max()),
         alerts=tuple(alert_of(notice) for notice in found.notices),
+        linearity=linearity,
     )
 
 

@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from femtune.results.step_results import StepResult
 from femtune.results.tables import Rows, rows_of
 from femtune.study.identification.from_frfs import found_from_file, found_from_forces, has_forces
 from femtune.study.identification.from_record import found_from_record, read_asked
+from femtune.study.identification.levels import level_file, linearity_notice, linearity_of
 from femtune.study.identification.records import identification
 from femtune.study.identification.request import asked_of, check_methods, check_usable
 from femtune.study.identification.write import write_found
@@ -67,6 +69,22 @@ class IdentifyResult(StepResult):
     def clusters(self) -> Rows:
         """Clusters of stable poles, chosen or not, and why."""
         return rows_of(self.record.clusters, "freq_hz", "damping_ratio", "chosen", "reason")
+
+    @property
+    def linearity(self) -> Rows:
+        """Changes of each mode over the levels of the force, in %, and the verdict; no rows with one level."""
+        found = self.record.linearity
+        return Rows.of(
+            {
+                "label": m.label,
+                "frequency_percent": m.frequency.largest_percent,
+                "frequency_per_doubling_percent": m.frequency.per_doubling_percent,
+                "damping_percent": m.damping.largest_percent,
+                "damping_per_doubling_percent": m.damping.per_doubling_percent,
+                "linear": m.linear,
+            }
+            for m in (found.modes if found is not None else ())
+        )
 
     @property
     def poles(self) -> Rows:
@@ -129,10 +147,20 @@ def identify(
     progress.step("reading the measurement", 0, None)
     with _at_the_file(file):
         found = _found(file, progress)
+    linearity = linearity_of(file, found, partial(_found_at_level, progress))
+    if linearity is not None:
+        found = replace(found, notices=(*found.notices, *linearity_notice(linearity)))
     source = InputFile(path=file.measured_path.name, sha256=_digest(file.measured_path))
-    record = identification(found, file.identify.title or file.measured_path.name, source, file.identify.units)
+    title = file.identify.title or file.measured_path.name
+    record = identification(found, title, source, file.identify.units, linearity)
     names = write_found(folder, found, record)
     return IdentifyResult(folder, record, found, tuple(names))
+
+
+def _found_at_level(progress: Progress, file: IdentifyFile) -> Found:
+    progress.step(f"level {file.measured_path.name}", 0, None)
+    with _at_the_file(file):
+        return _found(file, progress)
 
 
 def _found(file: IdentifyFile, progress: Progress) -> Found:
@@ -171,7 +199,8 @@ def _at_the_file(file: IdentifyFile) -> Iterator[None]:
 
 def _check_folder(folder: Path, file: IdentifyFile) -> None:
     check_writable(folder)
-    inputs = {os.path.realpath(p) for p in (file.path, file.measured_path)}
+    levels = [level_file(file, entry).measured_path for entry in file.level]
+    inputs = {os.path.realpath(p) for p in (file.path, file.measured_path, *levels)}
     if any(os.path.realpath(p) in inputs for p in folder.iterdir()):
         raise FemtuneError("write.overwrites-input/measurement", where=Where(str(folder)))
 
