@@ -166,6 +166,11 @@ def test_a_repeat_to_hold_out_that_does_not_exist() -> None:
     check_shown("quantify.hold-out", _text(error))
 
 
+def test_measurement_errors_without_a_mode() -> None:
+    error = FemtuneError("quantify.noise", values={"compared modes": "1, 3"}, mode="3")
+    check_shown("quantify.noise", str(error))
+
+
 def test_held_out_repeats_that_differ() -> None:
     sentence = "The 6 repeats that were held out differ from the predicted distribution (p-values: means 0.004)"
     check_shown("quantify.held-out-differ", Notice("quantify.held-out-differ", found=sentence))
