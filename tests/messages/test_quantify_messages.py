@@ -171,6 +171,10 @@ def test_measurement_errors_without_a_mode() -> None:
     check_shown("quantify.noise", str(error))
 
 
+def test_shapes_of_a_table() -> None:
+    check_shown("quantify.shapes", str(FemtuneError("quantify.shapes")))
+
+
 def test_held_out_repeats_that_differ() -> None:
     sentence = "The 6 repeats that were held out differ from the predicted distribution (p-values: means 0.004)"
     check_shown("quantify.held-out-differ", Notice("quantify.held-out-differ", found=sentence))

@@ -125,6 +125,27 @@ def test_repeats_that_are_held_out_check_the_prediction(repeated):
     assert found.checks[2].verdict == "not tested"
 
 
+def test_shapes_are_outputs_beside_frequencies(repeated):
+    bench, factors, _ = repeated
+    names = [bench.uff(bench.measure(_truth(bench, f), count=6), f"r{i}.uff").name for i, f in enumerate(factors)]
+    result = steps.quantify(_study(bench, "shapes = true\n", repeats=str(names)))
+    found = result.record
+    assert_near(found, factors, 3e-3)
+    assert found.agrees
+    sensors = len(found.entries) // 3
+    assert len(found.entries) == 3 * sensors == 12
+    assert found.entries[0].label == "mode 1 at 2Y+"
+    of_first = np.array([e.measured_mean for e in found.entries[:sensors]])
+    assert of_first @ of_first == pytest.approx(1.0, abs=1e-3)
+    for entry in found.entries:
+        assert entry.model_mean == pytest.approx(entry.measured_mean, abs=1e-3)
+        assert entry.model_sd == pytest.approx(entry.measured_sd, rel=0.1, abs=2e-5)
+    covariance = result.arrays[found.output_covariance_key]
+    assert covariance.shape == (3 + len(found.entries),) * 2
+    assert result.repeats.shape == (COUNT, 3)
+    assert "Mode shapes in the forward check" in [getattr(b, "title", "") for b in variability_blocks(found)]
+
+
 def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     """Beams at both corners of a box and inside it; the two lowest frequencies of the plane determine the box."""
     lower, upper = np.array([1.0, 0.9]), np.array([1.2, 1.0])
@@ -338,6 +359,7 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.type", "hold_out"),
         (_broken("1,2\n10,60\n11,61\n", 'covariance = "other"\n'), "study.value", "covariance"),
         (_broken("1,2\n10,60\n11,61\n12,61\n", 'noise_sd = { "1" = 0.01 }\n'), "quantify.noise", "for mode 2"),
+        (_broken("1,2\n10,60\n11,61\n", "shapes = true\n"), "quantify.shapes", "a table has frequencies only"),
         (_broken("1,2\n10,60\n11,61\n", "noise_sd = -0.1\n"), "study.value", "noise_sd"),
         (_broken("1,2\n10,60\n11,61\n12,61\n", 'covariance = "robust"\n'), "quantify.robust", "at least four more"),
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),

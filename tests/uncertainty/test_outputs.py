@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -13,6 +15,7 @@ from femtune.uncertainty import (
     FrequenciesByOrder,
     ModeOutputs,
     frequency_outputs,
+    shape_outputs,
     statistics_of_repeats,
     stochastic_update,
     update_means,
@@ -154,3 +157,20 @@ def test_frequencies_and_shapes_give_mean_and_covariance_of_parameters():
     assert found.status.ok
     np.testing.assert_allclose(found.mean, theta.mean(axis=0), rtol=1e-4)
     np.testing.assert_allclose(found.sd, theta.std(axis=0, ddof=1), rtol=1e-2)
+
+
+def test_shapes_of_paired_modes_have_derivatives_and_the_scale_of_the_test():
+    model = _chain()
+    case = simulated_case(model, np.zeros(4), range(4), 3)
+    outputs = shape_outputs(UpdateProblem((case,), model.model.parameters))
+    z, G = outputs.linearised(PLACE)
+    np.testing.assert_allclose(G, _differences(outputs, PLACE), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(z, outputs.values(PLACE), rtol=1e-12)
+    modes = outputs.frequencies.modes
+    shapes = z[len(modes) :].reshape(len(modes), -1)
+    np.testing.assert_allclose(np.linalg.norm(shapes, axis=1), 1.0)
+    np.testing.assert_allclose(outputs.scaled(modes[1], -3.0 * shapes[1]), shapes[1])
+    assert len(outputs.labels) == len(z)
+    some = replace(outputs, kept=(0, 5))
+    np.testing.assert_allclose(some.values(PLACE)[len(modes) :], shapes.ravel()[[0, 5]])
+    assert some.linearised(PLACE)[1].shape == (len(modes) + 2, 4)

@@ -50,6 +50,23 @@ class QuantifiedOutput(Record):
     """Change from the first repeat to the last, or at a jump, in Hz; None if no dependence on order was found."""
 
 
+class QuantifiedEntry(Record):
+    """One entry of a mode shape in the repeated tests and in the updated distribution; each shape has unit norm."""
+
+    label: str
+    """Test mode and sensor."""
+    repeats: int
+    """Number of repeats with this entry."""
+    measured_mean: float
+    """Mean of the repeats."""
+    measured_sd: float
+    """Standard deviation of the repeats."""
+    model_mean: float
+    """Mean of the samples of the forward check."""
+    model_sd: float
+    """Standard deviation of these samples."""
+
+
 class RepeatCheck(Record):
     """A test of the repeats, or of the predicted distribution, by its p-value."""
 
@@ -157,6 +174,11 @@ class QuantifyResults(Record):
     """Tests of the repeats, and of the prediction for repeats that were held out."""
     noise_percent: float | None = None
     """Part of the measured variance that is due to measurement errors, in %; None if these are neglected."""
+    entries: tuple[QuantifiedEntry, ...] = ()
+    """One record for each entry of a mode shape, if the study requests shapes."""
+    output_covariance_key: str | None = None
+    """Key of the estimated covariance of frequencies (Hz), then entries of shapes, in the order of `outputs` and
+    `entries`; None without shapes."""
     intervals: IntervalResults | None = None
     """Intervals of the parameters; None if the study does not request them."""
     outliers: tuple[int, ...] = ()

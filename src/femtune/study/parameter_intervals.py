@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 _HALF_WIDTH, _LEAST, _MOST = 2.0, 1e-3, 8
 
 
-def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult) -> IntervalResults:
-    """The box whose extrema are the smallest and largest frequencies of the repeats, from mean ± 2 σ.
+def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: Reals) -> IntervalResults:
+    """The box whose extrema are the smallest and largest frequencies of the repeats `hz` (n, m), from mean ± 2 σ.
 
     A box that cannot be found is a result with a sentence.
 
@@ -26,7 +26,6 @@ def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult) -> I
     ------
     FemtuneError : ``quantify.interval`` for more than eight parameters whose effect is not known to be monotone
     """
-    hz = found.measured.repeats
     measured = np.nanmin(hz, axis=0), np.nanmax(hz, axis=0)
     half = np.maximum(_HALF_WIDTH * found.sd, _LEAST * found.start_sd)
     signs, counted = _signs(outputs), Counted(outputs)

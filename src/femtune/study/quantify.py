@@ -18,6 +18,7 @@ from femtune.results.quantify import (
     HELD_OUT,
     ORDER,
     OUTLIERS,
+    QuantifiedEntry,
     QuantifiedOutput,
     QuantifiedParameter,
     QuantifyResults,
@@ -30,12 +31,15 @@ from femtune.uncertainty import (
     CloudRules,
     Fit,
     RobustMoments,
+    ShapeOutputs,
     StochasticRules,
     check_held_out,
     check_repeats,
     forward_check,
     frequency_outputs,
     held_out_repeats,
+    shape_outputs,
+    statistics_of_repeats,
     stochastic_update,
 )
 from femtune.uncertainty.robust import LEVEL
@@ -59,7 +63,7 @@ if TYPE_CHECKING:
 Arrays = dict[str, NDArray]
 
 _CLOUDS = ("cross-covariance", "output-difference")
-_FEWEST, _NOTHING = 4, 1e-6
+_FEWEST, _NOTHING, _STILL = 4, 1e-6, 1e-6
 _NO_REPEAT = "the repeats do not have it"
 _NO_OUTLIERS = {
     "few": "this test needs at least four more repeats without missing values than frequencies",
@@ -86,19 +90,45 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
         outputs = _outputs(study, repeats, start)
         held = _held(table, len(repeats.hz))
-        measured = _with_noise(repeats.statistics(outputs.modes, table, held), outputs.modes, table)
-        found = _updated(study, table, outputs, measured, start)
+        rows = repeats.of_modes(outputs.modes)
+        used: FrequencyOutputs | ShapeOutputs = outputs
+        if table.shapes:
+            whole = shape_outputs(outputs.problem, start)
+            entries = _shapes_of(repeats, whole)
+            # entries at nodes of a shape and out of its plane are rounding errors
+            kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
+            used = replace(whole, kept=tuple(int(i) for i in kept))
+            rows = np.hstack([rows, entries[:, kept]])
+        measured = _with_noise(_statistics(rows[~held], used, table), outputs, table)
+        found = _updated(study, table, used, measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
-        check = forward_check(outputs, found, table.samples, table.seed)
-        intervals = parameter_intervals(outputs, found) if table.intervals else None
-        tested = _tested(repeats.of_modes(outputs.modes), held, check, found)
+        check = forward_check(used, found, table.samples, table.seed)
+        intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None
+        tested = _tested(rows, len(outputs.modes), held, check, found)
     record = _record(study, table, repeats, check, tested, arrays)
     return record.model_copy(update={"intervals": intervals})
 
 
-def _with_noise(measured: OutputStatistics, modes: tuple[str, ...], table: QuantifyTable) -> OutputStatistics:
-    """The statistics with the measurement errors that the study states."""
-    asked = table.noise_sd
+def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:
+    """(n, entries) shapes of the repeats, scaled as those of the outputs."""
+    assert repeats.shapes is not None
+    labels = repeats.case.compared.test.labels if repeats.case.compared is not None else ()
+    at = [(mode, labels.index(mode)) for mode in outputs.frequencies.modes]
+    return np.array([np.concatenate([outputs.scaled(m, row[i]) for m, i in at]) for row in repeats.shapes])
+
+
+def _statistics(rows: Reals, outputs: FrequencyOutputs | ShapeOutputs, table: QuantifyTable) -> OutputStatistics:
+    """Statistics of the repeats of the fit; entries of shapes are relative to their unit norm."""
+    found = statistics_of_repeats(rows, outputs.labels, table.missing, table.covariance, checked=False)
+    if not isinstance(outputs, ShapeOutputs):
+        return found
+    own = len(outputs.frequencies.modes)
+    return replace(found, scale=np.where(np.arange(len(found.mean)) < own, np.abs(found.mean), 1.0))
+
+
+def _with_noise(measured: OutputStatistics, outputs: FrequencyOutputs, table: QuantifyTable) -> OutputStatistics:
+    """The statistics with the measurement errors of the frequencies that the study states."""
+    asked, modes = table.noise_sd, outputs.modes
     if asked is None:
         return measured
     if isinstance(asked, dict):
@@ -106,17 +136,22 @@ def _with_noise(measured: OutputStatistics, modes: tuple[str, ...], table: Quant
         if unknown:
             raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
     shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
-    return replace(measured, noise=np.diag((shares * measured.mean) ** 2))
+    own = np.zeros(len(measured.mean))
+    own[: len(modes)] = (shares * measured.mean[: len(modes)]) ** 2
+    return replace(measured, noise=np.diag(own))
 
 
 @dataclass(frozen=True)
 class _Tested:
-    """All repeats in Hz (n, m), which of them the update did not use, and what was tested.
+    """All repeats (n, m), which of them the update did not use, and what was tested.
+
+    The first `frequencies` columns are in Hz, the others entries of shapes.
 
     `prediction` is None if there are too few held-out repeats.
     """
 
-    hz: Reals
+    rows: Reals
+    frequencies: int
     held: NDArray[np.bool_]
     checks: RepeatChecks
     prediction: HeldOutCheck | None
@@ -130,14 +165,17 @@ def _held(table: QuantifyTable, count: int) -> NDArray[np.bool_]:
     return held_out_repeats(count, table.hold_out, table.seed)
 
 
-def _tested(hz: Reals, held: NDArray[np.bool_], check: ForwardCheck, found: StochasticResult) -> _Tested:
+def _tested(
+    rows: Reals, frequencies: int, held: NDArray[np.bool_], check: ForwardCheck, found: StochasticResult
+) -> _Tested:
     measured = found.measured
     fit = Fit(
         len(measured.repeats), check.mean, check.covariance, found.G @ found.T,
         np.zeros_like(measured.covariance) if measured.noise is None else measured.noise,
     )  # fmt: skip
-    prediction = check_held_out(hz[held], fit) if held.any() else None
-    return _Tested(hz, held, check_repeats(hz, measured.labels), prediction, found)
+    prediction = check_held_out(rows[held], fit) if held.any() else None
+    checks = check_repeats(rows[:, :frequencies], measured.labels[:frequencies])
+    return _Tested(rows, frequencies, held, checks, prediction, found)
 
 
 @contextmanager
@@ -163,7 +201,11 @@ def _outputs(study: Study, repeats: Repeats, start: Reals) -> FrequencyOutputs:
 
 
 def _updated(
-    study: Study, table: QuantifyTable, outputs: FrequencyOutputs, measured: OutputStatistics, start: Reals
+    study: Study,
+    table: QuantifyTable,
+    outputs: FrequencyOutputs | ShapeOutputs,
+    measured: OutputStatistics,
+    start: Reals,
 ) -> StochasticResult:
     names, sd = tuple(p.name for p in study.parameters.free), np.array([p.sd for p in study.parameters.free])
     rules = StochasticRules(
@@ -187,7 +229,9 @@ def _record(
     found = tested.found
     measured, status = found.measured, found.status
     keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
-    values = (measured.repeats, measured.covariance, check.with_noise(table.seed), found.covariance)
+    own = tested.frequencies
+    cloud = check.with_noise(table.seed)[:, :own]
+    values = (measured.repeats[:, :own], measured.covariance[:own, :own], cloud, found.covariance)
     arrays |= dict(zip(keys.values(), values))
     near = _distances(found)
     parameters = _parameters(study, found, near)
@@ -207,6 +251,8 @@ def _record(
         agrees=check.agrees,
         parameters=parameters,
         outputs=_output_records(check, tested.checks),
+        entries=_entry_records(check, own),
+        output_covariance_key=_keep_covariance(measured, own, arrays),
         sentences=(*check.sentences, *_remarks(found, parameters), *_of_distances(near)),
         checks=_check_records(tested),
         noise_percent=_noise_percent(measured),
@@ -289,9 +335,32 @@ def _keep_distances(tested: _Tested, arrays: Arrays) -> str | None:
     if isinstance(robust, str):
         return None
     key = "quantify/robust_distance"
-    arrays[key] = np.full(len(tested.hz), np.nan)
+    arrays[key] = np.full(len(tested.rows), np.nan)
     arrays[key][tested.checks.whole] = robust.distance
     return key
+
+
+def _keep_covariance(measured: OutputStatistics, frequencies: int, arrays: Arrays) -> str | None:
+    """Key of the covariance of frequencies and shapes, which is put into `arrays`; None without shapes."""
+    if len(measured.mean) == frequencies:
+        return None
+    arrays["quantify/output_covariance"] = measured.covariance
+    return "quantify/output_covariance"
+
+
+def _entry_records(check: ForwardCheck, first: int) -> tuple[QuantifiedEntry, ...]:
+    measured = check.measured
+    return tuple(
+        QuantifiedEntry(
+            label=measured.labels[i],
+            repeats=int(np.isfinite(measured.repeats[:, i]).sum()),
+            measured_mean=float(measured.mean[i]),
+            measured_sd=float(measured.sd[i]),
+            model_mean=float(check.mean[i]),
+            model_sd=float(check.sd[i]),
+        )
+        for i in range(first, len(measured.mean))
+    )
 
 
 def _check_records(tested: _Tested) -> tuple[RepeatCheck, ...]:
@@ -368,7 +437,7 @@ def _output_records(check: ForwardCheck, checks: RepeatChecks) -> tuple[Quantifi
             noise_sd_hz=None if measured.noise is None else float(np.sqrt(measured.noise[i, i])),
             change_hz=None if change is None else float(change[i]),
         )
-        for i, label in enumerate(measured.labels)
+        for i, label in enumerate(measured.labels[: len(checks.labels)])
     )
 
 

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
         FunctionOutputs,
         ModeOutputs,
         Outputs,
+        ShapeOutputs,
         definite_signs,
         frequency_outputs,
+        shape_outputs,
     )
     from femtune.uncertainty.repeat_checks import RepeatChecks, check_repeats
     from femtune.uncertainty.repeats import (
@@ -76,6 +78,7 @@ __all__ = [
     "QuadraticModel",
     "RepeatChecks",
     "RobustMoments",
+    "ShapeOutputs",
     "StochasticResult",
     "StochasticRules",
     "StochasticStatus",
@@ -97,6 +100,7 @@ __all__ = [
     "propagate",
     "quadratic_model",
     "robust_moments",
+    "shape_outputs",
     "statistics_of_repeats",
     "stochastic_update",
     "unexplained",

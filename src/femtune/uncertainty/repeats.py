@@ -96,6 +96,7 @@ class OutputStatistics:
     notices : what the user should know about them
     checks : order dependence and outliers of the repeats; None if they were not checked
     robust : True if mean and covariance are robust, so that they are not those of the repeats
+    scale : (m,) sizes to which deviations are relative; the magnitudes of the means where None
     noise : (m, m) covariance of the measurement errors of a single repeat; None for negligible ones
     """
 
@@ -108,6 +109,12 @@ class OutputStatistics:
     checks: RepeatChecks | None = None
     robust: bool = False
     noise: Reals | None = None
+    scale: Reals | None = None
+
+    @property
+    def sizes(self) -> Reals:
+        """(m,) sizes to which deviations are relative."""
+        return np.abs(self.mean) if self.scale is None else self.scale
 
     @property
     def sd(self) -> Reals:

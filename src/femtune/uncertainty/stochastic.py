@@ -95,9 +95,9 @@ def estimator(
     """
     if weighting == "covariance":
         return LinearEstimator(_inverse_root(measured), scale, regularisation)
-    if (measured.mean == 0.0).any():
-        raise FemtuneError("quantify.zero-mean", output=measured.labels[int(np.argmin(np.abs(measured.mean)))])
-    return LinearEstimator(np.diag(1.0 / np.abs(measured.mean)), scale, regularisation)
+    if (measured.sizes == 0.0).any():
+        raise FemtuneError("quantify.zero-mean", output=measured.labels[int(np.argmin(measured.sizes))])
+    return LinearEstimator(np.diag(1.0 / measured.sizes), scale, regularisation)
 
 
 def _inverse_root(measured: OutputStatistics) -> Reals:
@@ -667,7 +667,7 @@ def unexplained(G: Reals, measured: OutputStatistics) -> float:
     A wrong set of parameters can still reproduce the mean; the covariance shows it. Outputs are scaled by
     their means, as their weights are, and variances are summed over all of them.
     """
-    scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)
+    scale = np.where(measured.sizes != 0.0, measured.sizes, 1.0)
     u, s, _ = np.linalg.svd(G / scale[:, None], full_matrices=False)
     u = u[:, s > 1e-8 * s.max(initial=0.0)]
     C = measured.structural / np.outer(scale, scale)

@@ -37,6 +37,7 @@ class QuantifyTable(TomlTable):
     covariance: Literal["sample", "robust"] = "sample"
     noise_sd: Fraction | dict[Text, Fraction] | None = None
     hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
+    shapes: bool = False
     intervals: bool = False
     weighting: Literal["relative", "covariance"] = "relative"
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0

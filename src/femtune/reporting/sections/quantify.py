@@ -43,7 +43,7 @@ def variability_blocks(found: QuantifyResults) -> list[Block]:
     rest = [Listing(tuple(others))] if others else []
     return [
         Paragraph(first), *rest, Paragraph(_how(found)), parameter_table(found), output_table(found),
-        *check_tables(found), *interval_blocks(found),
+        *entry_tables(found), *check_tables(found), *interval_blocks(found),
     ]  # fmt: skip
 
 
@@ -101,6 +101,21 @@ def output_table(found: QuantifyResults) -> Table:
     if any(o.robust_sd_hz is not None for o in found.outputs):
         note += " Robust σ: that to which outliers do not contribute."
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
+
+
+def entry_tables(found: QuantifyResults) -> list[Table]:
+    """Entries of the mode shapes; none if the study does not request shapes."""
+    if not found.entries:
+        return []
+    rows = tuple(
+        row(e.label, str(e.repeats), *map(short, (e.measured_mean, e.model_mean, e.measured_sd, e.model_sd)))
+        for e in found.entries[:_MOST_SHOWN]
+    )
+    heads = columns("Mode and sensor", ">Repeats", ">Measured mean", ">Model mean", ">Measured σ", ">Model σ")
+    note = "Shapes have unit norm over the measured sensors, and the sign of the test."
+    if len(found.entries) > len(rows):
+        note += f" {counted(len(found.entries) - len(rows), 'more entry', 'more entries')} in the results."
+    return [Table("Mode shapes in the forward check", heads, rows, note)]
 
 
 def interval_blocks(found: QuantifyResults) -> list[Block]:

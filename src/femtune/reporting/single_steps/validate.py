@@ -8,6 +8,7 @@ from femtune.reporting.document import Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED, as_sentence
 from femtune.reporting.sections.quantify import (
     check_tables,
+    entry_tables,
     interval_blocks,
     output_table,
     parameter_table,
@@ -39,7 +40,7 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
     sections = (
         Section("words", "Reliability", words),
         Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
-        Section("outputs", "Forward check", (output_table(found),)),
+        Section("outputs", "Forward check", (output_table(found), *entry_tables(found))),
         *(Section("checks", "Tests of the repeats", (table,)) for table in check_tables(found)),
         *([Section("intervals", "Intervals", tuple(interval_blocks(found)))] if found.intervals else []),
     )
