@@ -63,11 +63,11 @@ def test_one_standard_deviation_is_that_of_the_frequencies(form: str) -> None:
 
 
 @pytest.mark.quick(1)
-@pytest.mark.parametrize("common_sd", [0.0, 0.04])
+@pytest.mark.parametrize("common_sd", [0.04, 0.0])
 def test_a_wrong_mass_is_covered_where_it_is_allowed_for(common_sd: float) -> None:
     """All masses of the structure are wrong by 8 %, one standard deviation: 4 % of each frequency."""
     rng, truth, held, passed = np.random.default_rng(1), np.array([0.1, -0.15, 0.2]), [], 0
-    for _ in range(60):
+    for _ in range(40):
         masses = [m * (1.0 + 0.08 * error) for error in [rng.normal()] for m in MASSES]
         wrong = factor_model(spring_structure(CHAIN, masses), GROUPS)  # type: ignore[arg-type]
         test = simulated_case(wrong, truth, range(5), 5).test  # type: ignore[arg-type]
@@ -81,7 +81,7 @@ def test_a_wrong_mass_is_covered_where_it_is_allowed_for(common_sd: float) -> No
         held += [intervals[n][0] <= 1.0 + t <= intervals[n][1] for n, t in zip("abc", truth)]
         passed += goodness_of_fit(result.after.weighted).outcome is Outcome.PASS
     # the wrong mass is taken up by the stiffnesses: the residuals cannot show it
-    assert passed > 50
+    assert passed > 33
     if common_sd:
         assert np.mean(held) > 0.9
     else:
