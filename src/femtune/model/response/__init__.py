@@ -5,7 +5,11 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.model.response.complex_derivatives import ComplexModeDerivative, complex_mode_derivative
+    from femtune.model.response.complex_derivatives import (
+        ComplexModeDerivative,
+        complex_mode_derivative,
+        mean_pole_derivative,
+    )
     from femtune.model.response.complex_eigen import ComplexModes, complex_modes
     from femtune.model.response.frf_methods import METHODS, Kind, Method, frf
     from femtune.model.response.gradient import FrfGradient, frf_gradient
@@ -40,6 +44,7 @@ __all__ = [
     "make_ports",
     "mass_response",
     "matrix_ports",
+    "mean_pole_derivative",
     "static_response",
     "zero_finder",
 ]

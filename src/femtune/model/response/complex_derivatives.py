@@ -7,6 +7,7 @@ Source: R. B. Nelson, AIAA Journal 14 (1976); for damped systems M. I. Friswell,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,9 +71,24 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
     return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
 
 
-def _check_simple(modes: ComplexModes, mode: int) -> None:
+def mean_pole_derivative(modes: ComplexModes, members: Sequence[int]) -> NDArray[np.complex128]:
+    """(p,) derivatives of the mean of some poles, which exist where these are close to each other or repeat.
+
+    Errors as of `complex_mode_derivative`, for a pole outside `members` that is as near as rounding.
+    """
+    slopes = []
+    for mode in members:
+        _check_simple(modes, mode, members)
+        psi = modes.shapes[:, mode]
+        slopes.append(-(psi @ _forces(modes.stiffness, complex(modes.poles[mode]), psi)))
+    return np.asarray(np.mean(slopes, axis=0))
+
+
+def _check_simple(modes: ComplexModes, mode: int, together: Sequence[int] = ()) -> None:
+    """Refuse another pole as near as rounding, but for those of which the mean is wanted."""
     pole = modes.poles[mode]
     gaps = np.abs(modes.poles - pole)
+    gaps[list(together)] = np.inf
     gaps[mode] = np.inf if pole.imag == 0.0 else abs(2.0 * pole.imag)
     size = max(abs(pole), 1e-6 * float(np.abs(modes.poles).max(initial=0.0)))
     psi = modes.shapes[:, mode]
