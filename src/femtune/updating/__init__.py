@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from femtune.updating.prior import Prior, correlated_prior
     from femtune.updating.regularisation import (
         Distance,
+        EachStep,
         Identical,
         Link,
         MinimumChange,
@@ -59,6 +60,7 @@ else:
 __all__ = [
     "Belief",
     "Distance",
+    "EachStep",
     "EquationError",
     "ErrorSum",
     "GaussNewton",
