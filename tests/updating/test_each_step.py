@@ -128,12 +128,8 @@ def test_a_weight_by_a_rule_is_kept_or_adapted():
 
 def test_undetermined_combinations_stay_at_their_initial_values():
     """Two springs in one group of rows: the data see only what both do, and no rule moves the rest."""
-    made = simulated_case(
-        factor_model(spring_structure([(-1, 0, 400.0), (-1, 0, 500.0)], [1.0]), {"a": [1], "b": [2]}),
-        (0.3, 0.3),
-        (0,),
-        1,
-    )
+    structure = spring_structure([(-1, 0, 400.0), (-1, 0, 500.0)], [1.0])
+    made = simulated_case(factor_model(structure, {"a": [1], "b": [2]}), (0.3, 0.3), (0,), 1)
     problem = UpdateProblem((made,), made.configured.model.parameters, (FrequencyResidual(SD),))
     method = SensitivityMethod(regularisation=EachStep(MinimumChange(1.0)), search=GaussNewton(), max_iterations=200)
     result = update(problem, method)
