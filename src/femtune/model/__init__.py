@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from femtune.model.digests import digest
     from femtune.model.eigen.solution import EigenSolution, solve_modes
     from femtune.model.fingerprint import derivatives_digest, matrices_digest
+    from femtune.model.over_frequency import FrequencyTable, frequency_table
     from femtune.model.parametric import Assignment, ParametricModel, parametric_model
     from femtune.model.solvers.factorise import available_solvers
 else:
@@ -33,6 +34,7 @@ __all__ = [
     "Configuration",
     "ConfiguredModel",
     "EigenSolution",
+    "FrequencyTable",
     "ModalDamping",
     "ModelPoint",
     "ParametricModel",
@@ -47,6 +49,7 @@ __all__ = [
     "derivatives_digest",
     "digest",
     "eigenvalue_derivatives",
+    "frequency_table",
     "grid_matrix",
     "matrices_digest",
     "parametric_model",
