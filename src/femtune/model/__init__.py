@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.model.derivatives.sensors import SensorDerivatives, sensor_derivatives
     from femtune.model.derivatives.streamed import derivatives_by_parameter
     from femtune.model.digests import digest
+    from femtune.model.eigen.own_frequency import OwnFrequencyMode, modes_at_own_frequency
     from femtune.model.eigen.solution import EigenSolution, solve_modes
     from femtune.model.fingerprint import derivatives_digest, matrices_digest
     from femtune.model.over_frequency import FrequencyTable, frequency_table
@@ -37,6 +38,7 @@ __all__ = [
     "FrequencyTable",
     "ModalDamping",
     "ModelPoint",
+    "OwnFrequencyMode",
     "ParametricModel",
     "SensorDerivatives",
     "SubspaceDerivative",
@@ -52,6 +54,7 @@ __all__ = [
     "frequency_table",
     "grid_matrix",
     "matrices_digest",
+    "modes_at_own_frequency",
     "parametric_model",
     "sensor_derivatives",
     "solve_modes",

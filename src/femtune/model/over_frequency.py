@@ -51,7 +51,7 @@ class FrequencyTable:
         x, y = self.freq_hz, self.factor
         slopes = np.concatenate([[0.0], np.diff(y) / np.diff(x), [0.0]])
         sides = (np.searchsorted(x, freq_hz, side) for side in ("left", "right"))
-        return float(np.interp(freq_hz, x, y)), float(np.mean([slopes[i] for i in sides]))  # type: ignore[call-overload]
+        return float(np.interp(freq_hz, x, y)), float(np.mean([slopes[i] for i in sides]))
 
     def multiplies(self, ref: FieldRef) -> bool:
         """Whether it multiplies a field."""

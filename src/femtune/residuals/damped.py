@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,12 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import EigenSolution
-from femtune.model.response import ComplexModes, DampingRatios, complex_modes, mean_pole_derivative
+from femtune.model.response import (
+    DampingRatios,
+    complex_modes,
+    complex_modes_at_own_frequency,
+    mean_pole_derivative,
+)
 from femtune.residuals.case import CaseState, Group, PairedMode
 from femtune.residuals.frf.model_way import full_modes
 
@@ -23,17 +28,48 @@ _MORE, _MOST = 4, 8
 
 
 @dataclass(frozen=True, eq=False)
+class _Poles:
+    """Poles (m,) with shapes (n_free, m), which of them oscillate, and the derivatives (k,) of the mean of some."""
+
+    poles: NDArray[np.complex128]
+    shapes: NDArray[np.complex128]
+    oscillating: NDArray[np.int64]
+    complete: bool
+    mean_derivative: Callable[[Sequence[int]], NDArray[np.complex128]]
+
+
+def _poles(real: EigenSolution, count: int, damping: DampingRatios | None) -> _Poles:
+    if real.point.depends_on_frequency:
+        return _at_own_frequency(real, damping)
+    found = complex_modes(real, count, damping)
+    some = np.array([j for j, kind in enumerate(found.kinds) if kind == "oscillating"], dtype=np.int64)
+    return _Poles(found.poles, found.shapes, some, found.complete, partial(mean_pole_derivative, found))
+
+
+def _at_own_frequency(real: EigenSolution, damping: DampingRatios | None) -> _Poles:
+    """As many poles as there are real modes, each with the tables over frequency at |λ|/2π."""
+    if damping is not None or real.point.mode_ratios:
+        raise FemtuneError("table.direct/modal-damping")
+    found = complex_modes_at_own_frequency(real.point, real.wanted)
+    slopes = np.array([mode.gradient for mode in found])
+    poles = np.array([mode.eigenvalue for mode in found])
+    some = np.flatnonzero(poles.imag > 0.0)
+    shapes = np.stack([mode.shape for mode in found], axis=1)
+    return _Poles(poles, shapes, some, True, lambda members: np.asarray(slopes[list(members)].mean(axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
 class DampedModes:
     """The complex modes of a state.
 
     Parameters
     ----------
-    modes : complex modes of the full model
+    found : poles and shapes of the full model
     members : for each group of the state, positions of its complex modes, as many as it has real modes
     """
 
     state: CaseState
-    modes: ComplexModes
+    found: _Poles
     members: dict[Group, tuple[int, ...]]
 
     @cached_property
@@ -55,12 +91,12 @@ class DampedModes:
 
     def _mean(self, at: list[int], members: tuple[int, ...], derivatives: bool) -> tuple[list[int], complex, NDArray]:
         if derivatives and members not in self._slopes:
-            self._slopes[members] = mean_pole_derivative(self.modes, members)
+            self._slopes[members] = self.found.mean_derivative(members)
         slope = self._slopes[members] if derivatives else np.zeros(0, complex)
-        return at, complex(np.mean(self.modes.poles[list(members)])), slope
+        return at, complex(np.mean(self.found.poles[list(members)])), slope
 
     def _by_shape(self, pairs: Sequence[PairedMode], members: tuple[int, ...]) -> list[int]:
-        shapes = self.state.case.on_full_model.sensors @ self.modes.shapes[:, list(members)]
+        shapes = self.state.case.on_full_model.sensors @ self.found.shapes[:, list(members)]
         mac = np.array([[_mac(pair.test_shape, shape) for shape in shapes.T] for pair in pairs])
         return [members[j] for j in linear_sum_assignment(-mac)[1]]
 
@@ -94,7 +130,7 @@ def _damped(state: CaseState, damping: DampingRatios | None) -> DampedModes:
     wanted = [_in_full_model(state, real, models) for _, models in state.groups]
     size = count = real.wanted + _MORE
     while True:
-        found = complex_modes(real, count, damping)
+        found = _poles(real, count, damping)
         members, shares = _partners(real, found, wanted)
         worst = int(np.argmin(shares))
         if shares[worst] >= _SAME_MOTION:
@@ -118,10 +154,10 @@ def _in_full_model(state: CaseState, real: EigenSolution, models: Sequence[int])
 
 
 def _partners(
-    real: EigenSolution, found: ComplexModes, wanted: Sequence[Sequence[int]]
+    real: EigenSolution, found: _Poles, wanted: Sequence[Sequence[int]]
 ) -> tuple[list[tuple[int, ...]], Reals]:
     """Oscillating complex modes for the real modes of each group, and their least kinetic energy in the group."""
-    some = np.array([j for j, kind in enumerate(found.kinds) if kind == "oscillating"], dtype=int)
+    some = found.oscillating
     psi = found.shapes[:, some]
     inertia = real.point.mass @ psi
     energy = np.einsum("ij,ij->j", psi.conj(), inertia).real

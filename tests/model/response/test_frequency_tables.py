@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from tests.messages.shown import check_shown
 
+from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.fem import FieldRef
+from femtune.modal import ModeSet
 from femtune.model import (
     Assignment,
     Configuration,
@@ -20,21 +24,35 @@ from femtune.model import (
     configure,
     frequency_table,
     matrices_digest,
+    modes_at_own_frequency,
     parametric_model,
     solve_modes,
 )
 from femtune.model.damping import constant_damping
+from femtune.model.full_model import direct
 from femtune.model.response import (
     complex_modes_at_own_frequency,
     frf,
     frf_gradient,
     make_ports,
-    modes_at_own_frequency,
     static_response,
 )
 from femtune.parameters import Parameter, ParameterSet
-from femtune.residuals import ComparedCase, FrfResidual, ModelWay, UpdateProblem, case_without_modes, frf_residual
+from femtune.residuals import (
+    ComparedCase,
+    ComplexEigenvalueResidual,
+    DampingResidual,
+    FrequencyResidual,
+    FrfResidual,
+    ModelWay,
+    ShapeResidual,
+    UpdateProblem,
+    case_without_modes,
+    frf_residual,
+)
 from femtune.testing import check_matrix_derivatives, check_residual
+from femtune.updating import update
+from structures.springs import sensor_rows
 
 from .models import CARDS, chain
 
@@ -219,6 +237,7 @@ def test_what_needs_one_stiffness_is_refused():
         with pytest.raises(FemtuneError) as caught:
             act()
         assert caught.value.code == "table.no-frequency"
+        check_shown("table.no-frequency", caught.value)
     assert point.mass.shape == (4, 4)
     assert point.viscous.nnz
     frozen = solve_modes(point.at_frequency(3.0), 4)
@@ -227,6 +246,29 @@ def test_what_needs_one_stiffness_is_refused():
         with pytest.raises(FemtuneError) as caught:
             frf(point, ports, [1.0], **options)  # type: ignore[arg-type]
         assert caught.value.code == "table.direct"
+        if "damping" not in options:
+            check_shown("table.direct", caught.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "tables"),
+    [
+        ("table.values", lambda: [frequency_table([field("K", 2)], [2.0, 1.0], [1.0, 2.0])]),
+        ("table.fields", lambda: [frequency_table([FieldRef("CELAS2", 77, "K")], [1.0], [1.0])]),
+    ],
+)
+def test_messages(code: str, tables: Callable[[], list[FrequencyTable]]):
+    with pytest.raises(FemtuneError) as caught:
+        model(tables())
+    check_shown(code, caught.value)
+
+
+def test_close_modes_are_refused_as_a_cluster():
+    configured = model((MODULUS,))
+    modes = direct.modes(configured.at(np.zeros(0)), 3, None)
+    with pytest.raises(FemtuneError) as caught:
+        direct.derivative(modes, [0, 1], sensor_rows(configured, (0,)))
+    check_shown("table.close-modes", caught.value)
 
 
 def test_a_digest_contains_the_tables():
@@ -268,3 +310,30 @@ def test_a_modulus_that_rises_too_steeply_has_no_mode_of_its_own():
     with pytest.raises(FemtuneError) as caught:
         modes_at_own_frequency(configured.at(np.zeros(0)), 1)
     assert caught.value.code == "table.own-frequency"
+    check_shown("table.own-frequency", caught.value)
+
+
+def test_residuals_of_modes_at_their_own_frequency():
+    """Frequencies and shapes: zero at the truth, and Jacobians that contain the change of stiffness with frequency."""
+    configured = model((MODULUS, LOSSES), {"k": ("K", 2), "m": ("M", 3), "other": ("K", 3)})
+    rows = sensor_rows(configured, (0, 1, 3))
+    truth = np.array([0.2, -0.1, 0.1])
+    there = direct.modes(configured.at(truth), 3, None)
+    freq = [mode.freq_hz for mode in modes_at_own_frequency(configured.at(truth), 3)]
+    np.testing.assert_allclose(there.freq_hz, freq, rtol=1e-10)
+    dofs = DofSet(configured.free_dof(i) for i in (0, 1, 3))
+    test = ModeSet(there.freq_hz, rows @ there.shapes, dofs)
+    case = ComparedCase(configured, test, rows, count=4, residuals=(FrequencyResidual(0.01), ShapeResidual(0.1)))
+    problem = UpdateProblem((case,), configured.model.parameters)
+    check_residual(problem, np.array([0.05, 0.02, -0.05]))
+    assert problem.start(truth).objective < 1e-16
+    found = update(problem)
+    np.testing.assert_allclose(found.x, truth, atol=1e-6)
+    poles = [mode.eigenvalue for mode in complex_modes_at_own_frequency(configured.at(truth), 3)]
+    damped = replace(test, freq_hz=np.abs(poles) / (2 * np.pi), damping_ratio=-np.real(poles) / np.abs(poles))
+    for residual in (ComplexEigenvalueResidual(sd=0.01), DampingResidual(sd=0.01)):
+        problem = UpdateProblem((replace(case, test=damped, residuals=(residual,)),), configured.model.parameters)
+        check_residual(problem, np.array([0.05, 0.02, -0.05]))
+        assert problem.start(truth).objective < 1e-14
+    up_to = direct.modes(configured.at(truth), None, freq[1] * 1.01)
+    np.testing.assert_allclose(up_to.freq_hz, freq[:2], rtol=1e-10)

@@ -15,11 +15,7 @@ if TYPE_CHECKING:
     from femtune.model.response.gradient import FrfGradient, frf_gradient
     from femtune.model.response.mass import EffectiveMass, MassResponse, effective_mass, mass_response
     from femtune.model.response.modal_damping import DampingRatios
-    from femtune.model.response.own_frequency import (
-        OwnFrequencyMode,
-        complex_modes_at_own_frequency,
-        modes_at_own_frequency,
-    )
+    from femtune.model.response.own_frequency import complex_modes_at_own_frequency
     from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
     from femtune.model.response.static import StaticResponse, static_response
     from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
@@ -36,7 +32,6 @@ __all__ = [
     "Kind",
     "MassResponse",
     "Method",
-    "OwnFrequencyMode",
     "Ports",
     "Signal",
     "StaticResponse",
@@ -52,7 +47,6 @@ __all__ = [
     "mass_response",
     "matrix_ports",
     "mean_pole_derivative",
-    "modes_at_own_frequency",
     "static_response",
     "zero_finder",
 ]
