@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.correlation import SensorMap, SensorPlacement
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
+    from femtune.modal import FrfSet
     from femtune.model import ConfiguredModel, ParametricModel
     from femtune.residuals import ComparedCase
     from femtune.testdata import ModalTest
@@ -32,14 +33,16 @@ HELD_OUT = "held out for validation"
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Positions of the test modes and of the sensors that are held out in one configuration."""
+    """Positions of the test modes and of the sensors that are held out in one configuration, and of the FRFs (response,
+    reference)."""
 
     modes: frozenset[int] = frozenset()
     sensors: frozenset[int] = frozenset()
+    functions: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def any(self) -> bool:
-        """True where something is held out."""
+        """True where modes or sensors are held out."""
         return bool(self.modes or self.sensors)
 
 
@@ -81,6 +84,16 @@ class StudyCase:
     def name(self) -> str:
         """Name of the configuration."""
         return self.entry.name
+
+    @property
+    def used_frfs(self) -> FrfSet | None:
+        """The FRFs of the test, NaN where they are held out."""
+        frfs = None if self.test is None else self.test.frfs
+        if frfs is None or not self.held.functions:
+            return frfs
+        values = frfs.values.copy()
+        values[tuple(np.array(sorted(self.held.functions)).T)] = np.nan
+        return replace(frfs, values=values)
 
     @property
     def modal(self) -> ComparedCase | None:

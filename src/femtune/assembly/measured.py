@@ -16,6 +16,7 @@ from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError
+from femtune.files.deviations import with_deviations
 from femtune.files.uff import UffFile, read_uff
 from femtune.model.eigen.default_count import ELASTIC_MODES
 from femtune.residuals import ComparedCase, PairingRules
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, HoldOutEntry, StudyFile
     from femtune.files.uff import UffContent
-    from femtune.modal import ModeSet
+    from femtune.modal import FrfSet, ModeSet
     from femtune.model import ConfiguredModel
     from femtune.testdata import ModalTest
     from femtune.units import UnitSystem
@@ -54,12 +55,19 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")):
         found = _sensor_map(file, test, structure)
-    case, notices = replace(case, test=test, sensors=found, all_sensors=found), (*notices, *found.notices)
+    held = HeldOut(functions=_held_functions(file, entry, test.frfs))
+    case = replace(case, test=test, sensors=found, all_sensors=found, held=held)
+    notices = (*notices, *found.notices)
     if test.modes is None:
         return case, notices
     sensors = _of_modes(found, test.modes)
     compared = _compared(file, entry, case.configured, test.modes, sensors)
-    return replace(case, sensors=sensors, compared=compared, held=held_out(file, entry, compared)), notices
+    return replace(
+        case,
+        sensors=sensors,
+        compared=compared,
+        held=replace(held_out(file, entry, compared), functions=held.functions),
+    ), notices
 
 
 def held_out(file: StudyFile, entry: ConfigurationEntry, case: ComparedCase) -> HeldOut:
@@ -109,6 +117,46 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
         yield at[dof.node, dof.direction]
 
 
+def _held_functions(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> frozenset[tuple[int, int]]:
+    """FRFs of the outputs or inputs that a table names; of those between them, where it names both."""
+    mine = [
+        (i, one)
+        for i, one in enumerate(file.hold_out)
+        if entry.use == "update" and one.configuration in (None, entry.name) and (one.outputs or one.inputs)
+    ]
+    if frfs is None:
+        for i, one in mine:
+            if one.configuration is not None or len(file.configurations) == 1:
+                raise FemtuneError("study.hold-out/no-frfs", where=file.where("hold_out", i), configuration=entry.name)
+        return frozenset()
+    found: set[tuple[int, int]] = set()
+    for i, one in mine:
+        rows = _channels(file, (i, "outputs"), one.outputs, frfs.responses)
+        columns = _channels(file, (i, "inputs"), one.inputs, frfs.references)
+        found |= {(row, column) for row in rows for column in columns}
+    measured = {(int(i), int(j)) for i, j in zip(*np.nonzero(np.isfinite(frfs.values).any(axis=2)))}
+    if found and not measured - found:
+        where = file.where("hold_out")
+        raise FemtuneError("study.hold-out", where=where, configuration=entry.name, remaining="no FRF")
+    return frozenset(found & measured)
+
+
+def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:
+    """Positions of the DOFs with some labels; of all without labels."""
+    at = {(dof.node, dof.direction): k for k, dof in enumerate(dofs)}
+    named = [parse_dof(label) for label in labels]
+    for j, dof in enumerate(named):
+        if (dof.node, dof.direction) not in at:
+            raise FemtuneError(
+                "study.hold-out/unknown-channel",
+                where=file.where("hold_out", *key, j),
+                values={key[1]: _some(dofs)},
+                label=labels[j],
+                key=key[1],
+            )
+    return [at[dof.node, dof.direction] for dof in named] if named else list(at.values())
+
+
 def _some(dofs: Iterable[object]) -> str:
     names = [str(dof) for dof in dofs]
     return ", ".join(names[:8]) + (f" … ({len(names)} in all)" if len(names) > 8 else "")
@@ -145,12 +193,20 @@ def _read_test(
             found = _given(file.given.tests[entry.test], file.study.unit_system)
         else:
             found = _content(file, entry, tests.setdefault(path, UffFile(path))).test
+        found = _with_deviations(file, entry, found)
         test = place(found, entry.rotation, entry.origin)
         notices = (*found.notices, *check_test(test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes
     return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest) -> ModalTest:
+    """The test with the standard deviations of the file that the study names."""
+    if entry.deviations is None or test.modes is None:
+        return test
+    return replace(test, modes=with_deviations(test.modes, file.path_of(entry.deviations)))
 
 
 def _given(test: ModalTest, units: UnitSystem) -> ModalTest:

@@ -67,8 +67,8 @@ class AskedOf:
 
     @property
     def frfs(self) -> FrfSet | None:
-        """The measured FRFs."""
-        return None if self.case.test is None else self.case.test.frfs
+        """The measured FRFs, NaN where they are held out."""
+        return self.case.used_frfs
 
     @property
     def placement(self) -> SensorPlacement | None:

@@ -38,7 +38,7 @@ def resonance_case(case: StudyCase, entry: StageEntry, x: NDArray[np.float64], w
     FemtuneError : ``study.stage`` where the configuration has no FRFs, no modes or no damping ratios, or pairs none;
         ``residual.*``
     """
-    modal, measured = case.used, None if case.test is None else case.test.frfs
+    modal, measured = case.used, case.used_frfs
     if modal is None or measured is None or modal.test.damping_ratio is None:
         raise FemtuneError("study.stage/no-resonances", where=where, configuration=case.name)
     state = state_at(modal, x)

@@ -25,7 +25,7 @@ from femtune.model import (
     digest,
     matrices_digest,
 )
-from femtune.model.response import complex_modes, frf, matrix_ports, static_response
+from femtune.model.response import TIMES_HIGHEST_LINE, complex_modes, frf, matrix_ports, static_response
 from femtune.model.response.rigid import is_rigid
 
 if TYPE_CHECKING:
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 
 _METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _MOST_VALUES = 200_000_000
-_AS_MANY = 2.0
-"""Modes are superposed up to this many times the highest line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +72,7 @@ class ResponseRequest:
         if table.modes is not None or table.max_hz is not None:
             return table.modes, table.max_hz
         top = float(self.freq_hz[-1])
-        return (None, _AS_MANY * top) if top > 0.0 else (1, None)
+        return (None, TIMES_HIGHEST_LINE * top) if top > 0.0 else (1, None)
 
     @property
     def needs_modes(self) -> bool:

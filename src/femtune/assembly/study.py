@@ -67,7 +67,8 @@ class Study:
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
             raise self.no_test("the update may use, and none has a [[residual]]")
-        return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
+        stated = self.file.residuals
+        return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
         """The error that no configuration has modes for a purpose, with what each of them has instead."""

@@ -94,11 +94,13 @@ class Residual(ABC):
         *,
         lost: int = 0,
         covariance: Reals | None = None,
+        common: Reals | None = None,
     ) -> ResidualBlock:
         """A block of this kind; see `ResidualBlock`."""
         return ResidualBlock(
-            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal
-        )
+            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal,
+            common,
+        )  # fmt: skip
 
     def weighted(
         self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
@@ -235,6 +237,11 @@ class CaseState:
     def solved(self) -> EigenSolution | None:
         """The modes where they have been solved, None where nothing requested them."""
         return self.__dict__.get("solution", self.known)
+
+    @cached_property
+    def further(self) -> dict[tuple[int | None, float | None], EigenSolution]:
+        """Modes of the full model other than those of the case, by number and upper frequency: kept by who asks."""
+        return {}
 
     @property
     def full(self) -> ModelPoint:

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.model import grid_matrix
+from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import alert
 from femtune.results.checks import LUMPING, MASS, MESH
 from femtune.results.model import alert_of
+from femtune.results.validation import compares_frfs, responses_not_tested
 from femtune.status import Status
 from femtune.validation.goodness import Finding
 
@@ -21,10 +24,13 @@ if TYPE_CHECKING:
     from femtune.results.correlation import CorrelationResults
     from femtune.results.results import Results
     from femtune.results.stages import StageResults
+    from femtune.results.update import UpdateResults
     from femtune.results.validation import GoodnessResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
 _WRITTEN_PERCENT = 0.05
+FEWEST_SAMPLES = 1000
+"""Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
 _MOST_UNPAIRED = 8
 
 
@@ -39,6 +45,8 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_held_masses(study),
         *_of_silent_modes(study),
         *_of_residuals(study),
+        *_of_truncation(results),
+        *_of_frfs_alone(study, results),
         *(told for r in results.responses for told in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
@@ -54,6 +62,24 @@ def _of_residuals(study: Study) -> Iterable[Alert]:
         for residual in () if case.compared is None else case.compared.residuals:
             if isinstance(residual, AtFirstState):
                 yield from map(alert_of, residual.notices)
+
+
+def _of_truncation(results: Results) -> Iterable[Alert]:
+    """FRFs of residuals that lack modes."""
+    for found in () if results.update is None else results.update.frf_truncation:
+        if not found.small:
+            yield alert("warning", "residual.frf-truncated", configuration=found.configuration, outcome=found.sentence)
+
+
+def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
+    """An update by FRFs alone looks as if damping and levels were tested by it."""
+    update, found = results.update, results.validation
+    if update is None or found is None or not compares_frfs(study):
+        return
+    if all(r.kind in (FrfResidual.label, AntiresonanceResidual.label) for r in update.residual_counts):
+        missing = responses_not_tested(study, bool(found.frfs), results.responses)
+        if missing:
+            yield alert("info", "update.frfs-alone", missing="; ".join(missing))
 
 
 def _of_update(results: Results) -> Iterable[Alert]:
@@ -77,6 +103,7 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:
         yield from _of_goodness(update.goodness)
@@ -93,6 +120,11 @@ def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
     if spare < found.rank:
         code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
         yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
+
+
+def _of_intervals(update: UpdateResults) -> Iterable[Alert]:
+    if update.interval_samples is not None and update.interval_samples < FEWEST_SAMPLES:
+        yield alert("warning", "update.few-samples", number=update.interval_samples)
 
 
 def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:

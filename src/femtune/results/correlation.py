@@ -288,7 +288,7 @@ def _contributions(c: Correlation) -> Iterable[SensorContribution]:
     changes = c.mac_without - np.diag(c.paired_mac)
     for dof, ecomac, change in zip(c.dofs, c.enhanced_comac, changes):
         known = np.isfinite(change)
-        most = int(np.argmax(np.abs(np.where(known, change, 0.0)))) if known.any() else None
+        most = int(np.nanargmax(np.abs(change))) if known.any() else None
         yield SensorContribution(
             dof=str(dof),
             ecomac=float(ecomac) if np.isfinite(ecomac) else None,

@@ -5,7 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.validation import profile
-from femtune.validation.criteria import DIAGONAL, FREQUENCY, MAC, OFF_DIAGONAL, SHAPE
+from femtune.validation.criteria import (
+    DIAGONAL,
+    FDAC,
+    FRAC,
+    FREQUENCY,
+    MAC,
+    MAX_LEVEL,
+    MEAN_LEVEL,
+    OF_FRFS,
+    OFF_DIAGONAL,
+    RESONANCE,
+    SHAPE,
+)
 
 if TYPE_CHECKING:
     from femtune.assembly.study import Study
@@ -17,6 +29,11 @@ _QUANTITIES = {
     "cross_orthogonality": DIAGONAL,
     "off_diagonal": OFF_DIAGONAL,
     "shape_error": SHAPE,
+    "frac": FRAC,
+    "fdac": FDAC,
+    "frf_mean_db": MEAN_LEVEL,
+    "frf_max_db": MAX_LEVEL,
+    "resonance_error": RESONANCE,
 }
 
 
@@ -27,5 +44,10 @@ def criteria_profile(study: Study) -> CriteriaProfile:
 
 
 def of_whole_tests(study: Study) -> tuple[Criterion, ...]:
-    """Criteria for a complete test; those for held-out sensors are separate."""
-    return tuple(c for c in criteria_profile(study).criteria if c.quantity != SHAPE)
+    """Criteria for the modes of a complete test; those for held-out sensors and for FRFs are separate."""
+    return tuple(c for c in criteria_profile(study).criteria if c.quantity not in (SHAPE, *OF_FRFS))
+
+
+def of_frfs(study: Study) -> tuple[Criterion, ...]:
+    """Criteria for measured FRFs."""
+    return tuple(c for c in criteria_profile(study).criteria if c.quantity in OF_FRFS)

@@ -9,18 +9,27 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from femtune.assembly.cases import HELD_OUT
-from femtune.files.study_file.residual import FrequencyResidualEntry
+from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidualEntry
 from femtune.residuals import state_at
 from femtune.results.base import Record, VerdictWord
-from femtune.results.criteria import criteria_profile
+from femtune.results.criteria import criteria_profile, of_frfs
+from femtune.results.frf_validation import (
+    PredictedCurves,
+    PredictedFrf,
+    PredictedResonance,
+    predicted_frfs,
+    predicted_resonances,
+)
 from femtune.updating.covariance import parameter_covariance
 from femtune.validation import (
     assess,
     frequency_miss,
     goodness_of_fit,
     held_out_sensors,
+    not_tested,
 )
-from femtune.validation.criteria import FREQUENCY, SELF, SHAPE
+from femtune.validation.criteria import FREQUENCY, OF_FRFS, SELF, SHAPE
+from femtune.validation.frfs import assess_frfs
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -29,6 +38,8 @@ if TYPE_CHECKING:
     from femtune.correlation import Correlation
     from femtune.files.study_file import ConfigurationEntry
     from femtune.model import EigenSolution
+    from femtune.results.frf_validation import UnusedFrfs
+    from femtune.results.response import ResponseResults
     from femtune.results.versions import ModelRecords
     from femtune.updating import UpdateResult
     from femtune.validation import (
@@ -83,7 +94,7 @@ class ValidationVerdict(Record):
     configuration: str
     """Name of the configuration."""
     data: str
-    """Kind of data: "held-out modes", "beyond the frequencies used", "held-out sensors", "modified
+    """Kind of data: "held-out modes", "beyond the frequencies used", "held-out sensors", "unused FRFs", "modified
     structure", "other boundary conditions" or "another test"."""
     criterion: str
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
@@ -94,11 +105,11 @@ class ValidationVerdict(Record):
     measured: float | None
     """The worst measured value, in `unit`; None if not tested."""
     unit: str
-    """"%" or "" (none)."""
+    """"%", "dB" or "" (none)."""
     verdict: VerdictWord
     """Outcome."""
     remark: str
-    """The decisive mode, or the reason why it was not tested."""
+    """The decisive mode or FRF, or the reason why it was not tested."""
     noise: str
     """Whether noise explains a failure, in words; "" without a failure, or if it is not known."""
     sentence: str
@@ -134,6 +145,12 @@ class ValidationResults(Record):
     """Held-out sensors, with their configuration."""
     shapes: tuple[HeldOutShape, ...] = ()
     """Shapes at these sensors."""
+    frfs: tuple[PredictedFrf, ...] = ()
+    """Measured FRFs that were not used, beside those of the updated model."""
+    resonances: tuple[PredictedResonance, ...] = ()
+    """Resonance peaks of these FRFs."""
+    curves: tuple[PredictedCurves, ...] = ()
+    """These FRFs line by line, by configuration."""
 
 
 class KindOfResiduals(Record):
@@ -270,6 +287,8 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
 
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
+_DAMPING = "modal damping: no damping ratio of a test mode was compared with that of the model"
+_LEVELS = "forced response levels: all measured FRFs were used in the update; none was held out to compare its level"
 _LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
 _MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
@@ -287,17 +306,25 @@ class Scope:
 
 
 def validation(
-    study: Study, before: ModelRecords, after: ModelRecords, predicted: Predictions | None = None
+    study: Study,
+    before: ModelRecords,
+    after: ModelRecords,
+    predicted: Predictions | None = None,
+    frfs: Sequence[UnusedFrfs] = (),
 ) -> ValidationResults:
-    """Predictions of modes that the update did not use, verdicts on them, and what was not tested."""
+    """Predictions of modes and FRFs that the update did not use, verdicts on them, and what was not tested."""
     asked, scopes = criteria_profile(study), list(scopes_of(study))
     shapes = {s: _sensors(s, after) for s in scopes if s.sensors}
-    verdicts = (v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s)))
+    verdicts = [v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s))]
+    verdicts += [v for one in frfs for v in _frf_verdicts(study, one)]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
-        not_tested=tuple(_not_tested(study, scopes, after)),
+        not_tested=tuple(_not_tested(study, scopes, after, frfs)),
         profile=asked.name,
         verdicts=tuple(verdicts),
+        frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
+        resonances=tuple(r for one in frfs for r in predicted_resonances(one)),
+        curves=tuple(c for one in frfs for c in one.curves(_frf_data(study, one.case))),
         held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
         shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
     )
@@ -362,27 +389,42 @@ def _verdicts(
 ) -> Iterable[ValidationVerdict]:
     # held-out sensors say nothing of frequencies, and without them there is no error at them
     skipped = (FREQUENCY, SELF) if scope.sensors else (SHAPE,)
-    criteria = [c for c in asked.criteria if c.quantity not in skipped]
+    criteria = [c for c in asked.criteria if c.quantity not in (*skipped, *OF_FRFS)]
     c = after.raw[scope.case.name]
     misses = [] if predicted is None else predicted.misses(study, scope.case, c)
-    return (_verdict(scope, v) for v in assess(c, criteria, scope.tests, misses, sensors))
+    found = assess(c, criteria, scope.tests, misses, sensors)
+    return (_verdict(scope.case.name, scope.data, v) for v in found)
 
 
-def _verdict(scope: Scope, v: Verdict) -> ValidationVerdict:
+def _frf_data(study: Study, case: StudyCase) -> str:
+    if case.entry.use == "validation":
+        return _difference(case.entry, [c.entry for c in study.cases if c.used is not None])
+    return "unused FRFs"
+
+
+def _frf_verdicts(study: Study, one: UnusedFrfs) -> Iterable[ValidationVerdict]:
+    """Verdicts on the FRFs of a configuration."""
+    criteria = of_frfs(study)
+    found = one.found
+    verdicts = (not_tested(c, one.why) for c in criteria) if found is None else assess_frfs(found, criteria)
+    return (_verdict(one.case.name, _frf_data(study, one.case), v) for v in verdicts)
+
+
+def _verdict(configuration: str, data: str, v: Verdict) -> ValidationVerdict:
     c = v.criterion
     scale = 100.0 if c.percent else 1.0
     return ValidationVerdict(
-        configuration=scope.case.name,
-        data=scope.data,
+        configuration=configuration,
+        data=data,
         criterion=f"{c.quantity}, {c.standard}",
         required=scale * v.required,
         sense="at most" if c.at_most else "at least",
         measured=None if v.measured is None or not np.isfinite(v.measured) else scale * v.measured,
-        unit="%" if c.percent else "",
+        unit=c.unit,
         verdict=v.outcome.value,
         remark=v.remark,
         noise=v.noise,
-        sentence=f"{scope.case.name}, {scope.data}: {v.sentence}",
+        sentence=f"{configuration}, {data}: {v.sentence}",
     )
 
 
@@ -450,16 +492,40 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
     return False, int(np.argmax(row)) if len(row) and row.max() > 0.0 else None
 
 
-def _not_tested(study: Study, scopes: Sequence[Scope], after: ModelRecords) -> Iterable[str]:
+def _not_tested(
+    study: Study, scopes: Sequence[Scope], after: ModelRecords, frfs: Sequence[UnusedFrfs]
+) -> Iterable[str]:
     yield from (f"{c.name}: the configuration has no test with modes" for c in study.cases if c.modal is None)
-    kinds = {word for s in scopes for word in s.data.split(", ")}
+    of_frfs_only = [_frf_data(study, one.case) for one in frfs if one.found is not None and one.found.matches]
+    kinds = {word for s in scopes for word in s.data.split(", ")} | {w for d in of_frfs_only for w in d.split(", ")}
     if not kinds:
         yield _NOTHING
     else:
         yield from _kinds_not_tested(kinds)
-    if not any(r.frfs is not None and r.frfs.test_values_key for r in after.responses):
-        yield _FORCED
+    yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
     yield from (_LINEARITY, *([] if study.file.checks.refinement else [_MESH]))
+
+
+def responses_not_tested(study: Study, predicted: bool, responses: Iterable[ResponseResults]) -> tuple[str, ...]:
+    """What was not tested of damping and forced response.
+
+    Parameters
+    ----------
+    predicted : whether FRFs that were not used are beside those of the model
+    responses : those of [response] at the end
+    """
+    # no residual and no criterion compares the damping ratio of a mode
+    if predicted:
+        return (_DAMPING,)
+    if compares_frfs(study):
+        return _DAMPING, _LEVELS
+    measured = any(r.frfs is not None and r.frfs.test_values_key for r in responses)
+    return () if measured else (_FORCED,)
+
+
+def compares_frfs(study: Study) -> bool:
+    """True if a residual of the study compares measured FRFs line by line."""
+    return any(isinstance(c.entry, FrfResidualEntry) for c in study.file.comparisons)
 
 
 def _kinds_not_tested(kinds: set[str]) -> Iterable[str]:
@@ -483,7 +549,7 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     if not result.after.has_derivatives:
         return goodness_of_fit([])
     estimated = study.file.residuals.scatter == "estimated"
-    return goodness_of_fit(result.after.blocks, untested=_ESTIMATED if estimated else "")
+    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "")
 
 
 def goodness_results(found: GoodnessOfFit) -> GoodnessResults:

@@ -15,12 +15,14 @@ from femtune.errors import FemtuneError
 from femtune.results.alerts import alerts_of
 from femtune.results.base import Alert, alert
 from femtune.results.folder import RESULTS_FILE, write_results
+from femtune.results.frf_validation import unused_frfs
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.solved import solutions_of
 from femtune.results.stages import stage_results
 from femtune.results.step_results import RunResult
+from femtune.results.truncation import frf_truncations
 from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
@@ -39,8 +41,10 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.journal.journal import Journal
     from femtune.residuals import Evaluation
+    from femtune.results.frf_validation import UnusedFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
+    from femtune.results.truncation import FrfTruncation
     from femtune.results.update import SelectionResults
     from femtune.results.versions import ModelRecords
     from femtune.study.find_parameters import FoundParameters
@@ -68,6 +72,8 @@ class Known:
     selection : which parameters the data determine
     parameters : the update
     sensitivities : those of the frequencies that the updated model predicts
+    truncation : errors of the FRFs of residuals, at start and end of the update
+    unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     quantify : covariance of the parameters from the repeats
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
@@ -83,6 +89,8 @@ class Known:
     parameters: FoundParameters = _LATER
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
+    truncation: tuple[FrfTruncation, ...] = ()
+    unused_frfs: tuple[UnusedFrfs, ...] = ()
     quantify: QuantifyResults | None = None
     written: WriteBack | None = None
     study_as_written: Study = _LATER
@@ -172,7 +180,7 @@ class Run:
         values = {} if written is None else written.written
         update = update_results(
             self.study, found.result, values, known.error_as_written, found.reduction, found.starts
-        ).model_copy(update={"stages": stage_results(self.study, found.stages)})
+        ).model_copy(update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation})
         predicted = predictions(self.study, found.result, known.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for v in versions for m in v.modes)),
@@ -184,7 +192,7 @@ class Run:
             "update": update,
             "quantify": known.quantify,
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, versions[0], versions[-1], predicted),
+            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs),
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
@@ -231,10 +239,20 @@ def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"parameters": find_parameters(run.study, run.folder, known.start, run.progress)}
 
 
+def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
+    before = frf_truncations(known.start, "before", run.progress)
+    return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
+
+
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
     records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
     return {"after": records, "sensitivities": sensitivities}
+
+
+def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"unused_frfs": unused_frfs(run.study, known.parameters.result.x, arrays, run.progress)}
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -286,7 +304,9 @@ UNTIL_UPDATED = (
     Step("respond", _respond),
     Step("select", _select),
     Step("update", _update),
+    Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
+    Step("unused FRFs", _unused_frfs),
 )
 ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the parameters"),)
 ON_WRITTEN_DECK = (

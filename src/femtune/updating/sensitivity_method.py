@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
-from femtune.updating.covariance import ParameterCovariance, parameter_covariance
+from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
 from femtune.updating.regularisation import (
     LinearModel,
     NoRegularisation,
@@ -192,7 +192,7 @@ Report = Callable[[Iteration], None]
 
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
-_MOST_WEIGHTS, _AIM, _CLOSE = 12, 0.95, 0.8
+_MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
 
 
 @dataclass(frozen=True)
@@ -333,7 +333,7 @@ class _Update:
                 found, weight = None, 0.0
                 if not optimum.status.ok:
                     break
-            elif increase <= allowed:
+            elif increase <= (1.0 - _OF_MARGIN) * allowed:
                 sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
                 bounds = self.history[optimum.number].at_bound
                 small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
@@ -366,12 +366,22 @@ class _Update:
 
     def _finished(self, point: Point, first: int) -> Status | None:
         """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
-        if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
+        gain = self._best_gain(point)
+        if gain <= _SAME_OBJECTIVE * point.objective or gain <= self._negligible(point):
             return self._optimum(point)
         steps = self.history[first + 1 :]
         if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
+
+    def _negligible(self, point: Point) -> float:
+        """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
+
+        The valley of what the data do not determine is flat, long and curved, and its lowest point says nothing.
+        """
+        if self.walk.change is not None or not self._needs_smallest_change(point):
+            return 0.0
+        return 0.5 * _OF_MARGIN * self._allowed(point)
 
     def _best_gain(self, point: Point) -> float:
         """Predicted decrease of the objective within the bounds; zero without a step."""
@@ -394,7 +404,7 @@ class _Update:
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
         """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
-        search, local, failed = self.method.search, self.walk.local(point), False
+        search, local, failed, rejected = self.method.search, self.walk.local(point), False, 0
         trying: float | None = state
         while trying is not None:
             state = trying
@@ -402,13 +412,31 @@ class _Update:
             if self._none(local, d):
                 break
             trial = self._try(point, d)
-            gain = -1.0 if trial is None else self._gain(local, d, point, trial)
+            gain = -np.inf if trial is None else self._gain(local, d, point, trial)
+            if trial is not None and not search.accepts(gain):
+                trial, gain = self._corrected(local, d, state, point, trial) or (trial, gain)
             paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
             if trial is not None and paired is not None:
                 return (trial, paired), search.longer(state, gain), None
-            failed = failed or trial is None or search.accepts(gain)
-            trying = search.shorter(state)
+            if trial is None or search.accepts(gain):
+                failed, gain = True, -np.inf
+            trying = search.shorter(state, gain, rejected)
+            rejected += 1
         return None, state, self._end(point, failed)
+
+    def _corrected(
+        self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
+    ) -> tuple[Evaluation, float] | None:
+        """The trial of the corrected step after a rejected one, and its gain; None where there is none."""
+        before = point.evaluation
+        if rejected.squares.keys() != before.squares.keys():
+            return None
+        # side constraints are linear and have no error
+        error = np.zeros(len(point.residuals))
+        error[: len(before.residuals)] = rejected.residuals - before.residuals - before.jacobian @ d
+        turned = self.method.search.corrected(local, d, state, error)
+        trial = None if turned is None else self._try(point, turned)
+        return None if trial is None else (trial, self._gain(local, d, point, trial))
 
     def _end(self, point: Point, failed: bool) -> Status:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
@@ -477,5 +505,13 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
         at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.scatter, at.lost,
+        walk.problem.scatter, at.lost, _box(walk, at),
     )  # fmt: skip
+
+
+def _box(walk: Walk, at: Evaluation) -> Box:
+    """The bounds, and how the side constraint acts there: as a prior, or as an opinion that only moves the estimate."""
+    values, rows = walk.side.rows(at.x)
+    prior = np.broadcast_to(walk.side.informative, len(values))
+    lower, upper = walk.problem.parameters.limits
+    return Box(at.x, lower, upper, values[prior], rows[~prior].T @ values[~prior])

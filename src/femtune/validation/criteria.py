@@ -29,9 +29,14 @@ class Criterion:
         """True if the quantity is given in per cent."""
         return self.quantity in IN_PERCENT
 
+    @property
+    def unit(self) -> str:
+        """ "%", "dB" or "" (none)."""
+        return "%" if self.percent else "dB" if self.quantity in IN_DECIBELS else ""
+
     def text(self, value: float) -> str:
         """A value of this quantity as text."""
-        return f"{100.0 * value:.3g} %" if self.percent else f"{value:.3g}"
+        return f"{100.0 * value if self.percent else value:.3g} {self.unit}".rstrip()
 
     def passed(self, value: float) -> bool:
         """True if the limit is satisfied; an undefined value fails."""
@@ -100,10 +105,17 @@ class CriteriaProfile:
 FREQUENCY, MAC, SHAPE = "frequency error", "MAC", "shape error at held-out sensors"
 DIAGONAL, OFF_DIAGONAL = "cross-orthogonality, diagonal", "cross-orthogonality, off the diagonal"
 SELF = "self-orthogonality of the test, off the diagonal"
+FRAC, FDAC = "FRAC", "FDAC at equal frequencies, mean over the lines"
+MEAN_LEVEL, MAX_LEVEL = "level error of an FRF, mean over the lines", "level error of an FRF, largest"
+RESONANCE = "resonance frequency error in the FRFs"
+OF_FRFS = (FRAC, FDAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)
+"""Quantities that are measured on FRFs."""
 OWN = "own criterion"
 
-IN_PERCENT = (FREQUENCY, SHAPE)
-_AT_MOST = {FREQUENCY: True, MAC: False, SHAPE: True, DIAGONAL: False, OFF_DIAGONAL: True, SELF: True}
+IN_PERCENT = (FREQUENCY, SHAPE, RESONANCE)
+IN_DECIBELS = (MEAN_LEVEL, MAX_LEVEL)
+_AT_MOST = {FREQUENCY: True, MAC: False, SHAPE: True, DIAGONAL: False, OFF_DIAGONAL: True, SELF: True,
+            FRAC: False, FDAC: False, MEAN_LEVEL: True, MAX_LEVEL: True, RESONANCE: True}  # fmt: skip
 
 CRITERIA = (
     Criterion("NASA-STD-5002", FREQUENCY, 0.05, True),

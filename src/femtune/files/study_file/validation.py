@@ -9,19 +9,22 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable
-from femtune.files.study_file.source import Place, StudyLines, table, tables
+from femtune.files.study_file.response import HertzAboveZero
+from femtune.files.study_file.source import Place, StudyLines, number, table, tables
 
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
 class HoldOutEntry(TomlTable):
-    """[[hold_out]]: modes and sensors of a test that the update does not use."""
+    """[[hold_out]]: modes, sensors and FRFs of a test that the update does not use."""
 
     configuration: Text | None = None
     modes: tuple[Text, ...] = ()
     above_hz: Positive | None = None
     below_hz: Positive | None = None
     sensors: tuple[DofLabel, ...] = ()
+    outputs: tuple[DofLabel, ...] = ()
+    inputs: tuple[DofLabel, ...] = ()
 
 
 class ValidateTable(TomlTable):
@@ -33,6 +36,13 @@ class ValidateTable(TomlTable):
     cross_orthogonality: Fraction | None = None
     off_diagonal: Fraction | None = None
     shape_error: Fraction | None = None
+    frac: Fraction | None = None
+    fdac: Fraction | None = None
+    frf_mean_db: Positive | None = None
+    frf_max_db: Positive | None = None
+    resonance_error: Fraction | None = None
+    frf_from_hz: HertzAboveZero | None = None
+    frf_to_hz: HertzAboveZero | None = None
     frequency_sd: Fraction | None = None
     shape_sd: Fraction | None = None
 
@@ -51,7 +61,9 @@ class ChecksTable(TomlTable):
     mass_error: Fraction = 0.02
 
 
-OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error")
+FRF_LIMITS = ("frac", "fdac", "frf_mean_db", "frf_max_db", "resonance_error")
+"""Keys of [validate] that are limits of criteria on FRFs."""
+OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error", *FRF_LIMITS)
 """Keys of [validate] that are limits of criteria."""
 
 
@@ -62,7 +74,7 @@ OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_WHAT = ("modes", "above_hz", "below_hz", "sensors")
+_WHAT = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs")
 
 
 def validation_rules(data: Data, source: StudyLines) -> Problems:
@@ -70,6 +82,10 @@ def validation_rules(data: Data, source: StudyLines) -> Problems:
     validate = table(data, "validate")
     if validate.get("profile") == "own" and not any(key in validate for key in OWN_LIMITS):
         yield source.error(("validate", "profile"), "study.no-criteria", {})
+    low, high = number(validate, "frf_from_hz"), number(validate, "frf_to_hz")
+    if low is not None and high is not None and low >= high:
+        shown = {"frf_from_hz": low, "frf_to_hz": high}
+        yield source.error(("validate", "frf_to_hz"), "study.response-lines/validation", shown)
     configurations = {e["name"]: e for _, e in tables(data, "configuration") if isinstance(e.get("name"), str)}
     for place, entry in tables(data, "hold_out"):
         if not any(entry.get(key) for key in _WHAT):

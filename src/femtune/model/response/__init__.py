@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.model.response.basis import TIMES_HIGHEST_LINE
     from femtune.model.response.complex_derivatives import (
         ComplexModeDerivative,
         complex_mode_derivative,
@@ -24,6 +25,7 @@ else:
 
 __all__ = [
     "METHODS",
+    "TIMES_HIGHEST_LINE",
     "ComplexModeDerivative",
     "ComplexModes",
     "DampingRatios",

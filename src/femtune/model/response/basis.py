@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.model.configured import ModelPoint
+from femtune.model.derivatives.chosen import subspace_derivative
 from femtune.model.derivatives.modes import complement
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 
+TIMES_HIGHEST_LINE = 2.0
+"""FRFs are superposed from the modes up to this many times the highest frequency line, where nothing else is stated."""
 _DEPENDENT, _ROUNDING = 1e-10, 1e-17
+_PART_OF_SPAN, _SLOPES = 1e-8, 1e-6
+Slopes = Callable[[Reals], Iterator[Reals]]
+"""G (n_free, g) -> Q′ᵀG (r, g) by each parameter, for a basis Q; Q′ without its part in the span of Q.
+
+What is computed on a basis depends on its span only, so that this part has no effect. G has no part in the span of Q in
+what it is used for: residuals of equations that the basis solves.
+"""
 _MOST_DAMPED = 24
 """Forces of dashpots and loss factors get residual vectors up to this rank, and up to a quarter of the DOFs."""
+
+
+def no_slopes(columns: Reals) -> Iterator[Reals]:
+    """`Slopes` of a basis of a model without parameters."""
+    return iter(())
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +46,14 @@ class ModalBasis:
     stiffness, mass : (r,) diagonals of QᵀKQ and QᵀMQ; real modes come first with mass 1, rigid-body ones with
         stiffness 0; residual vectors have stiffness 1, and mass 0 where they move no mass
     n_modes : number of real modes among them
+    slopes : how the vectors change with the parameters
     """
 
     vectors: Reals
     stiffness: Reals
     mass: Reals
     n_modes: int
+    slopes: Slopes = no_slopes
 
 
 def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
@@ -43,9 +62,56 @@ def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
     keep = max(modes.wanted, int(rigid.sum()))
     phi, stiffness = modes.shapes[:, :keep], np.where(rigid, 0.0, modes.eigenvalues)[:keep]
     if forces is None or not forces.shape[1]:
-        return ModalBasis(phi, stiffness, np.ones(keep), keep)
-    extra, k, m = ritz_vectors(modes.point, residual_vectors(modes, keep, forces))
-    return ModalBasis(np.hstack([phi, extra]), np.concatenate([stiffness, k]), np.concatenate([np.ones(keep), m]), keep)
+        forces = np.zeros((len(phi), 0))
+    missed, seen = residual_vectors(modes, keep, forces)
+    turn, k, m = ritz_vectors(modes.point, missed)
+    extra, pushed = missed @ turn, forces[:, seen] @ turn
+    return ModalBasis(
+        np.hstack([phi, extra]),
+        np.concatenate([stiffness, k]),
+        np.concatenate([np.ones(keep), m]),
+        keep,
+        lambda columns: static_slopes(modes, keep, extra, pushed, columns),
+    )
+
+
+def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals, columns: Reals) -> Iterator[Reals]:
+    """`Slopes` of the first `keep` modes Φ and of their static complements V = A P (n_free, x) of forces P.
+
+    With A = Σ φφᵀ/λ over the other modes, A′ = −A K′ A − A (MΦΦᵀ)′ but for a part in the span of Φ.
+    """
+    point, phi = modes.point, modes.shapes[:, :keep]
+    few, back = _independent(columns, columns - (point.mass @ phi) @ (phi.T @ columns))
+    g = few.shape[1]
+    static = static_complement(modes, keep, few) if vectors.shape[1] else np.zeros_like(few)
+    pushed, inertia = forces.T @ phi, np.asarray(point.mass @ static)
+    outside = _outside(modes, keep, np.hstack([few, inertia]))
+    for i in range(point.n_parameters):
+        by_stiffness = vectors.T @ (point.stiffness_derivatives[i] @ static)
+        by_modes = pushed @ (phi.T @ (point.mass_derivatives[i] @ static) + outside[i, :, g:])
+        yield np.vstack([outside[i, :, :g], -by_stiffness - by_modes]) @ back
+
+
+def _independent(whole: Reals, columns: Reals) -> tuple[Reals, Reals]:
+    """Orthonormal U (n, k) and R (k, g) with `columns` = U R but for what is rounding of the `whole` ones (n, g)."""
+    size = np.linalg.norm(whole, axis=0)
+    scaled = columns / np.where(size > 0.0, size, 1.0)
+    U, R, order = la.qr(scaled, mode="economic", pivoting=True)
+    kept = np.abs(np.diag(R)) > _PART_OF_SPAN
+    back = np.empty((int(kept.sum()), len(order)))
+    back[:, order] = R[: len(back)] * size[order]
+    return np.asarray(U[:, : len(back)]), back
+
+
+def _outside(modes: EigenSolution, keep: int, rows: Reals) -> Reals:
+    """(p, keep, r) Φ′ᵀ rows by each parameter, for rows (n_free, r) that have no part in the modes."""
+    p, r = modes.point.n_parameters, rows.shape[1]
+    if not (keep and r and p):
+        return np.zeros((p, keep, r))
+    size = np.linalg.norm(rows, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    found = subspace_derivative(modes, range(keep), sp.csr_array((rows / size).T), _SLOPES)
+    return np.asarray(found.outside.transpose(2, 1, 0) * size)
 
 
 def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
@@ -58,26 +124,28 @@ def static_complement(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
     return np.asarray(known + complement(modes, 0.0, forces))
 
 
-def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> Reals:
-    """The columns of the static complement that are more than the rounding of the whole static response."""
+def residual_vectors(modes: EigenSolution, keep: int, forces: Reals) -> tuple[Reals, NDArray[np.bool_]]:
+    """The columns of the static complement that are more than the rounding of the whole static response; which."""
     missed = static_complement(modes, keep, forces)
     energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
     whole = np.einsum("ij,ij->j", forces, modes.factor.solve(forces))
-    return np.asarray(missed[:, energy > _ROUNDING * whole])
+    some = energy > _ROUNDING * whole
+    return np.asarray(missed[:, some]), np.asarray(some)
 
 
 def ritz_vectors(point: ModelPoint, vectors: Reals) -> tuple[Reals, Reals, Reals]:
-    """Independent combinations of elastic vectors that are orthogonal in K and M, with QᵀKQ = 1 and QᵀMQ = θ.
+    """Independent combinations Q = VR of elastic vectors V, orthogonal in K and M, with QᵀKQ = 1 and QᵀMQ = θ.
 
-    Returns Q, the ones and θ. A vector that is not independent of the others is dropped.
+    Returns R, the ones and θ. A vector that is not independent of the others is dropped.
     """
     k = vectors.T @ (point.stiffness @ vectors)
     own = np.sqrt(np.maximum(np.diag(k), 0.0))
     scale = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0.0)
     energy, turn = la.eigh(scale[:, None] * (0.5 * (k + k.T)) * scale)
     kept = energy > _DEPENDENT * energy.max(initial=1.0)
-    unit = vectors @ (scale[:, None] * turn[:, kept] / np.sqrt(energy[kept]))
-    m = unit.T @ (point.mass @ unit)
+    unit = scale[:, None] * turn[:, kept] / np.sqrt(energy[kept])
+    moved = vectors @ unit
+    m = moved.T @ (point.mass @ moved)
     theta, turn = la.eigh(0.5 * (m + m.T))
     return unit @ turn, np.ones(len(theta)), np.maximum(theta, 0.0)
 

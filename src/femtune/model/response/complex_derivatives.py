@@ -7,16 +7,17 @@ Source: R. B. Nelson, AIAA Journal 14 (1976); for damped systems M. I. Friswell,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.eigen.solution import EigenSolution
-from femtune.model.response.basis import ModalBasis, residual_vectors, ritz_vectors
+from femtune.model.response.basis import ModalBasis, residual_vectors, ritz_vectors, static_slopes
 from femtune.model.response.complex_eigen import ComplexModes, gradient_by_pole, modes_of
 from femtune.model.response.dynamic_stiffness import DynamicStiffness, NoSolutionError, Solve, low_rank_solver
 from femtune.model.response.rigid import is_rigid
@@ -172,22 +173,61 @@ _ROUNDING = 1e-9
 def complex_basis(modes: EigenSolution, stiffness: DynamicStiffness, forces: NDArray | None) -> ModalBasis:
     """Rigid-body modes, the elastic parts of as many complex modes as there are wanted real ones, residual vectors."""
     rigid = modes.shapes[:, is_rigid(modes)]
-    found = modes_of(modes, stiffness, max(modes.wanted, rigid.shape[1]))
-    parts = [_real_parts(found)]
-    if forces is not None and forces.shape[1]:
-        parts.append(residual_vectors(modes, rigid.shape[1], forces))
-    vectors = _without(np.hstack(parts), rigid, stiffness)
-    extra, k, m = ritz_vectors(stiffness.point, vectors)
     f = rigid.shape[1]
-    return ModalBasis(np.hstack([rigid, extra]), np.concatenate([np.zeros(f), k]), np.concatenate([np.ones(f), m]), f)
+    found = modes_of(modes, stiffness, max(modes.wanted, f))
+    pushed = np.zeros((len(rigid), 0)) if forces is None else forces
+    static, seen = residual_vectors(modes, f, pushed)
+    parts, kept = _real_parts(found)
+    vectors = _without(np.hstack([parts, static]), rigid, stiffness)
+    turn, k, m = ritz_vectors(stiffness.point, vectors)
+
+    def slopes(columns: Reals) -> Iterator[Reals]:
+        columns = columns - (stiffness.point.mass @ rigid) @ (rigid.T @ columns)
+        of_modes = _slopes_of_parts(found, kept, columns)
+        of_static = static_slopes(modes, f, static, pushed[:, seen], columns)
+        for of_poles, others in zip(of_modes, of_static):
+            yield np.vstack([others[:f], turn.T @ np.vstack([of_poles, others[f:]])])
+
+    return ModalBasis(
+        np.hstack([rigid, vectors @ turn]), np.concatenate([np.zeros(f), k]), np.concatenate([np.ones(f), m]), f, slopes
+    )
 
 
-def _real_parts(found: ComplexModes) -> NDArray:
-    """Real and imaginary parts of the elastic modes, but for those that are rounding of the other part."""
-    elastic = found.shapes[:, np.array([kind != "rigid" for kind in found.kinds], dtype=bool)]
+def _elastic(found: ComplexModes) -> list[int]:
+    return [j for j, kind in enumerate(found.kinds) if kind != "rigid"]
+
+
+def _real_parts(found: ComplexModes) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Real and imaginary parts of the elastic modes, but for those that are rounding of the other part; which."""
+    elastic = found.shapes[:, _elastic(found)] * _turns(found)
     parts = np.hstack([elastic.real, elastic.imag])
     size = np.linalg.norm(parts, axis=0)
-    return parts[:, size > _ROUNDING * np.tile(np.linalg.norm(elastic, axis=0), 2)]
+    kept = size > _ROUNDING * np.tile(np.linalg.norm(elastic, axis=0), 2)
+    return parts[:, kept], kept
+
+
+def _turns(found: ComplexModes) -> NDArray:
+    """Factors of unit size that make real and imaginary part of each elastic mode orthogonal in K.
+
+    Modal A = 1 turns lightly damped modes by 45 degrees, which would leave the two parts nearly parallel.
+    """
+    elastic = found.shapes[:, _elastic(found)]
+    product = np.einsum("ij,ij->j", elastic, found.stiffness.point.stiffness @ elastic)
+    return np.asarray(np.exp(-0.5j * np.angle(product)))
+
+
+def _slopes_of_parts(found: ComplexModes, kept: NDArray[np.bool_], columns: Reals) -> Iterator[Reals]:
+    """Derivatives of the kept parts, ᵀG, by each parameter; zero for poles that coincide, which have none."""
+    members, p, turns = _elastic(found), found.stiffness.point.n_parameters, _turns(found)
+    by_mode = np.zeros((p, len(members), columns.shape[1]), complex)
+    for at, mode in enumerate(members):
+        try:
+            by_mode[:, at] = (complex_mode_derivative(found, mode).shape.T @ columns) * turns[at]
+        except FemtuneError as error:
+            if error.code != "derivative.close-poles":
+                raise
+    for one in by_mode:
+        yield np.vstack([one.real, one.imag])[kept]
 
 
 def _without(vectors: NDArray, rigid: NDArray, stiffness: DynamicStiffness) -> NDArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from femtune.modal import FrfSet
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.solution import EigenSolution
+from femtune.model.response.basis import ModalBasis
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
 from femtune.model.response.frf_methods import (
     Kind,
@@ -59,10 +61,11 @@ def frf_gradient(
     Without `derivatives` (gradients of no columns) the functions come from the same basis, which `frf` would make
     smaller, so that values of points with and without derivatives compare.
 
-    "direct" is exact: one factorisation a line serves value and derivatives. The modal ways take the response to
-    inputs and to unit forces at the outputs from the modes, and residual vectors for both; the derivative converges
-    with the modes, as the functions do. Derivatives of modal damping are exact in the direct way (ζ goes with its
-    mode; where it is a function of frequency, with the frequency).
+    "direct": one factorisation a line serves value and derivatives. The modal ways take the response to inputs and to
+    unit forces at the outputs from the modes, and residual vectors for both. The derivatives are those of the functions
+    as they are computed, however few the modes are: the changes of modes and residual vectors are part of them. Complex
+    modes whose poles coincide have no derivatives; with them the gradient converges with the number of modes.
+    Derivatives of modal damping include the change of its mode, and of ζ where it is a function of frequency.
     """
     request = checked_request(model, ports, freq_hz, kind, method, damping)
     count = request.stiffness.point.n_parameters if derivatives else 0
@@ -94,15 +97,46 @@ def _direct(request: Request, p: int, progress: Progress | None) -> tuple[NDArra
 
 
 def _superposed(request: Request, system: System, count: int) -> tuple[NDArray, NDArray]:
+    """Values, and their exact derivatives: of the reduced matrices with the basis as it changes.
+
+    H = C Q Z_r⁻¹ QᵀB gives H′ = y(QᵀB)′ + (CQ)′x − y Z_r′ x with Z_r′ = QᵀZ′Q + Q′ᵀZQ + QᵀZQ′.
+    """
     reduced, b = system.reduced, system.reduced.inputs.shape[1]
     q = system.respond(request.s, np.hstack([reduced.inputs, reduced.outputs.T]))
     x, y = q[:, :, :b], np.swapaxes(q[:, :, b:], 1, 2)
-    derivatives = [
-        -_between(projected_derivatives(request.stiffness, reduced.basis.vectors, j), request.s, y, x)
-        for j in range(count)
-    ]
+    derivatives = []
+    for j, moved in enumerate(_moved(request, reduced.basis) if count else ()):
+        own = projected_derivatives(request.stiffness, reduced.basis.vectors, j)
+        parts = tuple(a + n + n.T for a, n in zip(own, moved.parts))
+        derivatives.append(y @ moved.inputs + moved.outputs.T @ x - _between(parts, request.s, y, x))
     shape = (len(request.s), len(reduced.outputs), b, 0)
     return np.asarray(reduced.outputs @ x), np.stack(derivatives, axis=-1) if derivatives else np.zeros(shape)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """Q′ᵀB (r, n_in), Q′ᵀCᵀ (r, n_out), and Q′ᵀMQ, Q′ᵀCQ and Q′ᵀ(K + iH)Q (r, r), by one parameter."""
+
+    inputs: NDArray
+    outputs: NDArray
+    parts: tuple[NDArray, NDArray, NDArray]
+
+
+def _moved(request: Request, basis: ModalBasis) -> Iterator[_Moved]:
+    """How the basis changes, by each parameter."""
+    stiffness, Q, r = request.stiffness, basis.vectors, basis.vectors.shape[1]
+    B, C = request.ports.inputs.toarray(), request.ports.outputs.T.toarray()
+    still = stiffness.stiffness_times(Q)
+    columns = [B, C, stiffness.point.mass @ Q, stiffness.viscous_times(Q), still.real, still.imag]
+    # what is zero costs as many solutions as what is not
+    some = [bool(np.any(one)) for one in columns]
+    ends = np.cumsum([one.shape[1] * known for one, known in zip(columns, some)])[:-1]
+    for found in basis.slopes(np.hstack([one for one, known in zip(columns, some) if known])):
+        cut = np.split(found, ends, axis=1)
+        inputs, outputs, mass, viscous, real, imaginary = (
+            part if known else np.zeros((r, one.shape[1])) for part, known, one in zip(cut, some, columns)
+        )
+        yield _Moved(inputs, outputs, (mass, viscous, real + 1j * imaginary))
 
 
 def projected_derivatives(stiffness: DynamicStiffness, Q: NDArray, j: int) -> tuple[NDArray, NDArray, NDArray]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import Figure, Listing, Paragraph, Table, columns, row
+from femtune.reporting.document import Cell, Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.convergence import convergence_svg
-from femtune.reporting.numbers import NONE, counted, percent, short, value
+from femtune.reporting.numbers import NONE, counted, freq, percent, short, value
 from femtune.reporting.sections.parameters import places
 from femtune.reporting.sections.stages import stages
 from femtune.reporting.sections.starts import reduced_models, starts, weight_choice
 from femtune.reporting.sections.validation import goodness
 
 if TYPE_CHECKING:
-    from femtune.reporting.document import Block, Cell
+    from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
     from femtune.results.search import SmallestChangeResults
+    from femtune.results.truncation import FrfTruncation
     from femtune.results.update import ComparisonResults, ParameterFacts, ResidualCount, UpdateResults
 
 # ----------------------------------------------------------------------------------------------------
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 _UNFOLDED = 12
 """Comparisons that are shown at once."""
+_TRUNCATION_NOTE = (
+    "The FRFs of a residual are superposed from modes and residual vectors, and compared with solutions of "
+    "K + iωC − ω²M at a few frequency lines; σ is the standard deviation of the measured values."
+)
 _NOTE = (
     "Mean error: √(Σr²/Σσ⁻²) of one kind, relative to the measured values. Root mean square: of the residuals r, in "
     "units of the standard deviations that the study states; it is about 1 if only measurement noise is left."
@@ -38,7 +43,7 @@ def residual_kinds(update: UpdateResults) -> list[Block]:
         return []
     heads = columns("Residuals", ">Number", ">Mean error % before", ">after", ">Root mean square before", ">after")
     by_kind = Table("Residuals by kind", heads, tuple(_row(kind) for kind in known))
-    return [by_kind, Paragraph(_NOTE, tone="muted"), *_comparisons(update)]
+    return [by_kind, Paragraph(_NOTE, tone="muted"), *_comparisons(update), *_truncation(update)]
 
 
 def _row(kind: ResidualCount) -> tuple[Cell, ...]:
@@ -57,6 +62,34 @@ def _comparisons(update: UpdateResults) -> list[Block]:
     heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
     rows = tuple(_comparison(c) for c in update.comparisons)
     return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+
+
+def _truncation(update: UpdateResults) -> list[Block]:
+    """Error of the FRFs by truncation of their modes."""
+    if not update.frf_truncation:
+        return []
+    heads = columns(
+        "Configuration", "Stage", ">Modes", ">up to Hz", ">Highest line Hz", ">Lines compared", ">Largest error σ",
+        ">RMS σ", ">Largest error %", "Missing",
+    )  # fmt: skip
+    rows = tuple(_truncated(t) for t in update.frf_truncation)
+    return [Table("FRFs of the model: superposition of modes beside direct solutions", heads, rows, _TRUNCATION_NOTE)]
+
+
+def _truncated(t: FrfTruncation) -> tuple[Cell, ...]:
+    missing = Cell(f"{t.missing} ({t.limit})" if t.limit else t.missing, tone="poor")
+    return row(
+        t.configuration,
+        t.stage,
+        NONE if t.modes is None else str(t.modes),
+        freq(t.modes_to_hz),
+        freq(t.highest_line_hz),
+        str(len(t.lines_hz)),
+        short(t.largest_sd),
+        short(t.rms_sd),
+        short(t.largest_percent),
+        Cell("none") if t.small else missing,
+    )
 
 
 def _comparison(c: ComparisonResults) -> tuple[Cell, ...]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from femtune.reporting.document import (
     Cell,
@@ -18,6 +21,7 @@ from femtune.reporting.document import (
     without_column,
 )
 from femtune.reporting.figures.bars import PredictedMode, predictions_svg
+from femtune.reporting.figures.frfs import FrfCurve, FrfPanel, frfs_svg
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
@@ -28,6 +32,7 @@ from femtune.reporting.numbers import (
     percent,
     short,
     signed_percent,
+    unit_fraction,
     value,
     with_unit,
 )
@@ -42,6 +47,7 @@ if TYPE_CHECKING:
     from femtune.reporting.source import ReportSource
     from femtune.results.base import ModelVersion
     from femtune.results.correlation import CriterionRecord
+    from femtune.results.frf_validation import PredictedCurves, PredictedResonance
     from femtune.results.validation import GoodnessResults, Prediction, ValidationResults, ValidationVerdict
 
 # ----------------------------------------------------------------------------------------------------
@@ -66,6 +72,8 @@ def validation(source: ReportSource) -> list[Block]:
         *_picture(found),
         *prediction_blocks(found, [m.reason for m in source.left_out()]),
         *sensor_blocks(found),
+        *frf_blocks(found),
+        *_frf_figures(source, found),
         Heading("What was not tested"),
         _listing([*untested_reasons(found), *found.not_tested]),
     ]
@@ -197,6 +205,64 @@ def sensor_blocks(found: ValidationResults) -> list[Block]:
     note = f"Held out: {names}{f' and {more} more' if more > 0 else ''}. "
     note += "The error is the RMS of test − model relative to that of the shape; it is scaled at the used sensors."
     return [Table("Shapes at held-out sensors", heads, rows, note)]
+
+
+_UNFOLDED, _PANELS = 16, 4
+
+
+def frf_blocks(found: ValidationResults) -> list[Block]:
+    """Measured FRFs that were not used beside those of the model, and their resonance peaks."""
+    if not found.frfs:
+        return []
+    heads = columns("Configuration", "Data", "FRF", ">FRAC", ">Mean level error dB", ">Largest dB", ">at Hz")
+    rows = tuple(
+        row(f.configuration, f.data, f"{f.output} / {f.input}", unit_fraction(f.frac, NONE), short(f.mean_db),
+            short(f.max_db), freq(f.max_hz))
+        for f in found.frfs
+    )  # fmt: skip
+    peaks = columns("Configuration", "Input", ">Test Hz", ">Model Hz", ">Error %")
+    resonances = tuple(
+        row(r.configuration, r.input, freq(r.test_hz), freq(r.model_hz, "no peak"), _peak_error(r))
+        for r in found.resonances
+    )
+    note = "Level error: |20 lg(|H|/|H_test|)| over the frequency lines. FRAC is 1 for proportional functions."
+    of_peaks = "Peaks of the sum of squares of the FRFs of one input."
+    return [
+        Heading("Measured FRFs that the update did not use"),
+        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
+        *([Table("Resonance peaks of these FRFs", peaks, resonances, of_peaks)] if resonances else []),
+    ]
+
+
+def _frf_figures(source: ReportSource, found: ValidationResults) -> list[Block]:
+    """The largest of these FRFs of each configuration, test beside model."""
+    figures: list[Block] = []
+    for curves in found.curves:
+        panels = _panels(source, curves)
+        alt = f"Measured FRFs of {curves.configuration} that the update did not use, and those of the updated model"
+        if panels:
+            figures.append(Figure(partial(frfs_svg, panels), f"{curves.configuration}, {curves.data}.", alt, wide=True))
+    return figures
+
+
+def _panels(source: ReportSource, curves: PredictedCurves) -> list[FrfPanel]:
+    arrays = (source.array(key) for key in (curves.freq_key, curves.values_key, curves.test_values_key))
+    lines, model, test = (np.asarray(one) for one in arrays)
+    known = np.isfinite(test).any(axis=2)
+    largest = np.where(known, np.nanmax(np.where(np.isfinite(test), np.abs(test), 0.0), axis=2), -1.0)
+    order = np.argsort(-largest, axis=None)[: min(_PANELS, int(known.sum()))]
+    return [
+        FrfPanel(
+            f"{curves.outputs[i]} by {curves.inputs[j]}",
+            curves.kind,
+            (FrfCurve("test", lines, test[i, j]), FrfCurve("after", lines, model[i, j])),
+        )
+        for i, j in (np.unravel_index(int(k), known.shape) for k in order)
+    ]
+
+
+def _peak_error(r: PredictedResonance) -> str:
+    return NONE if r.model_hz is None else signed_percent(100.0 * (r.model_hz / r.test_hz - 1.0))
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, constant_damping, damping_by_mode
-from femtune.model.response import Method
+from femtune.model.response import TIMES_HIGHEST_LINE, Method
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
@@ -43,7 +43,7 @@ class AskedFrfs(AtFirstState):
         relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
         scatter = FrfScatter(relative, entry.floor, entry.averages)
         damping = _damping(entry, asked.damping)
-        way = ModelWay(_METHODS[entry.method], _wanted(entry), damping, entry.residual_vectors)
+        way = ModelWay(_METHODS[entry.method], _wanted(entry), damping, entry.residual_vectors, _limit(entry))
         return cls(_placed(partial(_settled_functions, entry, measured, places, scatter, way, notices), asked))
 
 
@@ -64,7 +64,8 @@ class AskedAntiresonances(AtFirstState):
         gates = ZeroGates(entry.frequency_gate, entry.mac_gate)
 
         def settle(state: CaseState) -> Settled:
-            wanted = _wanted(entry)
+            highest_hz = max((z.freq_hz for z in zeros), default=0.0)
+            wanted = ModelWay(modes=_wanted(entry)).settled(state, highest_hz).modes
             modes = full_modes(state, wanted)
             found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
             return found, (*notices, *left)
@@ -87,8 +88,31 @@ def _settled_functions(
     notices: tuple[Notice, ...], state: CaseState,
 ) -> Settled:  # fmt: skip
     lines, about_lines = _lines(entry, state)
-    found, left = frf_residual(way.model(state), measured, lines, entry.form, scatter, way, places)
-    return found, (*notices, *about_lines, *left)
+    highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
+    way = way.settled(state, highest_hz)
+    found, left = frf_residual(way.model(state, highest_hz), measured, lines, entry.form, scatter, way, places)
+    return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left)
+
+
+def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Notice, ...]:
+    """Says so where [modes] has fewer modes than the lines need."""
+    case = state.case
+    # [modes] has one of the two keys; without it both may be set, or none
+    stated = (case.count is None) != (case.max_hz is None)
+    if way.limit or way.modes is None or way.modes == (case.count, case.max_hz) or not stated:
+        return ()
+    few = f"count = {case.count}" if case.max_hz is None else f"max_hz = {case.max_hz:g}"
+    return (
+        Notice(
+            "residual.frf-more-modes",
+            level="info",
+            configuration=case.name,
+            few=few,
+            modes=way.modes[0],
+            times=TIMES_HIGHEST_LINE,
+            highest_hz=highest_hz,
+        ),
+    )
 
 
 def _lines(entry: Any, state: CaseState) -> tuple[Lines, tuple[Notice, ...]]:
@@ -100,6 +124,12 @@ def _lines(entry: Any, state: CaseState) -> tuple[Lines, tuple[Notice, ...]]:
 
 def _wanted(entry: Any) -> ModesWanted | None:
     return None if entry.count is None and entry.max_hz is None else (entry.count, entry.max_hz)
+
+
+def _limit(entry: Any) -> str:
+    """The key that limits the number of modes."""
+    found = [f"{key} = {getattr(entry, key):g}" for key in ("count", "max_hz") if getattr(entry, key) is not None]
+    return found[0] if found else ""
 
 
 def _damping(entry: Any, of_deck: ModalDamping | None) -> ModalDamping | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from femtune.errors import Notice
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.full_model import direct
-from femtune.model.response import DampingRatios, Method
+from femtune.model.response import TIMES_HIGHEST_LINE, DampingRatios, Method
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.weights import ResidualBlock
 
@@ -21,30 +21,53 @@ class ModelWay:
 
     Parameters
     ----------
-    modes : number of modes or upper frequency that are solved for; None takes those of the configuration
+    modes : number of modes or upper frequency that are solved for; None: up to twice the highest line
     damping : modal damping besides that of the model
+    residual_vectors : whether static responses to inputs and outputs are added to the modes
+    limit : what limits the number of modes, in words; "" if it follows from the highest line
     """
 
     method: Method = "real-modes"
     modes: ModesWanted | None = None
     damping: DampingRatios | None = None
     residual_vectors: bool = True
+    limit: str = ""
 
-    def model(self, state: CaseState) -> ModelPoint | EigenSolution:
-        """The full model at a state, solved where this way needs modes."""
-        full = state.full
-        if self.method == "direct" and self.damping is None and not full.mode_ratios:
-            return full
-        return full_modes(state, self.modes)
+    def needs_modes(self, point: ModelPoint) -> bool:
+        """False where the functions are solved for at each line, and nothing damps modes."""
+        return self.method != "direct" or self.damping is not None or bool(point.mode_ratios)
+
+    def model(self, state: CaseState, highest_hz: float) -> ModelPoint | EigenSolution:
+        """The full model at a state, solved where this way needs modes for lines up to `highest_hz`."""
+        if not self.needs_modes(state.full):
+            return state.full
+        return full_modes(state, self.modes or (None, TIMES_HIGHEST_LINE * highest_hz))
+
+    def settled(self, state: CaseState, highest_hz: float) -> ModelWay:
+        """The way with a fixed number of modes, those up to twice the highest line at this state.
+
+        Functions are smooth in the parameters as long as the number of modes stays. Those of the configuration are
+        taken if they are enough, so that they are solved for once.
+        """
+        if self.modes is not None or not self.needs_modes(state.full):
+            return self
+        case, top = state.case, TIMES_HIGHEST_LINE * highest_hz
+        number = full_modes(state, (None, top)).wanted
+        reaches = case.full is None and (case.max_hz is None or case.max_hz >= top)
+        shared = reaches and state.solution.wanted >= number
+        return replace(self, modes=(case.count, case.max_hz) if shared else (number, None))
 
 
 def full_modes(state: CaseState, modes: ModesWanted | None) -> EigenSolution:
     """Modes of the full model at a state; those of the configuration where nothing is said."""
     case = state.case
-    if case.full is None and modes is None:
+    wanted = modes or (case.count, case.max_hz)
+    if case.full is None and wanted == (case.count, case.max_hz):
         return state.solution
-    solver = case.solver if case.full is None else direct
-    return solver.modes(state.full, *(modes or (case.count, case.max_hz)))
+    if wanted not in state.further:
+        solver = case.solver if case.full is None else direct
+        state.further[wanted] = solver.modes(state.full, *wanted)
+    return state.further[wanted]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -74,6 +97,11 @@ class AtFirstState(Residual):
         if not self._settled:
             self._settled.append(self.settle(state))
         return self._settled[0][0].blocks(state, derivatives)
+
+    @property
+    def settled(self) -> Residual | None:
+        """The residual; None before it was asked."""
+        return self._settled[0][0] if self._settled else None
 
     @property
     def notices(self) -> tuple[Notice, ...]:

@@ -130,7 +130,12 @@ class FrfResidual(Residual):
 
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a case at a point, of the full model."""
-        return self.compare(self.way.model(state), derivatives)
+        return self.compare(self.way.model(state, self.highest_hz), derivatives)
+
+    @property
+    def highest_hz(self) -> float:
+        """The highest line at which the model's functions are computed."""
+        return float((self.measured.freq_hz * self._stretch).max())
 
     def compare(self, model: ModelPoint | EigenSolution, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a solved model, or for the direct way without modal damping of its point.

@@ -1,0 +1,161 @@
+"""Error of superposed FRFs, from direct solutions with the dynamic stiffness at a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femtune.arrays import Complexes, Integers, Reals
+from femtune.model import EigenSolution
+from femtune.model.eigen.pencil import Pencil
+from femtune.model.eigen.sturm import count_below
+from femtune.model.response import TIMES_HIGHEST_LINE, Method
+from femtune.residuals.case import CaseState, Residual
+from femtune.residuals.frf.model_way import AtFirstState
+from femtune.residuals.frf.residual import FORMS, FrfResidual
+
+SMALL = 0.1
+"""Errors of the model's functions up to this many standard deviations of the measured ones are small."""
+_EVEN = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Truncation:
+    """Superposed functions of a residual beside those of (K + iωC − ω²M)u = f, at a few of its lines.
+
+    Parameters
+    ----------
+    configuration : name
+    method : how the functions are computed
+    modes, reach_hz : number of modes that are superposed, and the frequency of the last one; None without modes
+    missing : number of further modes up to twice the highest line; None if not known
+    limit : what limits the number of modes, in words; ""
+    highest_hz : highest line of the residual
+    lines_hz : (n,) lines at which they were compared; none for the direct method, which has no truncation
+    largest, mean : largest and root mean square error of the residuals, in standard deviations
+    relative : largest |H/H_direct − 1|
+    function, line_hz : where `largest` is
+    """
+
+    configuration: str
+    method: Method
+    modes: int | None
+    reach_hz: float | None
+    missing: int | None
+    limit: str
+    highest_hz: float
+    lines_hz: Reals
+    largest: float
+    mean: float
+    relative: float
+    function: str
+    line_hz: float
+
+    @property
+    def small(self) -> bool:
+        """True if the error is small beside the standard deviations of the measured functions."""
+        return self.largest <= SMALL
+
+    @property
+    def lacks(self) -> str:
+        """The modes that are missing, in words."""
+        if self.modes is None or self.reach_hz is None:
+            return "no modes"
+        wanted = TIMES_HIGHEST_LINE * self.highest_hz
+        if self.missing:
+            first, last = self.modes + 1, self.modes + self.missing
+            which = f"mode {first}" if self.missing == 1 else f"modes {first} to {last}"
+            return f"{which}, between {self.reach_hz:.4g} and {wanted:.4g} Hz"
+        return f"the modes above {max(self.reach_hz, wanted):.4g} Hz"
+
+
+def truncations(state: CaseState) -> Iterator[Truncation]:
+    """Those of all FRF residuals of a case, at a state at which they were asked before."""
+    for residual in frf_residuals(state.case.residuals):
+        yield truncation(residual, state)
+
+
+def frf_residuals(residuals: Sequence[Residual]) -> Iterator[FrfResidual]:
+    """Residuals of FRFs among others; those that a study settles at its first state, only after that."""
+    for residual in residuals:
+        found = residual.settled if isinstance(residual, AtFirstState) else residual
+        if isinstance(found, FrfResidual):
+            yield found
+
+
+def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
+    """The error of a residual's functions at a state; errors as of the residual, and of the direct solution."""
+    way, top = residual.way, residual.highest_hz
+    model = way.model(state, top)
+    solved = model if isinstance(model, EigenSolution) else None
+    count = None if solved is None else solved.wanted
+    reach = None if solved is None else float(solved.freq_hz[-1])
+    if way.method == "direct":
+        none = np.zeros(0)
+        return Truncation(residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0)
+    assert solved is not None
+    values = residual.functions(solved)[0]
+    at = _lines(residual, np.abs(values))
+    few, values = _at_lines(residual, at), values[:, :, at]
+    exact = replace(few, way=replace(way, method="direct")).functions(solved)[0]
+    known = np.isfinite(few.sd)
+    differences, _ = FORMS[residual.form](values[known], np.zeros((int(known.sum()), 0), complex), exact[known])
+    errors = np.abs(differences.reshape(-1, int(known.sum()))).max(axis=0) / few.sd[known]
+    i, j, k = (int(axis[errors.argmax()]) for axis in np.nonzero(known))
+    return Truncation(
+        residual.configuration,
+        way.method,
+        count,
+        reach,
+        _missing(solved, top),
+        way.limit,
+        top,
+        few.measured.freq_hz,
+        float(errors.max()),
+        float(np.sqrt(np.mean(errors**2))),
+        _relative(values[known], exact[known]),
+        f"{few.measured.responses[i]} / {few.measured.references[j]}",
+        float(few.measured.freq_hz[k]),
+    )
+
+
+def _relative(values: Complexes, exact: Complexes) -> float:
+    """Largest |H/H_direct − 1|, of functions that are not zero."""
+    some = exact != 0.0
+    return float(np.abs(values[some] / exact[some] - 1.0).max(initial=0.0))
+
+
+def _lines(residual: FrfResidual, size: Reals) -> Integers:
+    """Positions of evenly spaced lines, the last among them, and the one where the least error counts."""
+    known = np.isfinite(residual.sd)
+    lines = np.flatnonzero(known.any(axis=(0, 1)))
+    even = lines[np.unique(np.linspace(0, len(lines) - 1, _EVEN).round().astype(int))]
+    # modes far above the lines add a static displacement
+    unit = np.abs(residual.measured.freq_hz) ** ("receptance", "mobility", "accelerance").index(residual.measured.kind)
+    allowed = np.where(known, residual.sd * (1.0 if residual.form == "linear" else size) / unit, np.inf)
+    return np.unique([*even, int(allowed.min(axis=(0, 1)).argmin())])
+
+
+def _at_lines(residual: FrfResidual, at: Integers) -> FrfResidual:
+    """The residual at some of its lines."""
+    measured = residual.measured
+    regions = (replace(r, at=np.flatnonzero(np.isin(at, r.at))) for r in residual.regions)
+    return replace(
+        residual,
+        measured=replace(measured, freq_hz=measured.freq_hz[at], values=measured.values[:, :, at], coherence=None),
+        sd=residual.sd[:, :, at],
+        regions=tuple(r for r in regions if r.at.size),
+        shift=None,
+    )
+
+
+def _missing(modes: EigenSolution, highest_hz: float) -> int | None:
+    """Number of modes up to twice the highest line that are not superposed."""
+    wanted = TIMES_HIGHEST_LINE * highest_hz
+    if modes.freq_hz[-1] >= wanted:
+        return 0
+    pencil = Pencil(modes.point.symmetric_stiffness, modes.point.symmetric_mass)
+    below = count_below(pencil, (2.0 * np.pi * wanted) ** 2).below
+    return None if below is None else max(0, below - modes.wanted)

@@ -1,0 +1,97 @@
+"""Error of the FRFs of residuals by their truncated set of modes, as records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from femtune.assembly.progress import silent
+from femtune.residuals.frf.truncation import SMALL, truncations
+from femtune.results.base import Record
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.residuals import Evaluation
+    from femtune.residuals.frf.truncation import Truncation
+
+
+class FrfTruncation(Record):
+    """FRFs of a residual by superposition, compared with direct solutions (K + iωC − ω²M)u = f at a few lines."""
+
+    configuration: str
+    """Name of the configuration."""
+    stage: Literal["before", "after"]
+    """Start or end of the update."""
+    modes: int | None
+    """Number of modes that are superposed; None if the method needs none."""
+    modes_to_hz: float | None
+    """Natural frequency of the last one, Hz; None likewise."""
+    highest_line_hz: float
+    """Highest frequency line of the residual, Hz."""
+    lines_hz: tuple[float, ...]
+    """Lines at which the two were compared, Hz; empty for the direct method, which has no truncation."""
+    largest_sd: float | None
+    """Largest error of the FRFs, in standard deviations of the measured values (no unit); None without truncation."""
+    rms_sd: float | None
+    """Root mean square of the errors, likewise."""
+    largest_percent: float | None
+    """Largest relative error of an FRF value, in %."""
+    function: str
+    """Function with the largest error: "5Y+ / 3Y+"; "" without truncation."""
+    line_hz: float | None
+    """Frequency line of this error, Hz."""
+    small: bool
+    """True if the largest error is at most a tenth of the standard deviation."""
+    missing: str
+    """The modes that are missing, in words; "" if the error is small."""
+    limit: str
+    """Key of the residual that limits the number of modes: "count = 4"; "" if the highest line determines it."""
+    sentence: str
+    """Outcome in a sentence."""
+
+
+def frf_truncations(
+    at: Evaluation, stage: Literal["before", "after"], progress: Progress = silent
+) -> tuple[FrfTruncation, ...]:
+    """Those of all FRF residuals at an evaluated point of the update."""
+    found: list[FrfTruncation] = []
+    for state in at.states:
+        for one in truncations(state):
+            progress.step(f"truncation of the FRFs, {stage}: {state.case.name}", len(found), None)
+            found.append(_record(one, stage))
+    return tuple(found)
+
+
+def _record(found: Truncation, stage: Literal["before", "after"]) -> FrfTruncation:
+    known = bool(len(found.lines_hz))
+    return FrfTruncation(
+        configuration=found.configuration,
+        stage=stage,
+        modes=found.modes,
+        modes_to_hz=found.reach_hz,
+        highest_line_hz=found.highest_hz,
+        lines_hz=tuple(float(line) for line in found.lines_hz),
+        largest_sd=found.largest if known else None,
+        rms_sd=found.mean if known else None,
+        largest_percent=100.0 * found.relative if known else None,
+        function=found.function,
+        line_hz=found.line_hz if known else None,
+        small=found.small,
+        missing="" if found.small else found.lacks,
+        limit=found.limit,
+        sentence=_sentence(found, stage),
+    )
+
+
+def _sentence(found: Truncation, stage: str) -> str:
+    if not len(found.lines_hz):
+        return "the FRFs are solved for directly at each frequency line, without truncation"
+    used = "1 mode" if found.modes == 1 else f"{found.modes} modes"
+    error = (
+        f"{stage} the update, FRFs of {used} up to {found.reach_hz:.4g} Hz differ from direct solutions at "
+        f"{len(found.lines_hz)} lines by at most {found.largest:.2g} σ of the measured values "
+        f"({found.function} at {found.line_hz:.4g} Hz)"
+    )
+    if found.small:
+        return f"{error}, which is small (limit {SMALL:g} σ)"
+    limited = f'; "{found.limit}" of the residual limits the modes' if found.limit else ""
+    return f"{error}; missing: {found.lacks}{limited}"

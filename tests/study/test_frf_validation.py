@@ -1,0 +1,151 @@
+"""Criteria on FRFs that the update did not use: held-out channels, and a modified structure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.assembly.study import load_study
+from femtune.errors import FemtuneError
+from femtune.results.step_results import RunResult
+from femtune.results.validation import ValidationVerdict
+
+from ..messages.shown import check_shown
+from .conftest import Bench
+from .test_frf_truncation import BEAM, OUTPUTS, measured, write_functions
+
+LIMITS = """
+[validate]
+profile = "own"
+frac = 0.95
+fdac = 0.95
+frf_mean_db = 1.0
+frf_max_db = 3.0
+resonance_error = 0.01
+"""
+LINES = np.arange(4.0, 244.0, 4.0)
+RESIDUAL = '\n[[residual]]\nkind = "frf"\nto_hz = 240.0\n'
+LEVEL = "level error of an FRF, mean over the lines"
+CONFIGURED = """
+[[configuration]]
+name = "as built"
+test = "frfs.uff"
+
+[[configuration]]
+name = "with mass"
+test = "heavy.uff"
+use = "validation"
+masses = [{{ node = {node}, mass = {mass} }}]
+"""
+
+
+def by_criterion(run: RunResult, configuration: str = "as the deck") -> dict[str, ValidationVerdict]:
+    assert run.results.validation is not None
+    return {
+        v.criterion.removesuffix(", own criterion"): v
+        for v in run.results.validation.verdicts
+        if v.configuration == configuration
+    }
+
+
+@pytest.fixture(scope="module")
+def with_frfs(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    made = Bench(tmp_path_factory.mktemp("frfs"))
+    measured(made, LINES)
+    return made
+
+
+def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
+    hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
+    limits = LIMITS.replace("fdac = 0.95\n", "")
+    path = with_frfs.study(with_frfs.parameters + RESIDUAL + hold + limits, test="frfs.uff")
+    run = steps.run(path)
+    found = run.results.validation
+    assert found is not None
+    assert run.results.update is not None
+    assert {c.label for c in run.results.update.comparisons} == {"7Y+ / 7Y+", "17Y+ / 7Y+"}
+    verdicts = by_criterion(run)
+    assert len(verdicts) == 4
+    assert {v.verdict for v in verdicts.values()} == {"pass"}
+    assert {v.data for v in verdicts.values()} == {"unused FRFs"}
+    assert verdicts["FRAC"].measured == pytest.approx(1.0, abs=1e-6)
+    (frf,) = found.frfs
+    assert (frf.output, frf.input) == ("12Y+", "7Y+")
+    # the largest one at an antiresonance
+    assert frf.mean_db < 0.01
+    assert frf.max_db < 0.1
+    assert [r.test_hz for r in found.resonances] == pytest.approx([r.model_hz for r in found.resonances], rel=1e-5)
+    # levels were tested on data that were not used, damping ratios were not compared
+    (alert,) = [a for a in run.results.alerts if a.code == "update.frfs-alone"]
+    assert "modal damping" in alert.sentence
+    assert "forced response" not in alert.sentence
+    page = Path(steps.report(run.folder)).read_text()
+    assert "Measured FRFs that the update did not use" in page
+    assert "Measured FRFs of as the deck that the update did not use, and those of the updated model" in page
+    (curves,) = found.curves
+    test = run.arrays[curves.test_values_key]
+    known = [curves.outputs[i] for i in np.flatnonzero(np.isfinite(test).any(axis=(1, 2)))]
+    assert known == ["12Y+"]
+    assert run.arrays[curves.values_key].shape == test.shape == (3, 1, len(LINES))
+
+
+def test_without_held_out_frfs_nothing_is_tested_and_the_results_say_so(with_frfs: Bench) -> None:
+    run = steps.run(with_frfs.study(with_frfs.parameters + RESIDUAL + LIMITS, test="frfs.uff"))
+    verdicts = by_criterion(run)
+    assert {v.verdict for v in verdicts.values()} == {"not tested"}
+    assert "the update used all FRFs" in verdicts["FRAC"].remark
+    (alert,) = [a for a in run.results.alerts if a.code == "update.frfs-alone"]
+    assert "modal damping" in alert.sentence
+    assert "forced response levels" in alert.sentence
+    check_shown("update.frfs-alone", f"[update.frfs-alone] {alert.sentence}")
+    assert run.results.validation is not None
+    assert any("forced response levels" in s for s in run.results.validation.not_tested)
+
+
+@pytest.mark.parametrize(("stated", "outcome"), [(1.5, "pass"), (0.5, "fail")])
+def test_a_modified_structure(with_frfs: Bench, stated: float, outcome: str) -> None:
+    """Its curves are predicted if the study states the mass that was added, and not otherwise."""
+    heavy = BEAM.replace("SPC1    1", "CONM2   98      12              1.5\nSPC1    1")
+    write_functions(with_frfs, heavy, LINES, "heavy.uff", OUTPUTS)
+    tail = CONFIGURED.format(node=12, mass=stated) + with_frfs.parameters
+    tail += RESIDUAL + 'configuration = "as built"\n' + LIMITS
+    run = steps.run(with_frfs.study(tail, test=None))
+    verdicts = by_criterion(run, "with mass")
+    assert {v.data for v in verdicts.values()} == {"modified structure"}
+    assert len(verdicts) == 5
+    for name in ("FRAC", "resonance frequency error in the FRFs", LEVEL):
+        assert verdicts[name].verdict == outcome
+    assert verdicts["resonance frequency error in the FRFs"].unit == "%"
+    assert verdicts[LEVEL].unit == "dB"
+    assert {v.verdict for v in by_criterion(run, "as built").values()} == {"not tested"}
+    assert run.results.validation is not None
+    assert not any(s.startswith("a modified structure") for s in run.results.validation.not_tested)
+
+
+REFUSED = {
+    "unknown output": ('[[hold_out]]\noutputs = ["3Y+"]', "study.hold-out", "no 3Y+ among their outputs"),
+    "unknown input": ('[[hold_out]]\ninputs = ["12Y+"]', "study.hold-out", "no 12Y+ among their inputs"),
+    "all of them": ('[[hold_out]]\ninputs = ["7Y+"]', "study.hold-out", "no FRF would remain"),
+    "frac": ("[validate]\nfrac = 1.5", "study.value", ""),
+    "level": ("[validate]\nfrf_max_db = -3.0", "study.value", ""),
+    "band": ("[validate]\nfrf_from_hz = 50.0\nfrf_to_hz = 20.0", "study.response-lines", "frf_from_hz"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_bad_values(name: str, with_frfs: Bench) -> None:
+    text, code, words = REFUSED[name]
+    with pytest.raises(FemtuneError) as error:
+        load_study(with_frfs.study(f"{with_frfs.parameters}{RESIDUAL}\n{text}\n", test="frfs.uff"))
+    assert error.value.code == code
+    assert words in error.value.what
+    assert error.value.hint
+
+
+def test_frfs_cannot_be_held_out_of_a_test_of_modes(beam: Bench) -> None:
+    with pytest.raises(FemtuneError, match="has no FRFs") as error:
+        load_study(beam.study(f'{beam.parameters}\n[[hold_out]]\noutputs = ["5Y+"]\n'))
+    assert error.value.code == "study.hold-out"
