@@ -164,6 +164,14 @@ def test_a_modulus_of_the_whole_beam(bench: Bench):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+def test_a_table_holds_for_all_regions_of_a_field(bench: Bench):
+    region = '[[parameter]]\nname = "a"\nfields = ["PBAR 1 I1"]\nelements = "1"\nlower = 0.5\nupper = 2.0\n'
+    table = '[[frequency_table]]\nfields = ["PBAR 1 I1"]\nfreq_hz = [0.0, 100.0]\nfactor = [1.0, 2.0]\n'
+    found = [steps.modes(bench.study(text, test=None)).freq_hz for text in (table, region + table)]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
+    assert found[0][2] > 1.05 * bench.modes(bench.folder / "beam.bdf")[2]
+
+
 BAD = {
     "an unknown field": (TABLES.replace("21 K", "22 K"), "table.fields", "CELAS2 22 K"),
     "lists of two lengths": (TABLES.replace("[0.8, 1.0, 1.6, 2.2]", "[0.8, 1.0]"), "table.values", "4 frequencies"),

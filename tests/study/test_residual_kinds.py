@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femtune import steps
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.files.deviations import deviations_text
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
@@ -114,6 +115,33 @@ def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
     assert record.count == (8 if not more else 4)
     assert found.report is not None
     assert label in found.report.read_text(encoding="utf-8")
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("weights", ['sd = "test"', 'covariance = "test"'])
+def test_poles_weighted_by_the_file_of_the_identification(weights: str, bench: Bench):
+    """A mode whose damping ratio is wrong by a tenth, with a standard deviation to match, does not matter."""
+    bench.write("beam.bdf", CANTILEVER.replace(PLAIN, DAMPED))
+    test = bench.measure(bench.truth())
+    assert test.modes is not None
+    poles = 2j * np.pi * test.modes.freq_hz * np.sqrt(1.0 + 0.03j)
+    freq, ratio = np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles)
+    sd = np.array([1e-6, 1e-6, 1e-6, 0.1]) * ratio
+    freq_sd = 1e-6 * freq
+    spread = np.concatenate([freq_sd, sd])
+    covariance = (0.9 * np.eye(8) + 0.1) * np.outer(spread, spread)
+    measured = replace(test.modes, freq_hz=freq, damping_ratio=ratio * [1.0, 1.0, 1.0, 1.1])
+    bench.uff(replace(test, modes=measured))
+    text = deviations_text(replace(measured, freq_sd_hz=freq_sd, damping_sd=sd, covariance=covariance))
+    assert text is not None
+    bench.write("deviations.json", text)
+    tail = f'{LOSS}[test]\nfile = "beam.uff"\ndeviations = "deviations.json"\n'
+    update = run(bench, f'{tail}[[residual]]\nkind = "complex-eigenvalue"\n{weights}\n', test=None).results.update
+    assert update is not None
+    assert update.ok
+    assert {p.name: p.value for p in update.parameters} == pytest.approx(
+        {"root": 1.3, "tip": 0.85, "eta": 3.0}, rel=1e-4
+    )
 
 
 def test_a_study_without_any_mode(bench: Bench):
