@@ -66,7 +66,7 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
     bent = _held_solver(stiffness, pole, psi)(b)
     along = -0.5 * _normalisation(stiffness, pole, psi, slope) - by_pole @ bent
     shape = bent + psi[:, None] * along
-    residuals = _residuals(stiffness, pole, shape, b)
+    residuals = _residuals(stiffness, pole, shape, b, np.abs(forces) + np.abs(by_pole[:, None] * slope))
     if (residuals > _ENOUGH).any():
         raise _inaccurate(pole, float(residuals.max()))
     return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
@@ -146,10 +146,13 @@ def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
         raise _inaccurate(pole, np.inf) from error
 
 
-def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray) -> NDArray[np.float64]:
+def _residuals(
+    stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray, parts_of_b: NDArray
+) -> NDArray[np.float64]:
+    """Relative to the parts that cancel in Zψ′ − b: b itself is the rounding of larger parts for a single DOF."""
     if not b.shape[1]:
         return np.zeros(0)
-    parts = np.abs(stiffness.sparse(pole)) @ np.abs(shape) + np.abs(b)
+    parts = np.abs(stiffness.sparse(pole)) @ np.abs(shape) + parts_of_b
     left = np.abs(stiffness.times(pole, shape) - b).max(axis=0)
     return np.asarray(left / np.maximum(parts.max(axis=0), np.finfo(float).tiny))
 
