@@ -14,6 +14,7 @@ from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import alert
 from femtune.results.checks import LUMPING, MASS, MESH
 from femtune.results.model import alert_of
+from femtune.results.quantify import HELD_OUT, ORDER, OUTLIERS
 from femtune.results.validation import compares_frfs, responses_not_tested
 from femtune.status import Status
 from femtune.validation.goodness import Finding
@@ -28,6 +29,11 @@ if TYPE_CHECKING:
     from femtune.results.validation import GoodnessResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
+_REPEAT_CHECKS = {
+    ORDER: "quantify.order-dependence",
+    OUTLIERS: "quantify.outlier/found",
+    HELD_OUT: "quantify.held-out-differ",
+}
 _WRITTEN_PERCENT = 0.05
 FEWEST_SAMPLES = 1000
 """Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
@@ -148,6 +154,9 @@ def _of_quantify(results: Results) -> Iterable[Alert]:
         yield alert("problem", "quantify.no-distribution", ending=found.message)
     elif not found.agrees:
         yield alert("warning", "quantify.disagrees", outcome=found.sentences[0])
+    for check in found.checks:
+        if check.verdict == "fail":
+            yield alert("warning", _REPEAT_CHECKS[check.check], found=check.sentence)
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:
