@@ -12,14 +12,14 @@ from femtune.assembly.cases import on_model, study_case
 from femtune.assembly.named_fields import with_named_fields
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
-from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
 from femtune.files.study_file.source import StudyLines
-from femtune.model import parametric_model
+from femtune.model import frequency_table, parametric_model
 from femtune.model.distributed import check_slepc
 from femtune.model.full_model import direct
 from femtune.model.solvers.factorise import solver_asked
@@ -28,10 +28,9 @@ from femtune.parameters import DerivedQuantity, ParameterSet, parse_expression
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
-    from femtune.errors import Notice
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.uff import UffFile
-    from femtune.model import ParametricModel
+    from femtune.model import FrequencyTable, ParametricModel
     from femtune.model.full_model import ModelSolver
     from femtune.residuals import UpdateProblem
 
@@ -178,9 +177,9 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     model = None
     with errors.catch():
         found = targets(file, built)
-        model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+        model = parametric_model(built.structure, parameter_set(found, built), assignments(found), tables_of(file))
         check_derived(file, model.parameters)
-    notices: list[Notice] = []
+    notices = [_acts(table) for table in model.tables] if model is not None else []
     cases: list[StudyCase] = []
     tests: dict[Path, UffFile] = {}
     base = model or parametric_model(built.structure, ParameterSet(()), ())
@@ -197,6 +196,21 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
         check_placement(file, cases)
     assert model is not None
     return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)))
+
+
+def tables_of(file: StudyFile) -> tuple[FrequencyTable, ...]:
+    """The tables over frequency of a study (errors ``table.values``)."""
+    return tuple(
+        frequency_table(entry.targets, entry.freq_hz, entry.factor, file.where("frequency_table", i))
+        for i, entry in enumerate(file.frequency_table)
+    )
+
+
+def _acts(table: FrequencyTable) -> Notice:
+    """What a table over frequency does, for the report."""
+    low, high, least, most = (f(v) for v in (table.freq_hz, table.factor) for f in (min, max))
+    field = ", ".join(map(str, table.fields))
+    return Notice("table.acts", level="info", field=field, low=low, high=high, least=least, most=most)
 
 
 def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
@@ -245,7 +259,7 @@ def solved_by(study: Study, solver: ModelSolver) -> Study:
 def on_deck(study: Study, built: BuiltModel) -> Study:
     """The same study on another deck of the same grid points (the updated one), without parameters."""
     with errors_at_cards(built):
-        model = parametric_model(built.structure, ParameterSet(()), ())
+        model = parametric_model(built.structure, ParameterSet(()), (), tables_of(study.file))
         cases = tuple(on_model(c, model) for c in study.cases)
     return replace(study, built=built, model=model, cases=cases)
 

@@ -211,6 +211,8 @@ def correlate_case(case: ComparedCase, solution: EigenSolution) -> Correlation:
     """All comparisons of a case at its solved modes."""
     model = modes_at_sensors(case, solution)
     point = solution.point
+    # a static reduction, with the stiffness at rest
+    point = point.at_frequency(0.0) if point.depends_on_frequency else point
     mass = reduce_mass(point.stiffness, point.mass, case.sensors, model)
     return correlate(
         case.test,

@@ -657,7 +657,7 @@ def update_results(
         parameters=tuple(_parameters(study, result, written)),
         derived=tuple(derived_results(study, result)),
         pairing_events=tuple(_events(result)),
-        regularisation=table.regularisation,
+        regularisation=table.regularisation if table.weight_on == "whole-change" else result.side.word,
         regularisation_weight=_weight(table, result),
         weight_choice=weight_choice_results(result),
         starts=None if starts is None else starts_results(starts, table.seed),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.updating.prior import Prior, correlated_prior
     from femtune.updating.regularisation import (
         Distance,
+        EachStep,
         Identical,
         Link,
         MinimumChange,
@@ -62,6 +63,7 @@ __all__ = [
     "Box",
     "BoxPosterior",
     "Distance",
+    "EachStep",
     "EquationError",
     "ErrorSum",
     "GaussNewton",

@@ -75,12 +75,13 @@ class Walk:
 
     def objective(self, evaluation: Evaluation) -> float:
         """½ rᵀr of an evaluation that may lack derivatives, side constraints included."""
-        change = 0.0 if self.change is None else _half_square(self.change.rows(evaluation.x)[0])
-        return 0.5 * self.chi_square(evaluation) + change
+        sides = [side for side in (self.side, self.change) if side is not None]
+        return evaluation.objective + sum(_half_square(side.rows(evaluation.x)[0]) for side in sides)
 
     def chi_square(self, evaluation: Evaluation) -> float:
-        """Sum of squares of residuals and side constraint."""
-        return 2.0 * (evaluation.objective + _half_square(self.side.rows(evaluation.x)[0]))
+        """Sum of squares of residuals and side constraint, unless this acts on the change of one iteration only."""
+        whole = 0.0 if self.side.renewed else _half_square(self.side.rows(evaluation.x)[0])
+        return 2.0 * (evaluation.objective + whole)
 
     def local(self, point: Point) -> LocalModel:
         """The linear model there, with the distances to the bounds; zero for fixed parameters."""
@@ -126,14 +127,13 @@ class Walk:
         low, high = self.bounds_touched(point.x)
         multipliers = {n: float(g) for n, g, at in zip(names, slope, low) if at}
         multipliers |= {n: float(-g) for n, g, at in zip(names, slope, high) if at}
-        local = self.local(point)
-        left = max(local.gain(local.step()), 0.0) / point.objective if point.objective > 0.0 else 0.0
+        left = max(self.best_gain(point), 0.0) / point.objective if point.objective > 0.0 else 0.0
         return Certificate(float(np.abs(step / scale).max(initial=0.0)), left, multipliers)
 
     def optimum(self, point: Point) -> Status:
         """Status of a stationary point."""
         bound = self.at_bound(point.x)
-        known = replace(self, change=None).point(point.evaluation)
+        known = replace(self, change=None).of_result(point.evaluation)
         if not self.determined(known, self.moving & ~bound):
             return Status.UNDETERMINED
         if bound.any():
@@ -141,9 +141,20 @@ class Walk:
         exact = 0.5 * self.chi_square(point.evaluation) < max(1e-16, self.rounding(point))
         return Status.EXACT if exact else Status.CONVERGED
 
+    def of_result(self, evaluation: Evaluation) -> Point:
+        """The evaluation with what determines the result: a side constraint of single steps does not."""
+        side = NoRegularisation().side(len(evaluation.x)) if self.side.renewed else self.side
+        return replace(self, side=side).point(evaluation)
+
+    def best_gain(self, point: Point) -> float:
+        """Predicted decrease of the objective of the result within the bounds."""
+        local = self.local(self.of_result(point.evaluation))
+        return local.gain(local.step())
+
     def rounding(self, point: Point) -> float:
         """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step."""
-        return 0.5 * float(np.sum((_ROUNDING * point.jacobian * self.scale(point.x) * self.moving) ** 2))
+        jacobian = self.of_result(point.evaluation).jacobian
+        return 0.5 * float(np.sum((_ROUNDING * jacobian * self.scale(point.x) * self.moving) ** 2))
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -294,9 +305,10 @@ class _Update:
     def _needs_smallest_change(self, point: Point) -> bool:
         """Whether combinations are undetermined, those of parameters at bounds among them: noise drives them there.
 
-        Combinations that a side constraint fixes need no other rule.
+        Combinations that a side constraint fixes need no other rule, nor do steps that are constrained.
         """
-        asked = self.method.smallest_change > 0.0 and not len(self.walk.side.held)
+        side = self.walk.side
+        asked = self.method.smallest_change > 0.0 and not len(side.held) and side.renewed is None
         return asked and not self.walk.determined(point, self.walk.moving)
 
     def _smallest_change(self, optimum: _End) -> tuple[_End, SmallestChange | None]:
@@ -343,18 +355,20 @@ class _Update:
         return max(self.method.smallest_change * variance, 2.0 * self.walk.rounding(point))
 
     def _adapted(self, point: Point) -> Point:
-        """The point with the weight that the rule finds there, where the weight is adapted."""
-        if not self.method.adapt:
+        """The point with the side constraint that holds from there on: of the change from there, where it is of the
+        change of each iteration, and with the weight that the rule finds there, where the weight is adapted."""
+        if not self.method.adapt and self.walk.side.renewed is None:
             return point
         at = linear_model(self.walk.problem, point.evaluation, self.walk.moving)
-        self.walk = replace(self.walk, side=reweighed(self.walk.side, at))
+        side = self.walk.side.settle(at)
+        self.walk = replace(self.walk, side=reweighed(side, at) if self.method.adapt else side)
         return self.walk.point(point.evaluation)
 
     def _finished(self, point: Point, first: int) -> Status | None:
         """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
         gain = self._best_gain(point)
         if gain <= _SAME_OBJECTIVE * point.objective or gain <= self._negligible(point):
-            return self.walk.optimum(point)
+            return self._optimum(point)
         steps = self.history[first + 1 :]
         if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
@@ -376,6 +390,13 @@ class _Update:
         local = self.walk.local(point)
         d = local.step()
         return 0.0 if self._none(local, d) else local.gain(d)
+
+    def _optimum(self, point: Point) -> Status:
+        """The status where steps end: those that a side constraint shortens may end before the optimum."""
+        limit = max(_NEARLY_SAME * point.objective, self.walk.rounding(point))
+        if self.walk.side.renewed and point.objective >= _ZERO_OBJECTIVE and self.walk.best_gain(point) > limit:
+            return Status.SHORT_STEPS
+        return self.walk.optimum(point)
 
     def _none(self, local: LocalModel, d: Reals) -> bool:
         """True if a step changes nothing."""
@@ -421,7 +442,7 @@ class _Update:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
         stalled."""
         if self._best_gain(point) <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
-            return self.walk.optimum(point)
+            return self._optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 
     def _try(self, point: Point, d: Reals) -> Evaluation | None:

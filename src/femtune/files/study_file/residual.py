@@ -176,6 +176,26 @@ class FrequencyResidualEntry(OfModesTable):
         return self.sd / (2.0 if self.form == "eigenvalue" else 1.0)
 
 
+class ComplexEigenvalueResidualEntry(OfModesTable):
+    """Poles; `covariance` is of the frequencies in Hz and, after them, the damping ratios of all modes of the test."""
+
+    covariance_of_test = True
+
+    kind: Literal["complex-eigenvalue"]
+    sd: FrequencySd | None = None
+    covariance: Covariance | None = None
+
+
+class DampingResidualEntry(OfModesTable):
+    """Damping ratios, relative; `covariance` is of those of all modes of the test."""
+
+    covariance_of_test = True
+
+    kind: Literal["damping"]
+    sd: FrequencySd | None = None
+    covariance: Covariance | None = None
+
+
 class ShapeResidualEntry(OfModesTable):
     """Shapes, scaled; `covariance` is of the entries of a scaled shape, in the order of `sensors`."""
 
@@ -281,6 +301,8 @@ class InertiaResidualEntry(ResidualTable):
 
 ResidualEntry = Annotated[
     FrequencyResidualEntry
+    | ComplexEigenvalueResidualEntry
+    | DampingResidualEntry
     | ShapeResidualEntry
     | StrainResidualEntry
     | MacResidualEntry
