@@ -25,6 +25,8 @@ from femtune.residuals import (
     CaseState,
     CentreResidual,
     ComparedCase,
+    ComplexEigenvalueResidual,
+    DampingResidual,
     DisplacementResidual,
     DynamicResidual,
     FlexibilityResidual,
@@ -53,16 +55,22 @@ from femtune.residuals import (
     state_at,
 )
 from femtune.residuals.frequency import frequency_residual
+from femtune.residuals.poles import PoleResidual, pole_of
 from femtune.validation import goodness_of_fit
 from structures.frames import make_structure
 from structures.frames import masses as concentrated
-from structures.springs import factor_model, simulated_case, spring_structure
+from structures.springs import factor_model, simulated_case, spring_structure, with_poles
 
 LEVEL = 0.05
-FREQUENCY_SD, SHAPE_SD, FORCE_SD, MASS_SD = 1e-4, 1e-3, 1e-3, 1e-3
+FREQUENCY_SD, SHAPE_SD, FORCE_SD, MASS_SD, RATIO_SD = 1e-4, 1e-3, 1e-3, 1e-3, 1e-5
 SPRINGS = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0), (3, 4, 600.0), (0, 3, 150.0)]
 MODEL = factor_model(spring_structure(SPRINGS, [1.0, 2.0, 1.5, 1.0, 0.8]), {"a": [1, 2], "b": [4], "m": [1002]})
 TRUTH = np.array([0.15, -0.2, 0.1])
+DAMPED_TRUTH = (0.15, 0.3)
+DAMPED = factor_model(
+    spring_structure(SPRINGS, [1.0, 2.0, 1.5, 1.0, 0.8], [(-1, 1, 0.8), (3, 4, 1.0)], 0.01),
+    {"a": [1, 2, 3], "c": [2001, 2002]},
+)
 CORRELATED = 0.5 * np.eye(5) + 0.5
 UNEQUAL = np.diag([1.0, 2.0, 0.5, 3.0, 1.5])
 
@@ -155,6 +163,7 @@ def trials() -> Iterator[Trial]:
     yield from _of_forces()
     yield from _of_masses()
     yield from _of_functions()
+    yield from _of_poles()
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -166,9 +175,16 @@ def _case() -> ComparedCase:
     return replace(case, test=replace(case.test, normalisation="mass"))
 
 
-def _of_pairs(kind: str, form: str, residual: OfPairs, noisy: Callable[..., ComparedCase], case: ComparedCase) -> Trial:
+def _of_pairs(
+    kind: str,
+    form: str,
+    residual: OfPairs,
+    noisy: Callable[..., ComparedCase],
+    case: ComparedCase,
+    truth: Sequence[float] = tuple(TRUTH),
+) -> Trial:
     """A residual of paired modes at the true parameters; the noise changes the test of the case alone."""
-    pairs = list(state_at(case, TRUTH).pairs(derivatives=True))
+    pairs = list(state_at(case, np.array(truth)).pairs(derivatives=True))
 
     def draw(rng: np.random.Generator) -> Sequence[ResidualBlock]:
         measured = noisy(case, rng)
@@ -194,6 +210,56 @@ def _of_frequencies() -> Iterator[Trial]:
     yield _of_pairs("frequency", "frequency", FrequencyResidual(FREQUENCY_SD), by_sd(1.0), case)
     yield _of_pairs("frequency", "eigenvalue", FrequencyResidual(FREQUENCY_SD, "eigenvalue"), by_sd(0.5), case)
     yield _of_pairs("frequency", "covariance", FrequencyCovariance(covariance), together, case)
+
+
+def _of_poles() -> Iterator[Trial]:
+    """A damped chain and a ring with repeated modes, each with a factor on springs and one on dashpots."""
+    case = simulated_case(DAMPED, DAMPED_TRUTH, range(5), 4, count=5)
+    yield from _of_damped(with_poles(case, DAMPED_TRUTH), DAMPED_TRUTH, "")
+    springs = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]
+    structure = spring_structure(springs, [1.0] * 6, [(-1, i, 0.2) for i in range(6)])
+    ring, zero = factor_model(structure, {"a": [1, 4], "c": [2001]}), (0.0, 0.0)
+    rules = PairingRules(mac_gate=0.2, relative_gap=0.05)
+    case = simulated_case(ring, zero, range(6), 6, rules=rules)
+    yield from _of_damped(with_poles(case, zero), zero, ", repeated modes")
+
+
+def _of_damped(case: ComparedCase, truth: Sequence[float], words: str) -> Iterator[Trial]:
+    f, ratio = case.test.freq_hz, case.test.damping_ratio
+    assert ratio is not None
+    m, poles = len(f), pole_of(f, ratio)
+    spread = np.concatenate([FREQUENCY_SD * f, np.full(m, RATIO_SD)])
+    joint = np.outer(spread, spread) * (0.5 * np.eye(2 * m) + 0.5)
+    case = replace(case, test=replace(case.test, freq_sd_hz=spread[:m], damping_sd=spread[m:], covariance=joint))
+
+    def measured(case: ComparedCase, freq: Reals, ratio: Reals) -> ComparedCase:
+        return replace(case, test=replace(case.test, freq_hz=freq, damping_ratio=ratio))
+
+    def of_poles(case: ComparedCase, rng: np.random.Generator) -> ComparedCase:
+        noise = FREQUENCY_SD * (rng.standard_normal(m) + 1j * rng.standard_normal(m))
+        noisy = poles + np.abs(poles) * noise
+        return measured(case, np.abs(noisy) / (2.0 * np.pi), -noisy.real / np.abs(noisy))
+
+    def of_ratios(case: ComparedCase, rng: np.random.Generator) -> ComparedCase:
+        return measured(case, f, ratio * (1.0 + FREQUENCY_SD * rng.standard_normal(m)))
+
+    def by_test(case: ComparedCase, rng: np.random.Generator) -> ComparedCase:
+        z = np.concatenate([f, ratio]) + spread * rng.standard_normal(2 * m)
+        return measured(case, z[:m], z[m:])
+
+    def together(case: ComparedCase, rng: np.random.Generator) -> ComparedCase:
+        z = rng.multivariate_normal(np.concatenate([f, ratio]), joint)
+        return measured(case, z[:m], z[m:])
+
+    forms: list[tuple[str, type[PoleResidual], PoleResidual, Callable[..., ComparedCase]]] = [
+        ("sd", ComplexEigenvalueResidual, ComplexEigenvalueResidual(sd=FREQUENCY_SD), of_poles),
+        ("sd", DampingResidual, DampingResidual(sd=FREQUENCY_SD), of_ratios),
+    ]
+    for kind in (ComplexEigenvalueResidual, DampingResidual):
+        forms.append(("sd of the test", kind, kind(sd="test"), by_test))
+        forms.append(("covariance of the test", kind, kind(covariance="test"), together))
+    for form, kind, residual, noisy in forms:
+        yield _of_pairs(kind.label, form + words, residual, noisy, case, truth)
 
 
 def _noisy_shapes(scaling: str, covariance: Reals) -> Callable[..., ComparedCase]:

@@ -5,7 +5,7 @@ Each problem makes a noisy test of itself from a seed; the noise is Gaussian and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from femtune.modal import ModeSet
 from femtune.model import Assignment, Configuration, configure, parametric_model
 from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ComparedCase, FrequencyResidual, ShapeResidual, UpdateProblem
-from femtune.updating import update
+from femtune.updating import UpdateResult, update
 from structures.frames import bars, make_structure, masses
 from structures.springs import factor_model, simulated_case, spring_structure
 
@@ -113,20 +113,20 @@ class CoverageRun:
 
     Parameters
     ----------
-    errors : (tests, parameters) (updated − true)/σ
-    factors : (tests,) half width of the 95 % interval in σ
+    errors : (tests, parameters) (updated − true)/σ with σ of the linear estimate, bounds left aside
+    held : (tests, parameters) whether the 95 % interval contains the true value
     widened : (tests,) whether residuals were larger than chance explains
     """
 
     names: tuple[str, ...]
     errors: Reals
-    factors: Reals
+    held: NDArray[np.bool_]
     widened: NDArray[np.bool_]
 
     @property
     def coverage(self) -> Reals:
         """(parameters,) share of the 95 % intervals that hold the truth."""
-        return np.asarray(np.mean(np.abs(self.errors) <= self.factors[:, None], axis=0))
+        return np.asarray(np.mean(self.held, axis=0))
 
     @property
     def normal_coverage(self) -> Reals:
@@ -138,6 +138,16 @@ def run_coverage(problem: CoverageProblem, seeds: Iterable[int]) -> CoverageRun:
     """Update the test of every seed; one that gives no interval (at a bound, not determined) counts as a miss."""
     names = tuple(problem.truth)
     found = [update(problem.problem(seed)) for seed in seeds]
-    errors = np.array([[(r.values[n] - problem.truth[n]) / r.sd[n] for n in names] for r in found])
-    factors = np.array([r.covariance.coverage_factor() for r in found])
-    return CoverageRun(names, errors, factors, np.array([bool(r.covariance.widened) for r in found]))
+    errors = np.array([[(r.values[n] - problem.truth[n]) / _linear_sd(r, n) for n in names] for r in found])
+    held = np.array([[low <= problem.truth[n] <= high for n, (low, high) in _intervals(r, names)] for r in found])
+    return CoverageRun(names, errors, held, np.array([bool(r.covariance.widened) for r in found]))
+
+
+def _linear_sd(result: UpdateResult, name: str) -> float:
+    at = [p.name for p in result.parameters.free].index(name)
+    return float(np.sqrt(result.covariance.without_bounds[at, at]) * result.parameters.scale[at])
+
+
+def _intervals(result: UpdateResult, names: Sequence[str]) -> list[tuple[str, tuple[float, float]]]:
+    intervals = result.interval()
+    return [(name, intervals[name]) for name in names]

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from femtune.files.study_file.objects import (
         AntiresonanceResidual,
         CentreOfGravityResidual,
+        ComplexEigenvalueResidual,
         Configuration,
+        DampingResidual,
         DynamicResidual,
         FlexibilityResidual,
         FrequencyResidual,
@@ -60,8 +62,10 @@ __version__ = "0.1.0"
 __all__ = [
     "AntiresonanceResidual",
     "CentreOfGravityResidual",
+    "ComplexEigenvalueResidual",
     "Configuration",
     "CorrelateResult",
+    "DampingResidual",
     "Dof",
     "DofSet",
     "DynamicResidual",

@@ -53,6 +53,16 @@ _register(
     year="1974",
 )
 _register(
+    "belisle1993",
+    "article",
+    author="Bélisle, C. J. P. and Romeijn, H. E. and Smith, R. L.",
+    title="Hit-and-run algorithms for generating multivariate distributions",
+    journal="Mathematics of Operations Research",
+    volume="18",
+    pages="255--266",
+    year="1993",
+)
+_register(
     "friswell1995",
     "book",
     author="Friswell, M. I. and Mottershead, J. E.",

@@ -393,9 +393,10 @@ def _estimate(ax: Axes, i: int, p: ParameterResult, nominal: float) -> None:
     change = _percent(p.value, nominal)
     text = f"{change:+.3g}"
     if p.interval_95 is not None:
-        half = 0.5 * abs(_percent(p.interval_95[1], nominal) - _percent(p.interval_95[0], nominal))
-        ax.errorbar([change], [i], xerr=[half], color=BLUE, elinewidth=1.6, capsize=4.0, capthick=1.6)
-        text += f" ± {half:.2g} %"
+        ends = sorted(_percent(end, nominal) for end in p.interval_95)
+        # a value on its bound may lie outside its interval
+        ax.plot(ends, [i, i], color=BLUE, linewidth=1.6, marker="|", markersize=8.0)
+        text += f" % ({ends[0]:+.3g} … {ends[1]:+.3g})"
     else:
         text += f" % ({p.sd_reason})" if p.sd_reason else " %"
     text = text.replace("-", "−")

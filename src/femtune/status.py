@@ -21,6 +21,10 @@ class Status(Enum):
     EXACT = "converged; all residuals are zero, so that the model reproduces the test exactly"
     MAX_ITERATIONS = "stopped at the iteration limit before it converged; the best point is kept"
     STALLED = "stopped because no step of any length reduces the objective; the best point is kept"
+    SHORT_STEPS = (
+        "stopped because the side constraint on the change of each iteration makes the steps shorter than the "
+        "tolerance; the data are not at their minimum"
+    )
     PAIRING_CYCLES = "stopped because the pairing of modes alternates between iterations; the best point is kept"
     SOLVE_FAILED = "stopped because the eigen-solution failed at a trial point; the best point is kept"
 

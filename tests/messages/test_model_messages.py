@@ -28,7 +28,7 @@ from femtune.model.eigen import solution as eigen
 from femtune.model.eigen import sturm
 from femtune.model.solvers import factorise, pardiso
 from femtune.parameters import Parameter, ParameterSet
-from femtune.residuals import FrequencyResidual, UpdateProblem
+from femtune.residuals import DampingResidual, FrequencyResidual, UpdateProblem
 from femtune.residuals.aligned import align
 from structures.frames import make_structure, scalars
 from structures.springs import factor_model, simulated_case, spring_structure
@@ -104,6 +104,20 @@ def _no_scatter() -> object:
     return problem.start(np.zeros(1))
 
 
+def _no_damping() -> object:
+    model = factor_model(_structure(), {"a": [1]})
+    case = replace(simulated_case(model, (0.0,), (0, 1), 2), residuals=(DampingResidual(sd=0.1),))
+    return UpdateProblem((case,), model.model.parameters).start(np.zeros(1))
+
+
+def _overdamped() -> object:
+    structure = spring_structure(CHAIN, [1.0] * 5, [(-1, 4, 150.0)])
+    case = simulated_case(factor_model(structure, {"a": [1]}), (0.0,), range(5), 2)
+    test = replace(case.test, damping_ratio=np.full(2, 0.1))
+    problem = replace(case, test=test, residuals=(DampingResidual(sd=0.1),))
+    return UpdateProblem((problem,), case.configured.model.parameters).start(np.zeros(1))
+
+
 def _unseen() -> object:
     model = factor_model(_structure(), {"a": [1]})
     derivative = subspace_derivative(solve_modes(model.at(np.zeros(1)), 2), [0])
@@ -142,6 +156,8 @@ CASES: dict[str, Callable[[], object]] = {
     "eigen.other-start": _other_start,
     "derivative.not-converged": _patched(_derivative, (derivatives, "_MAX_STEPS", 1)),
     "residual.no-scatter": _no_scatter,
+    "residual.no-damping": _no_damping,
+    "residual.no-complex-mode": _overdamped,
     "residual.unseen-mode": _unseen,
     "solver.unavailable": _patched(
         lambda: factorise.factorise(sp.eye_array(3, format="csr"), "PARDISO"),

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from tests.messages.shown import check_shown
 
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.selection import cosine_distances
 from femtune.uncertainty import (
     FunctionOutputs,
     StochasticRules,
     given_statistics,
+    held_out_repeats,
     interval_bounds,
     interval_update,
     latin_hypercube,
@@ -148,6 +149,41 @@ def test_means_and_names_that_do_not_fit() -> None:
         statistics_of_repeats(TABLE, ("f1",))
     with pytest.raises(FemtuneError, match="differs from the number of columns"):
         given_statistics(np.ones(3), np.eye(2))
+
+
+def test_repeats_that_are_not_independent_and_normal() -> None:
+    table = np.array([15.5, 44.6]) + 0.1 * np.random.default_rng(5).standard_normal((20, 2))
+    table[:, 1] += np.linspace(0.0, 0.4, 20)
+    table[6] += 2.0
+    order, outlier = statistics_of_repeats(table, ("mode 1", "mode 2")).notices
+    check_shown("quantify.order-dependence", order)
+    check_shown("quantify.outlier", outlier)
+
+
+def test_a_repeat_to_hold_out_that_does_not_exist() -> None:
+    with pytest.raises(FemtuneError) as error:
+        held_out_repeats(12, (3, 13), seed=1)
+    check_shown("quantify.hold-out", _text(error))
+
+
+def test_measurement_errors_without_a_mode() -> None:
+    error = FemtuneError("quantify.noise", values={"compared modes": "1, 3"}, mode="3")
+    check_shown("quantify.noise", str(error))
+
+
+def test_shapes_of_a_table() -> None:
+    check_shown("quantify.shapes", str(FemtuneError("quantify.shapes")))
+
+
+def test_held_out_repeats_that_differ() -> None:
+    sentence = "The 6 repeats that were held out differ from the predicted distribution (p-values: means 0.004)"
+    check_shown("quantify.held-out-differ", Notice("quantify.held-out-differ", found=sentence))
+
+
+def test_too_few_repeats_for_a_robust_covariance() -> None:
+    with pytest.raises(FemtuneError) as error:
+        statistics_of_repeats(TABLE, estimate="robust")
+    check_shown("quantify.robust", _text(error))
 
 
 def test_an_output_without_a_scale() -> None:

@@ -13,6 +13,7 @@ from tests.messages.shown import check_shown
 from femtune.cli import main
 from femtune.dofs import Dof, DofSet
 from femtune.errors import FemtuneError
+from femtune.files.deviations import with_deviations
 from femtune.files.uff import read_uff, write_uff_frfs
 from femtune.identification.operational import METHODS
 from femtune.modal import StateSpace
@@ -59,6 +60,9 @@ def test_a_record_becomes_modes_that_a_study_can_read(record, tmp_path):
     modes = read_uff(made.folder / "modes.uff", units=SI).test.modes
     assert modes.freq_hz == pytest.approx(PLANT.truth.freq_hz, rel=5e-3)
     assert list(modes.dofs) == list(DOFS)
+    known = with_deviations(modes, made.folder / "deviations.json")
+    assert known.freq_sd_hz is not None
+    assert (known.freq_sd_hz > 0).all()
     data = json.loads((made.folder / "identified.json").read_text(encoding="utf-8"))
     assert [m["freq_sd_hz"] > 0 for m in data["modes"]] == [True] * 3
     assert set(data["modes"][0]["by_method"]) == {"SSI-cov", "ERA", "FDD"}

@@ -12,6 +12,7 @@ from femtune import steps
 from femtune.errors import FemtuneError
 from femtune.files.study_file import QuantifyTable
 from femtune.reporting import build_report
+from femtune.reporting.sections.quantify import variability_blocks
 from femtune.results.quantify import QuantifyResults
 from femtune.study.quantify import in_words_of_the_study
 
@@ -75,7 +76,131 @@ def test_a_table_gives_mean_and_covariance_of_the_factors(repeated):
     # three frequencies are too few for distances to the covariance
     assert [p.cosine_distance for p in found.parameters] == [None, None]
     np.testing.assert_allclose([o.measured_sd_hz for o in found.outputs], hz.std(axis=0, ddof=1))
-    assert {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key} == set(arrays)
+    keys = {found.repeats_key, found.cloud_key, found.covariance_key, found.parameter_covariance_key}
+    assert {*keys, found.robust_distance_key} == set(arrays)
+    assert [found.checks[i].verdict for i in (0, 2)] == ["pass", "not tested"]
+
+
+def _moved(hz: np.ndarray, rows: slice, share: float) -> np.ndarray:
+    out = hz.copy()
+    out[rows] *= 1.0 + share
+    return out
+
+
+def test_a_jump_and_an_outlier_are_alerts_of_the_run(repeated):
+    bench, _, hz = repeated
+    _table(bench, _moved(_moved(hz, slice(6, None), 0.2), slice(10, 11), 0.5))
+    run = steps.run(_study(bench))
+    found = run.results.quantify
+    order, outliers, _ = found.checks
+    assert (order.verdict, outliers.verdict) == ("fail", "fail")
+    assert "jump after repeat 6" in order.sentence
+    assert found.outliers
+    assert found.outputs[0].change_hz > 0.0
+    assert found.outputs[0].robust_sd_hz > 0.0
+    codes = {a.code: a.sentence for a in run.results.alerts}
+    assert codes["quantify.order-dependence"] == order.sentence
+    assert "quantify.outlier" in codes
+    page = run.report.read_text(encoding="utf-8")
+    assert "Tests of the repeats" in page
+    assert "these depend on their order" in page
+
+
+def test_repeats_that_are_held_out_check_the_prediction(repeated):
+    bench, factors, hz = repeated
+    _table(bench, hz)
+    held = [2, 3, 5, 8, 11]
+    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    kept = np.delete(factors, np.array(held) - 1, axis=0)
+    assert (found.repeats, found.held_out) == (7, (2, 3, 5, 8, 11))
+    assert_near(found, kept, 5e-4)
+    assert found.checks[2].verdict == "pass"
+    hz[np.array(held) - 1] *= 1.2
+    _table(bench, hz)
+    found = steps.quantify(_study(bench, f"hold_out = {held}\n")).record
+    assert found.checks[2].verdict == "fail"
+    assert "differ from the predicted distribution" in found.checks[2].sentence
+    found = steps.quantify(_study(bench, "hold_out = 0.2\n")).record
+    assert len(found.held_out) == 2
+    assert found.checks[2].verdict == "not tested"
+
+
+def test_shapes_are_outputs_beside_frequencies(repeated):
+    bench, factors, _ = repeated
+    names = [bench.uff(bench.measure(_truth(bench, f), count=6), f"r{i}.uff").name for i, f in enumerate(factors)]
+    result = steps.quantify(_study(bench, "shapes = true\n", repeats=str(names)))
+    found = result.record
+    assert_near(found, factors, 3e-3)
+    assert found.agrees
+    sensors = len(found.entries) // 3
+    assert len(found.entries) == 3 * sensors == 12
+    assert found.entries[0].label == "mode 1 at 2Y+"
+    of_first = np.array([e.measured_mean for e in found.entries[:sensors]])
+    assert of_first @ of_first == pytest.approx(1.0, abs=1e-3)
+    for entry in found.entries:
+        assert entry.model_mean == pytest.approx(entry.measured_mean, abs=1e-3)
+        assert entry.model_sd == pytest.approx(entry.measured_sd, rel=0.1, abs=2e-5)
+    covariance = result.arrays[found.output_covariance_key]
+    assert covariance.shape == (3 + len(found.entries),) * 2
+    assert result.repeats.shape == (COUNT, 3)
+    assert "Mode shapes in the forward check" in [getattr(b, "title", "") for b in variability_blocks(found)]
+
+
+def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
+    """Beams at both corners of a box and inside it; the two lowest frequencies of the plane determine the box."""
+    lower, upper = np.array([1.0, 0.9]), np.array([1.2, 1.0])
+    shares = np.vstack([[0.0, 0.0], [1.0, 1.0], np.random.default_rng(2).uniform(size=(6, 2))])
+    factors = _written(lower + shares * (upper - lower))
+    hz = np.array([bench.modes(_truth(bench, f), 6)[IN_PLANE] for f in factors])
+    bench.uff(bench.measure(_truth(bench, np.array([1.1, 0.95])), count=6))
+    _table(bench, hz)
+    result = steps.quantify(_study(bench, "intervals = true\n"))
+    box = result.record.intervals
+    assert box.ok
+    assert box.proven
+    np.testing.assert_allclose([p.lower for p in box.parameters], lower, rtol=2e-3)
+    np.testing.assert_allclose([p.upper for p in box.parameters], upper, rtol=2e-3)
+    np.testing.assert_allclose([o.model_upper_hz for o in box.outputs], hz.max(axis=0), rtol=1e-4)
+    np.testing.assert_allclose([o.measured_lower_hz for o in box.outputs], hz.min(axis=0))
+    assert "proven by monotony" in box.sentence
+    titles = [b.title for b in variability_blocks(result.record) if hasattr(b, "title")]
+    assert titles[-2:] == ["Intervals of the parameters", "Extreme frequencies"]
+
+
+def test_intervals_that_contradict_are_a_sentence(repeated):
+    """The smallest third frequency with the largest first one: no box has both."""
+    bench, _, hz = repeated
+    hz[:, 1] = hz[:, 1].mean() * (1.0 + 1e-7 * np.arange(COUNT))
+    _table(bench, hz)
+    box = steps.quantify(_study(bench, "intervals = true\n")).record.intervals
+    assert box.sentence
+    assert not box.ok or max(abs(o.model_upper_hz / o.measured_upper_hz - 1.0) for o in box.outputs) > 1e-3
+
+
+def test_measurement_errors_of_a_study_are_subtracted(repeated):
+    bench, _, hz = repeated
+    noisy = hz * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(hz.shape))
+    _table(bench, noisy)
+    plain = steps.quantify(_study(bench)).record
+    found = steps.quantify(_study(bench, 'noise_sd = { "1" = 0.01, "3" = 0.01, "5" = 0.01 }\n')).record
+    same = steps.quantify(_study(bench, "noise_sd = 0.01\n")).record
+    assert [p.sd for p in same.parameters] == [p.sd for p in found.parameters]
+    assert all(a.sd < b.sd for a, b in zip(found.parameters, plain.parameters))
+    assert 10.0 < found.noise_percent < 60.0
+    assert found.outputs[0].noise_sd_hz == pytest.approx(0.01 * noisy[:, 0].mean())
+    assert any("were subtracted" in s for s in found.sentences)
+    assert plain.noise_percent is None
+
+
+def test_a_robust_covariance_leaves_an_outlier_without_effect(repeated):
+    bench, factors, hz = repeated
+    _table(bench, _moved(hz, slice(4, 5), 0.3))
+    found = steps.quantify(_study(bench, 'covariance = "robust"\n')).record
+    assert found.estimate == "minimum covariance determinant, reweighted"
+    kept = np.delete(factors, 4, axis=0)
+    np.testing.assert_allclose([p.mean for p in found.parameters], kept.mean(axis=0), rtol=0.05)
+    assert max(p.sd for p in found.parameters) < 0.1
+    assert max(p.sd for p in steps.quantify(_study(bench)).record.parameters) > 0.1
 
 
 @pytest.mark.slow
@@ -228,6 +353,15 @@ def _broken(text: str, more: str = "") -> Callable[[Bench], Path]:
         (_broken("1,2\n"), "quantify.file", "no line of values"),
         (_broken("1,2\n11,70\n11,71\n"), "quantify.zero-variance", "mode 1 has the same value in all repeats"),
         (_broken("1,2\n11,70\n"), "quantify.not-measured", "fewer than two repeats"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = [4]\n"), "quantify.hold-out", "repeat 4, which does not"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", "hold_out = 0.1\n"), "quantify.hold-out", "leaves no repeats"),
+        (_broken("1,2\n10,60\n11,61\n", "hold_out = 1.5\n"), "study.value", "hold_out"),
+        (_broken("1,2\n10,60\n11,61\n", "hold_out = [0]\n"), "study.type", "hold_out"),
+        (_broken("1,2\n10,60\n11,61\n", 'covariance = "other"\n'), "study.value", "covariance"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", 'noise_sd = { "1" = 0.01 }\n'), "quantify.noise", "for mode 2"),
+        (_broken("1,2\n10,60\n11,61\n", "shapes = true\n"), "quantify.shapes", "a table has frequencies only"),
+        (_broken("1,2\n10,60\n11,61\n", "noise_sd = -0.1\n"), "study.value", "noise_sd"),
+        (_broken("1,2\n10,60\n11,61\n12,61\n", 'covariance = "robust"\n'), "quantify.robust", "at least four more"),
         (_broken("1,2\n1,2\n", 'configuration = "C"\n'), "quantify.configuration", "names configuration C"),
     ],
 )  # fmt: skip

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femtune import steps
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
+from femtune.files.deviations import deviations_text
 from femtune.files.nastran import read_deck
 from femtune.files.nastran.build import build_structure
 from femtune.modal import ModeSet
@@ -76,6 +77,71 @@ def test_kinds_of_modes(name: str, beam: Bench):
     assert record.rms_after is not None
     assert record.rms_before is not None
     assert record.rms_after < 0.02 * record.rms_before
+
+
+PLAIN = "MAT1    1       2.1+11          0.3     7850."
+DAMPED = f"{PLAIN:<64}0.01"
+LOSS = """
+[[parameter]]
+name = "eta"
+fields = ["MAT1 1 GE"]
+lower = 0.2
+upper = 5.0
+"""
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize(
+    ("kind", "tail"), [("complex-eigenvalue", ""), ("damping", ""), ("complex-eigenvalue", "[reduction]\n")]
+)
+def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
+    """A loss factor η of the whole beam: λ = iω√(1 + iη) for every mode; the deck has η = .01, the beam .03."""
+    bench.write("beam.bdf", CANTILEVER.replace(PLAIN, DAMPED))
+    test = bench.measure(bench.truth())
+    assert test.modes is not None
+    poles = 2j * np.pi * test.modes.freq_hz * np.sqrt(1.0 + 0.03j)
+    freq, ratio = np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles)
+    bench.uff(replace(test, modes=replace(test.modes, freq_hz=freq, damping_ratio=ratio)))
+    more = "" if kind == "complex-eigenvalue" else '[[residual]]\nkind = "frequency"\nsd = 0.001\n'
+    found = run(bench, f'{LOSS}[[residual]]\nkind = "{kind}"\nsd = 0.01\n{more}{tail}')
+    update = found.results.update
+    assert update is not None
+    assert update.ok
+    values = {p.name: p.value for p in update.parameters}
+    # a frequency residual compares |λ| with ω: η adds (1 + η²)^¼ to the measured one
+    assert values == pytest.approx({"root": 1.3, "tip": 0.85, "eta": 3.0}, rel=1e-5 if not more else 1e-3)
+    label = {"complex-eigenvalue": "complex eigenvalue", "damping": "damping ratio"}[kind]
+    (record,) = [k for k in update.residual_counts if k.kind == label]
+    assert record.count == (8 if not more else 4)
+    assert found.report is not None
+    assert label in found.report.read_text(encoding="utf-8")
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("weights", ['sd = "test"', 'covariance = "test"'])
+def test_poles_weighted_by_the_file_of_the_identification(weights: str, bench: Bench):
+    """A mode whose damping ratio is wrong by a tenth, with a standard deviation to match, does not matter."""
+    bench.write("beam.bdf", CANTILEVER.replace(PLAIN, DAMPED))
+    test = bench.measure(bench.truth())
+    assert test.modes is not None
+    poles = 2j * np.pi * test.modes.freq_hz * np.sqrt(1.0 + 0.03j)
+    freq, ratio = np.abs(poles) / (2.0 * np.pi), -poles.real / np.abs(poles)
+    sd = np.array([1e-6, 1e-6, 1e-6, 0.1]) * ratio
+    freq_sd = 1e-6 * freq
+    spread = np.concatenate([freq_sd, sd])
+    covariance = (0.9 * np.eye(8) + 0.1) * np.outer(spread, spread)
+    measured = replace(test.modes, freq_hz=freq, damping_ratio=ratio * [1.0, 1.0, 1.0, 1.1])
+    bench.uff(replace(test, modes=measured))
+    text = deviations_text(replace(measured, freq_sd_hz=freq_sd, damping_sd=sd, covariance=covariance))
+    assert text is not None
+    bench.write("deviations.json", text)
+    tail = f'{LOSS}[test]\nfile = "beam.uff"\ndeviations = "deviations.json"\n'
+    update = run(bench, f'{tail}[[residual]]\nkind = "complex-eigenvalue"\n{weights}\n', test=None).results.update
+    assert update is not None
+    assert update.ok
+    assert {p.name: p.value for p in update.parameters} == pytest.approx(
+        {"root": 1.3, "tip": 0.85, "eta": 3.0}, rel=1e-4
+    )
 
 
 def test_a_study_without_any_mode(bench: Bench):
@@ -200,6 +266,16 @@ BAD = {
         'kind = "frequency"\nsd = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
     "no covariance in the test": (
         'kind = "frequency"\ncovariance = "test"', "beam.uff", "residual.no-scatter", "does not give standard dev"),
+    "no damping ratios in the test": (
+        'kind = "damping"\nsd = 0.1', "beam.uff", "residual.no-damping", "have no damping ratios"),
+    "no scatter of damping ratios": (
+        'kind = "damping"\nsd = "test"', "damped.uff", "residual.no-scatter", "frequencies and damping ratios"),
+    "no covariance of poles": (
+        'kind = "complex-eigenvalue"\ncovariance = "test"', "damped.uff", "residual.no-scatter", "and damping ratios"),
+    "a covariance of frequencies alone": (
+        'kind = "complex-eigenvalue"\ncovariance = [[1.0]]', "damped.uff", "residual.weights", "for 1 values, but 8"),
+    "both weights of a pole": (
+        'kind = "damping"\nsd = 0.1\ncovariance = [[1.0]]', "damped.uff", "residual.weights", "sd"),
     "a load on a support": (
         "kind = 'static-force'\nname = 'p'\nforces = { '1Y+' = 1.0 }\ndisplacements = { '5Y+' = 1.0 }\nsd = 1.0",
         None, "response.held-port", "is constrained"),
@@ -223,6 +299,7 @@ def test_bad_input_is_a_sentence_at_its_place(name: str, beam: Bench):
     modes = beam.measure(beam.truth())
     assert modes.modes is not None
     beam.uff(replace(modes, modes=replace(modes.modes, normalisation="unknown")), "unscaled.uff")
+    beam.uff(replace(modes, modes=replace(modes.modes, damping_ratio=np.full(4, 0.01))), "damped.uff")
     with pytest.raises(FemtuneError) as error:
         run(beam, f"[[residual]]\n{table}\n", test)
     assert error.value.code == code

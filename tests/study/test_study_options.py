@@ -417,3 +417,23 @@ def test_modes_of_a_study_with_a_test_heed_a_count_and_a_frequency_of_their_own(
     three, nine = found(count=3), found(count=9)
     assert (len(usual), len(three), len(nine)) == (6, 3, 9)
     assert len(found(max_hz=0.5 * (usual[1] + usual[2]))) == 2
+
+
+def test_an_error_that_all_frequencies_share_widens_the_intervals(beam: Bench) -> None:
+    text = beam.parameters + "[residuals]\nfrequency_sd = 0.002\n"
+    plain, wide = (
+        steps.update(beam.study(text + line)).results.update for line in ("", "common_frequency_sd = 0.03\n")
+    )
+    assert plain is not None
+    assert wide is not None
+    for a, b in zip(plain.parameters[:2], wide.parameters[:2]):
+        assert b.value == pytest.approx(a.value, rel=1e-3)
+    # the modes in the other plane, whose stiffness is known, tell the common error in part
+    assert all(b.sd > a.sd for a, b in zip(plain.parameters, wide.parameters) if a.sd and b.sd)
+
+
+@pytest.mark.parametrize("value", ["-0.1", "1.5", '"test"'])
+def test_a_wrong_common_deviation_is_an_error(beam: Bench, value: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        steps.update(beam.study(beam.parameters + f"[residuals]\ncommon_frequency_sd = {value}\n"))
+    assert "common_frequency_sd" in str(caught.value)

@@ -98,6 +98,21 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])
 
 
+def test_a_side_constraint_on_each_step(beam: Bench) -> None:
+    """With enough iterations the end is that of the data, with a few it is not; the report names the constraint."""
+    each = f'{beam.parameters}[update]\nregularisation = "link"\nweight = 1.0\nweight_on = "each-step"\n'
+    run = steps.update(beam.study(f"{each}max_iterations = 200\n"))
+    update = run.results.update
+    assert update is not None
+    assert update.ok
+    assert update.regularisation == "link (change of each iteration)"
+    assert values(run) == pytest.approx({"root": 1.3, "tip": 0.85}, abs=1e-4)
+    few = steps.update(beam.study(f'{each}max_iterations = 2\nsearch = "gauss-newton"\n'))
+    assert few.results.update is not None
+    assert few.results.update.status == "MAX_ITERATIONS"
+    assert few.report is None or "change of each iteration" in few.report.read_text(encoding="utf-8")
+
+
 def test_a_correlated_prior(beam: Bench) -> None:
     prior = beam.parameters.replace("upper = 2.0", "upper = 2.0\nmean = 1.1\nsd = 0.0001")
     entry = 'correlations = [{ one = "root", other = "tip", value = 0.9 }]'
@@ -123,6 +138,23 @@ _PARAMETERS = "".join(
         ('regularisation = "identical"\nweight = 1.0\nidentical = [["a", "c"]]', "update.unknown-parameter", "'c'"),
         ('regularisation = "prior"', "prior.outside-bounds", "lies outside its bounds"),
         ("adapt = true", "study.regularisation", "determined by a rule"),
+        ('weight_on = "each-step"', "study.regularisation", 'is used by regularisation = "minimum-change"'),
+        (
+            'regularisation = "identical"\nweight = 1.0\nidentical = [["a", "b"]]\nweight_on = "each-step"',
+            "study.regularisation",
+            'is used by regularisation = "minimum-change"',
+        ),
+        (
+            'regularisation = "link"\nweight = 1.0\nweight_on = "each-step"\nstarts = 3',
+            "study.regularisation",
+            "with starts",
+        ),
+        (
+            'regularisation = "link"\nweight = 1.0\nweight_on = "each-step"\n[reduction]',
+            "study.regularisation",
+            "[reduction]",
+        ),
+        ('regularisation = "link"\nweight = 1.0\nweight_on = "steps"', "study", "weight_on"),
         ("hops = 2", "study.starts", "applies to an update with several starts"),
         ('starts = 4\nfirst = "equation-error"', "study.starts", "requires reduced models"),
     ],

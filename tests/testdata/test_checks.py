@@ -153,3 +153,14 @@ def test_shapes_beyond_all_sizes(factor: float) -> None:
         check_modes(modes(np.array(GOOD) * [1.0, factor]))
     assert caught.value.code == "test.shape-size"
     assert list(caught.value.values) == ["largest of mode 2"]
+
+
+def test_the_real_part_keeps_half_of_the_variance_of_a_complex_entry() -> None:
+    rng = np.random.default_rng(0)
+    noise = 0.01 * (rng.standard_normal((2, 4000)) + 1j * rng.standard_normal((2, 4000))) / np.sqrt(2.0)
+    shapes = np.array([[1.0], [-0.7]]) * np.exp(0.4j) + noise
+    modes = ModeSet(np.ones(4000), shapes, DofSet.parse(["1X+", "2X+"]), shapes_sd=np.full((2, 4000), 0.01))
+    found = real_modes(modes).modes
+    assert found.shapes_sd is not None
+    turned = found.shapes * np.sign(found.shapes[:1])
+    np.testing.assert_allclose(turned.std(axis=1), found.shapes_sd[:, 0], rtol=0.05)

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from femtune.residuals import UpdateProblem
-from femtune.uncertainty import Counted, EigenvalueOutputs, FrequenciesByOrder, frequency_outputs, update_means
+from femtune.uncertainty import (
+    Counted,
+    EigenvalueOutputs,
+    FrequenciesByOrder,
+    ModeOutputs,
+    frequency_outputs,
+    shape_outputs,
+    statistics_of_repeats,
+    stochastic_update,
+    update_means,
+)
 from femtune.uncertainty.outputs import second_derivatives
 from femtune.uncertainty.stochastic import LinearEstimator, quadratic_model
 from structures.springs import factor_model, simulated_case, spring_structure
@@ -35,8 +48,14 @@ def _differences(outputs, theta, h=1e-6):
 
 @pytest.mark.parametrize(
     "outputs",
-    [_frequencies(), FrequenciesByOrder(_chain(), 4), EigenvalueOutputs(_chain(), 4, np.ones(4))],
-    ids=["followed", "by order", "eigenvalues"],
+    [
+        _frequencies(),
+        FrequenciesByOrder(_chain(), 4),
+        EigenvalueOutputs(_chain(), 4, np.ones(4)),
+        ModeOutputs(EigenvalueOutputs(_chain(), 4, np.ones(4))),
+        ModeOutputs(EigenvalueOutputs(_chain(), 3, np.ones(4)), (0, 2, 3)),
+    ],
+    ids=["followed", "by order", "eigenvalues", "with shapes", "with three entries"],
 )
 def test_sensitivities_are_differences_of_the_values(outputs):
     z, G = outputs.linearised(PLACE)
@@ -112,3 +131,46 @@ def test_taylor_slope_of_the_frequencies():
     errors = [np.linalg.norm(outputs.values(PLACE + h * direction) - z - h * G @ direction) for h in (0.1, 0.05, 0.025)]
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(slopes, 2.0, atol=0.15)
+
+
+def test_shapes_are_those_of_the_dense_problem():
+    model = _chain()
+    outputs = ModeOutputs(EigenvalueOutputs(model, 4, np.ones(4)))
+    point = model.at(model.model.parameters.normalise(PLACE))
+    values, vectors = eigh(point.stiffness.toarray(), point.mass.toarray())
+    z = outputs.values(PLACE)
+    np.testing.assert_allclose(z[:4], values, rtol=1e-9)
+    shapes = z[4:].reshape(4, -1).T
+    np.testing.assert_allclose(np.linalg.norm(shapes, axis=0), 1.0)
+    unit = vectors / np.linalg.norm(vectors, axis=0)
+    np.testing.assert_allclose(np.abs(np.sum(shapes * unit, axis=0)), 1.0, rtol=1e-9)
+    start = outputs.values(np.ones(4))[4:].reshape(4, -1).T
+    assert (np.sum(start * shapes, axis=0) > 0.5).all()
+
+
+def test_frequencies_and_shapes_give_mean_and_covariance_of_parameters():
+    """Repeats of four factors, eigenvalues and shapes of two modes: the second-order update returns the factors."""
+    outputs = ModeOutputs(EigenvalueOutputs(_chain(), 2, np.ones(4)))
+    theta = np.array([1.05, 0.95, 1.1, 1.0]) + 0.02 * np.random.default_rng(1).standard_normal((25, 4))
+    measured = statistics_of_repeats(np.array([outputs.values(t) for t in theta]), checked=False)
+    found = stochastic_update(outputs, measured, tuple(GROUPS), np.ones(4), np.full(4, 0.1))
+    assert found.status.ok
+    np.testing.assert_allclose(found.mean, theta.mean(axis=0), rtol=1e-4)
+    np.testing.assert_allclose(found.sd, theta.std(axis=0, ddof=1), rtol=1e-2)
+
+
+def test_shapes_of_paired_modes_have_derivatives_and_the_scale_of_the_test():
+    model = _chain()
+    case = simulated_case(model, np.zeros(4), range(4), 3)
+    outputs = shape_outputs(UpdateProblem((case,), model.model.parameters))
+    z, G = outputs.linearised(PLACE)
+    np.testing.assert_allclose(G, _differences(outputs, PLACE), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(z, outputs.values(PLACE), rtol=1e-12)
+    modes = outputs.frequencies.modes
+    shapes = z[len(modes) :].reshape(len(modes), -1)
+    np.testing.assert_allclose(np.linalg.norm(shapes, axis=1), 1.0)
+    np.testing.assert_allclose(outputs.scaled(modes[1], -3.0 * shapes[1]), shapes[1])
+    assert len(outputs.labels) == len(z)
+    some = replace(outputs, kept=(0, 5))
+    np.testing.assert_allclose(some.values(PLACE)[len(modes) :], shapes.ravel()[[0, 5]])
+    assert some.linearised(PLACE)[1].shape == (len(modes) + 2, 4)

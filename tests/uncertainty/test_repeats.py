@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize
-from scipy.stats import f, multivariate_normal, norm, spearmanr
+from scipy.optimize import minimize
+from scipy.stats import multivariate_normal, norm, spearmanr
 
+from femtune.errors import FemtuneError
 from femtune.uncertainty import ellipse, latin_hypercube, statistics_of_repeats
-from femtune.uncertainty.repeats import outlying
 
 SPREAD = np.array([[1.0, 0.6, 0.0], [0.6, 2.0, -0.3], [0.0, -0.3, 0.5]])
 MEAN = np.array([10.0, 20.0, 30.0])
@@ -66,46 +66,28 @@ def test_few_repeats_are_singular_and_said_to_be():
     assert [n.code for n in found.notices] == ["quantify.singular"]
 
 
-@pytest.mark.slow
-def test_a_repeat_that_lies_apart_is_named_and_chance_is_not():
-    tables = [_table(30, 0.0, seed) for seed in range(300)]
-    assert sum(bool(outlying(table)) for table in tables) <= 3
-    apart = tables[0].copy()
+def test_a_robust_estimate_is_that_of_the_repeats_without_the_outlier():
+    table = _table(40, 0.0)
+    apart = table.copy()
     apart[7, 1] += 12.0
-    found = statistics_of_repeats(apart)
-    assert outlying(apart) == [7]
-    assert [n.what for n in found.notices] == [
-        "these repeats are outliers: 8; they increase all variances, and none was left out"
-    ]
+    found = statistics_of_repeats(apart, estimate="robust")
+    assert found.robust
+    assert not found.complete
+    assert [n.code for n in found.notices] == ["quantify.outlier"]
+    clean = statistics_of_repeats(table, estimate="robust")
+    np.testing.assert_allclose(found.mean, clean.mean, atol=0.15)
+    np.testing.assert_allclose(found.sd, clean.sd, rtol=0.15)
+    assert statistics_of_repeats(apart).sd[1] > 1.4 * clean.sd[1]
 
 
-def _chance(table, at):
-    """Probability that one row of normal data lies as far off as this one: Wilks' lambda of one row and the others."""
-    (n, m), rest = table.shape, np.delete(table, at, axis=0)
-    within, whole = (np.linalg.det((t - t.mean(axis=0)).T @ (t - t.mean(axis=0))) for t in (rest, table))
-    return f.sf((whole / within - 1.0) * (n - 1 - m) / m, m, n - 1 - m)
-
-
-@pytest.mark.parametrize(("n", "m"), [(6, 1), (9, 2), (9, 3)])
-def test_a_repeat_is_apart_where_chance_has_it_in_one_test_of_a_thousand(n, m):
-    table = _table(n, 0.0)[:, :m]
-    mean = np.delete(table, 2, axis=0).mean(axis=0)
-
-    def moved(distance):
-        out = table.copy()
-        out[2] = mean + distance
-        return out
-
-    limit = brentq(lambda d: _chance(moved(d), 2) - 1e-3 / n, 0.1, 1e3)
-    assert outlying(moved(0.995 * limit)) == []
-    assert outlying(moved(1.005 * limit)) == [2]
-
-
-def test_too_few_repeats_have_no_outlier():
-    table = _table(7, 0.0)
-    table[0, 0] += 1e6
-    assert outlying(table) == [0]
-    assert outlying(table[:6]) == []
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [(_table(6, 0.0), "at least four more repeats"), (np.round(_table(20, 0.0), -2) + np.eye(20, 3), "singular")],
+)
+def test_no_robust_estimate_is_an_error(table, words):
+    with pytest.raises(FemtuneError, match=words) as error:
+        statistics_of_repeats(table, estimate="robust")
+    assert error.value.code == "quantify.robust"
 
 
 @pytest.mark.parametrize("imposed", ["moments", "ranks"])

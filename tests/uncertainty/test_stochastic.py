@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -158,3 +160,28 @@ def test_too_strong_a_curvature_falls_back_and_says_so():
     found = stochastic_update(model, measured, ("a",), np.array([0.2]), np.array([0.1]))
     assert found.status is StochasticStatus.TOO_CURVED
     assert not found.status.ok
+
+
+@pytest.mark.parametrize("method", ["perturbation", "second-order", "cross-covariance", "output-difference"])
+def test_measurement_errors_are_subtracted(method):
+    """C_z = G C_θ Gᵀ + C_ε of a linear model, chapter equation (38): every method returns C_θ."""
+    G = np.array([[1.0, 0.3], [0.2, 1.0], [0.5, -0.4]])
+    outputs = FunctionOutputs(lambda t: 10.0 + G @ t, lambda t: G)
+    C, noise = np.array([[0.04, 0.01], [0.01, 0.02]]), np.diag([0.03, 0.01, 0.02]) + 0.005
+    theta = np.array([1.0, 2.0])
+    measured = replace(given_statistics(10.0 + G @ theta, G @ C @ G.T + noise), noise=noise)
+    rules = StochasticRules(method, cloud=CloudRules(samples=60))
+    found = stochastic_update(outputs, measured, ("a", "b"), np.ones(2), np.full(2, 0.2), rules)
+    np.testing.assert_allclose(found.mean, theta, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, C, rtol=1e-4, atol=1e-7)
+    check = forward_check(outputs, found, 50)
+    np.testing.assert_allclose(check.covariance, measured.covariance, rtol=1e-4, atol=1e-7)
+    assert check.agrees
+    assert np.std(check.with_noise(), axis=0) == pytest.approx(np.sqrt(np.diag(measured.covariance)), rel=0.3)
+
+
+def test_errors_larger_than_the_variability_leave_none():
+    outputs = FunctionOutputs(lambda t: 10.0 + t, lambda t: np.eye(2))
+    measured = replace(given_statistics(np.full(2, 11.0), np.diag([0.01, 0.04])), noise=np.diag([0.02, 0.01]))
+    found = stochastic_update(outputs, measured, ("a", "b"), np.ones(2), np.ones(2))
+    np.testing.assert_allclose(found.covariance, np.diag([0.0, 0.03]), atol=1e-12)

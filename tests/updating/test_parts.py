@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from femtune.updating import parameter_covariance
-from femtune.updating.search import bounded_step
+from femtune.updating.search import LevenbergMarquardt, LocalModel, bounded_step
 
 WIDE = (np.full(3, -1e9), np.full(3, 1e9))
 
@@ -167,3 +167,43 @@ def test_what_is_lost_by_scaling_is_no_freedom(rng: np.random.Generator):
     found = parameter_covariance(r, J, ["shape"] * 7, NONE, FREE, np.ones(3), scatter="estimated", lost={"shape": 2})
     np.testing.assert_allclose(found.matrix, r @ r / 2 * np.linalg.inv(J.T @ J), rtol=1e-10)
     assert found.degrees_of_freedom == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("gain", "factor"), [(1.0, 0.1), (0.75, 1.0), (0.99, 0.04**0.6), (0.0, 4.0**0.6), (2.5, 0.5)])
+def test_damping_after_an_accepted_step_follows_the_gain(gain: float, factor: float):
+    assert LevenbergMarquardt().longer(1e-3, gain) == pytest.approx(1e-3 * factor)
+
+
+@pytest.mark.parametrize(
+    ("gain", "rejected", "factor"),
+    [(0.0, 0, 4.0**0.6), (1e-5, 2, 4.0**0.6), (-3.0, 0, 16.0**0.6), (-np.inf, 0, 10.0), (-np.inf, 4, 160.0)],
+)
+def test_damping_after_a_rejected_step_grows_with_the_increase(gain: float, rejected: int, factor: float):
+    assert LevenbergMarquardt().shorter(1e-3, gain, rejected) == pytest.approx(1e-3 * factor, rel=1e-4)
+
+
+def test_damping_ends():
+    assert LevenbergMarquardt().shorter(1e12, 0.0, 0) is None
+
+
+def test_a_corrected_step_ends_in_the_curved_valley():
+    """Rosenbrock's valley y = x²: a straight step along it leaves it by the square of the step, which is its error."""
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+
+    x = np.array([0.5, 0.25])
+    J = np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]])
+    local = LocalModel(residuals(x), J, np.full(2, -9.0), np.full(2, 9.0), np.ones(2), np.zeros((0, 2)))
+    d = local.step()
+    error = residuals(x + d) - residuals(x) - J @ d
+    assert 0.5 * np.sum(residuals(x + d) ** 2) > 10.0 * 0.5 * np.sum(residuals(x) ** 2)
+    turned = LevenbergMarquardt().corrected(local, d, 1e-12, error)
+    assert turned is not None
+    np.testing.assert_allclose(x + turned, [1.0, 1.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("error", [0.0, 1e3])
+def test_a_correction_that_is_small_or_large_is_no_trial(error: float):
+    local = LocalModel(np.ones(2), np.eye(2), np.full(2, -9.0), np.full(2, 9.0), np.ones(2), np.zeros((0, 2)))
+    assert LevenbergMarquardt().corrected(local, local.step(), 1e-12, np.full(2, error)) is None

@@ -33,7 +33,7 @@ class Size:
 
 
 def by_chance(draws: int) -> tuple[float, float]:
-    """The band that a right test leaves in two of ten thousand trials; there are about forty."""
+    """The band that a right test leaves in two of ten thousand trials; there are about fifty."""
     return binom.ppf(1e-4, draws, LEVEL) / draws, binom.ppf(1 - 1e-4, draws, LEVEL) / draws
 
 
@@ -75,7 +75,7 @@ def text(found: Sequence[Rejections], size: Size) -> str:
         "| residual | form | values | degrees of freedom | rejected % | all counted % |",
         "| --- | --- | --- | --- | --- | --- |", *tested, "",
         "The models are chains of five springs and masses with three parameters, a ring with two pairs of repeated "
-        "modes, and four masses in space with two parameters.", "",
+        "modes, both also with dashpots, and four masses in space with two parameters.", "",
         "- A scale that follows from the shape itself (unit norm, modal scale factor) takes one degree of freedom for "
         "each shape. Scaling by modal mass takes none. Scaling by the largest entry takes that entry, which is no "
         "residual, and makes the others correlated.",

@@ -73,7 +73,9 @@ def study(size: Size) -> tuple[list[Found], CoverageRun]:
     wrong = run_coverage(spring_chain(UNMODELLED), range(size.wrong))
     for one in found:
         assert (one.run.coverage >= size.lower).all(), (one.problem.name, one.run.coverage)
-        assert (one.run.coverage <= size.upper).all(), (one.problem.name, one.run.coverage)
+        # bounds that cut off a wide distribution make intervals of values far inside them hold more often
+        upper = size.upper if np.isinf(one.degrees) else 1.0
+        assert (one.run.coverage <= upper).all(), (one.problem.name, one.run.coverage)
     # normal intervals from two degrees of freedom would not do
     assert found[1].run.normal_coverage.mean() < 0.9
     # a right model is suspected once in a hundred tests for each of its two kinds of residual, a wrong one always
@@ -132,7 +134,10 @@ def text(found: Sequence[Found], wrong: CoverageRun, size: Size) -> str:
         "# Coverage of the confidence intervals", "",
         f"{size.tests} simulated tests of each of two problems, each updated with its own sample of Gaussian noise. "
         "The table shows how many of the 95 % confidence intervals contain the true value.", "",
-        f"Required: {100 * size.lower:.1f} to {100 * size.upper:.1f} %.", "",
+        f"Required: {100 * size.lower:.1f} to {100 * size.upper:.1f} %, and at least {100 * size.lower:.1f} % for the "
+        "second problem. Its intervals are wide and end at the bounds; true values far inside the bounds are then "
+        "contained more often. With true values drawn between the bounds [95 % are reached](cases_coverage_bounds.md).",
+        "",
         "| problem | parameter | true value | standard deviations, interval | coverage % | with ±1.96 σ % |",
         "| --- | --- | --- | --- | --- | --- |", *rows, "",
         "![Coverage by parameter, and the distribution of the errors](cases_coverage.svg)", "",

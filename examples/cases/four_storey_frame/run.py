@@ -108,7 +108,8 @@ def study(formulation: Formulation) -> str:
         '[study]\ntitle = "Four-storey laboratory frame"\ndeck = "frame.bdf"\nunits = "in-slinch-s"\n',
         "[modes]\ncount = 4\n", '[test]\nfile = "frame.uff"\n', "[sensors]\nby_id = true\n",
         '[[hold_out]]\nmodes = ["3", "4"]\n', '[validate]\nprofile = "MIL"\n',
-        *parameters, formulation.residuals, "[update]\nmax_iterations = 100\n", '[output]\nfolder = "run"\n',
+        *parameters, formulation.residuals, "[update]\nmax_iterations = 100\nsmallest_change = 0\n",
+        '[output]\nfolder = "run"\n',
     ])  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
 from femtune.errors import FemtuneError
+from femtune.files.deviations import with_deviations
 from femtune.files.uff import UffFile, read_uff
 from femtune.model.eigen.default_count import ELASTIC_MODES
 from femtune.residuals import ComparedCase, PairingRules
@@ -192,12 +193,20 @@ def _read_test(
             found = _given(file.given.tests[entry.test], file.study.unit_system)
         else:
             found = _content(file, entry, tests.setdefault(path, UffFile(path))).test
+        found = _with_deviations(file, entry, found)
         test = place(found, entry.rotation, entry.origin)
         notices = (*found.notices, *check_test(test))
     if test.modes is None:
         return test, notices
     modes = real_modes(test.modes).modes
     return replace(test, modes=_labelled(file, entry, modes)), notices
+
+
+def _with_deviations(file: StudyFile, entry: ConfigurationEntry, test: ModalTest) -> ModalTest:
+    """The test with the standard deviations of the file that the study names."""
+    if entry.deviations is None or test.modes is None:
+        return test
+    return replace(test, modes=with_deviations(test.modes, file.path_of(entry.deviations)))
 
 
 def _given(test: ModalTest, units: UnitSystem) -> ModalTest:

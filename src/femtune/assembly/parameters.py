@@ -17,6 +17,7 @@ from femtune.files.damping_catalogue import look_up
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD, follows, parse_field_ref, resolve
+from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import RegionTable, element_list
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
@@ -133,7 +134,8 @@ def _parameter(target: Target, built: BuiltModel) -> Parameter:
     _check_positive(target)
     lower = nominal if entry.lower is None else entry.lower
     upper = nominal if entry.upper is None else entry.upper
-    return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where)
+    positive = bool(target.refs) and all(field_nature(ref).positive for ref in target.refs)
+    return Parameter(entry.name, nominal, lower, upper, entry.unit, entry.mean, entry.sd, None, where, positive)
 
 
 def _check_positive(target: Target) -> None:

@@ -37,18 +37,23 @@ class Repeats:
 
     case: StudyCase
     hz: NDArray[np.float64]
+    shapes: NDArray[np.float64] | None = None
+    """(n, t, sensors of the test) shapes of the repeats, NaN where not measured; None for a table of frequencies."""
 
     @property
     def measured(self) -> tuple[int, ...]:
         """Positions of the test modes that any repeat has."""
         return tuple(int(i) for i in np.flatnonzero(np.isfinite(self.hz).any(axis=0)))
 
-    def statistics(self, labels: tuple[str, ...], missing: str) -> OutputStatistics:
-        """Mean and covariance of the modes with these labels, in this order."""
+    def of_modes(self, labels: tuple[str, ...]) -> NDArray[np.float64]:
+        """(n, m) repeats of the modes with these labels, in this order."""
         known = self.case.compared.test.labels if self.case.compared is not None else ()
-        columns = [known.index(label) for label in labels]
+        return self.hz[:, [known.index(label) for label in labels]]
+
+    def statistics(self, labels: tuple[str, ...], table: QuantifyTable) -> OutputStatistics:
+        """Mean and covariance of the modes with these labels, in this order."""
         names = tuple(f"mode {label}" for label in labels)
-        return statistics_of_repeats(self.hz[:, columns], names, missing)  # type: ignore[arg-type]
+        return statistics_of_repeats(self.of_modes(labels), names, table.missing, table.covariance, checked=False)
 
 
 def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
@@ -61,9 +66,12 @@ def read_repeats(study: Study, table: QuantifyTable) -> Repeats:
     case = _case(study, table)
     paths = [study.file.path_of(name) for name in table.repeats]
     with errors_at(study.file.where("quantify", "repeats")):
-        if len(paths) == 1 and paths[0].suffix.lower() in _TABLES:
+        if len(paths) == 1 and paths[0].suffix.lower() in _TABLES and not table.shapes:
             return Repeats(case, _of_table(study, case, table, read_repeats_table(paths[0])))
-        return Repeats(case, np.array([_of_uff(study, case, path) for path in paths]))
+        if table.shapes and paths[0].suffix.lower() in _TABLES:
+            raise FemtuneError("quantify.shapes", where=study.file.where("quantify", "shapes"))
+        found = [_of_uff(study, case, path) for path in paths]
+        return Repeats(case, np.array([hz for hz, _ in found]), np.array([shapes for _, shapes in found]))
 
 
 def _case(study: Study, table: QuantifyTable) -> StudyCase:
@@ -124,11 +132,11 @@ def _check_columns(
     )
 
 
-def _of_uff(study: Study, case: StudyCase, path: Path) -> NDArray[np.float64]:
-    """(t,) frequencies of one repeat: its modes are paired with the test's by their shapes."""
+def _of_uff(study: Study, case: StudyCase, path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(t,) frequencies and (t, sensors) shapes of one repeat: its modes are paired with the test's by their shapes."""
     assert case.compared is not None
     test, rules = case.compared.test, case.compared.rules
-    hz = np.full(len(test), np.nan)
+    hz, shapes = np.full(len(test), np.nan), np.full((len(test), len(test.dofs)), np.nan)
     modes = _modes(study, case.entry, path)
     common = test.dofs.common(modes.dofs)
     if not len(common):
@@ -139,9 +147,11 @@ def _of_uff(study: Study, case: StudyCase, path: Path) -> NDArray[np.float64]:
         )
     a, b = (ModeSet(m.freq_hz, _at(m, common), common) for m in (test, modes))
     found = pair_modes(a, b, frequency_gate=rules.frequency_gate, mac_gate=rules.mac_gate, relative_gap=-1.0)
+    rows, signs = common.align(test.dofs)
     for pair in found.pairs:
         hz[pair.test] = modes.freq_hz[pair.model]
-    return hz
+        shapes[pair.test, rows] = signs * np.real(b.shapes[:, pair.model])
+    return hz, shapes
 
 
 def _at(modes: ModeSet, dofs: DofSet) -> NDArray:

@@ -24,6 +24,7 @@ from femtune.updating import (
     Stage,
     UpdateResult,
     first_belief,
+    posterior_of_covariance,
     run_stages,
 )
 
@@ -73,7 +74,8 @@ def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
     cases = tuple(c for case in stage_cases(study, entry) for c in _compared(study, case, i, x))
     if not cases:
         raise _nothing(study, i)
-    return UpdateProblem(cases, study.parameters, scatter=study.file.residuals.scatter)
+    stated = study.file.residuals
+    return UpdateProblem(cases, study.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
 
 def _nothing(study: Study, i: int) -> FemtuneError:
@@ -139,4 +141,7 @@ def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
     squares: Mapping[str, Reals] = {kind: after.residuals[kinds == kind] ** 2 for kind in dict.fromkeys(after.kinds)}
     misfit = {kind: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}
     freedom = {kind: float(len(values) - after.lost[kind]) for kind, values in squares.items()}
-    return ParameterCovariance(matrix, reasons, misfit, freedom=freedom)
+    posterior = None
+    if belief.found.any():
+        posterior = posterior_of_covariance(belief.x, belief.covariance, belief.found, belief.parameters.limits)
+    return ParameterCovariance(matrix, reasons, misfit, freedom=freedom, posterior=posterior)

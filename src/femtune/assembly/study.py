@@ -13,14 +13,14 @@ from femtune.assembly.cases import on_model, study_case
 from femtune.assembly.named_fields import with_named_fields
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
-from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.error_places import errors_at_cards
 from femtune.files.nastran.inventory import MISSING
 from femtune.files.study_file import Given, ModesTable, StudyFile, is_deck, read_study_file, with_modes
 from femtune.files.study_file.source import StudyLines
-from femtune.model import parametric_model
+from femtune.model import frequency_table, parametric_model
 from femtune.model.distributed import check_slepc
 from femtune.model.full_model import direct
 from femtune.model.solvers.factorise import solver_asked
@@ -29,11 +29,10 @@ from femtune.parameters import DerivedQuantity, ParameterSet, parse_expression
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
-    from femtune.errors import Notice
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import ConfigurationEntry
     from femtune.files.uff import UffFile
-    from femtune.model import ConfiguredModel, ParametricModel
+    from femtune.model import ConfiguredModel, FrequencyTable, ParametricModel
     from femtune.model.full_model import ModelSolver
     from femtune.model.reduce import Alone, Components
     from femtune.residuals import UpdateProblem
@@ -72,7 +71,8 @@ class Study:
         cases = tuple(used for used in (c.used for c in self.cases) if used is not None)
         if not cases:
             raise self.no_test("the update may use, and none has a [[residual]]")
-        return UpdateProblem(cases, self.parameters, scatter=self.file.residuals.scatter)
+        stated = self.file.residuals
+        return UpdateProblem(cases, self.parameters, scatter=stated.scatter, common_sd=stated.common_frequency_sd)
 
     def no_test(self, purpose: str) -> FemtuneError:
         """The error that no configuration has modes for a purpose, with what each of them has instead."""
@@ -181,9 +181,9 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     model = None
     with errors.catch():
         found = targets(file, built)
-        model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+        model = parametric_model(built.structure, parameter_set(found, built), assignments(found), tables_of(file))
         check_derived(file, model.parameters)
-    notices: list[Notice] = []
+    notices = [_acts(table) for table in model.tables] if model is not None else []
     cases: list[StudyCase] = []
     tests: dict[Path, UffFile] = {}
     base = model or parametric_model(built.structure, ParameterSet(()), ())
@@ -236,6 +236,21 @@ class _Presence:
         return whole_structure(self.model)
 
 
+def tables_of(file: StudyFile) -> tuple[FrequencyTable, ...]:
+    """The tables over frequency of a study (errors ``table.values``)."""
+    return tuple(
+        frequency_table(entry.targets, entry.freq_hz, entry.factor, file.where("frequency_table", i))
+        for i, entry in enumerate(file.frequency_table)
+    )
+
+
+def _acts(table: FrequencyTable) -> Notice:
+    """What a table over frequency does, for the report."""
+    low, high, least, most = (f(v) for v in (table.freq_hz, table.factor) for f in (min, max))
+    field = ", ".join(map(str, table.fields))
+    return Notice("table.acts", level="info", field=field, low=low, high=high, least=least, most=most)
+
+
 def _with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> tuple[StudyCase, tuple[Notice, ...]]:
     """The configuration with its test; reading tests and finding sensors is imported where there is a test."""
     if case.entry.test is None:
@@ -282,7 +297,7 @@ def solved_by(study: Study, solver: ModelSolver) -> Study:
 def on_deck(study: Study, built: BuiltModel) -> Study:
     """The same study on another deck of the same grid points (the updated one), without parameters."""
     with errors_at_cards(built):
-        model = parametric_model(built.structure, ParameterSet(()), ())
+        model = parametric_model(built.structure, ParameterSet(()), (), tables_of(study.file))
         cases = tuple(on_model(c, model) for c in study.cases)
     return replace(study, built=built, model=model, cases=cases)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from femtune.updating import (
     Distance,
+    EachStep,
     GaussNewton,
     Identical,
     LevenbergMarquardt,
@@ -48,11 +49,15 @@ def method_of(table: UpdateTable, parameters: ParameterSet) -> SensitivityMethod
 def regularisation_of(table: UpdateTable, parameters: ParameterSet) -> Regularisation:
     """The side constraint that [update] asks for (errors ``prior.*``)."""
     weight = table.weight
+
+    def acting(constraint: MinimumChange | Distance | Link) -> Regularisation:
+        return EachStep(constraint) if table.weight_on == "each-step" else constraint
+
     makers: dict[str, Callable[[], Regularisation]] = {
         "none": NoRegularisation,
-        "minimum-change": lambda: MinimumChange(weight),
-        "distance": lambda: Distance(weight),
-        "link": lambda: Link(weight),
+        "minimum-change": lambda: acting(MinimumChange(weight)),
+        "distance": lambda: acting(Distance(weight)),
+        "link": lambda: acting(Link(weight)),
         "identical": lambda: Identical(table.identical, weight),
         "truncated": lambda: Truncated(float(weight)),
         "prior": lambda: _prior(table, parameters),

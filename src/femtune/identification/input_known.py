@@ -11,16 +11,17 @@ from femtune.errors import FemtuneError, Notice
 from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
 from femtune.identification.frf_checks import check_frfs
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
-from femtune.identification.modal_fit import ModalFit, fit_modes
+from femtune.identification.modal_fit import ModalFit
 from femtune.identification.modal_solve import OUT_OF_BAND
 from femtune.identification.mode_checks import ModeRemark, quadrature_notices
 from femtune.identification.n4sid import n4sid_poles, subspace
+from femtune.identification.near_band import fit_with_neighbours
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
 from femtune.identification.shapes import as_modes, driving_points, fit_remarks, leading_shapes, scaled_shapes
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
-from femtune.modal import FrfSet, ModeSet, StateSpace
+from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
 FRF_METHODS = ("N4SID", "pLSCF")
 
@@ -110,7 +111,7 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = change_choice(candidates, asked.take, asked.drop)
-    fit = fit_modes(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
+    fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
     of_system = _system(elastic, fit, band, asked)
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
@@ -149,6 +150,10 @@ def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -
     found = []
     if not fit.converged:
         found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
+    if fit.outside.any():
+        freq = freq_and_damping(fit.poles[fit.outside])[0]
+        names = " and ".join(f"{f:.4g} Hz" for f in freq)
+        found.append(Notice("identify.near-band", level="info", count=len(freq), frequencies=names))
     if not system.converged:
         found.append(Notice("identify.system-not-converged", steps=system.steps, gradient=system.gradient))
     near = [c for c in candidates if not c.chosen and max(c.share.values()) >= 0.25 and "same mode" not in c.reason]

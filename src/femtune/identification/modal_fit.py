@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from femtune.arrays import Complexes, Reals
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.errors import FemtuneError
 from femtune.identification.join import complete_lines
 from femtune.identification.modal_solve import OUT_OF_BAND, Solved, modal_basis, solve_residues
@@ -27,6 +27,7 @@ from femtune.modal import FrfSet
 MOST_STEPS = 30
 SMALL = 1e-9
 """Steps of all poles below this fraction of their modulus end the iteration."""
+NO_POLES: Complexes = np.zeros(0, complex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,8 @@ class ModalFit:
     measured : the functions there
     steps : Gauss-Newton steps that were taken
     converged : whether they ended by themselves
+    outside : (m,) modes outside the band, which are fitted because they bend the functions inside it
+    deviance : −2 log likelihood, but for a constant: χ² where standard deviations were given
     """
 
     poles: Complexes
@@ -65,6 +68,8 @@ class ModalFit:
     measured: FrfSet
     steps: int
     converged: bool
+    outside: Flags
+    deviance: float
 
 
 def fit_modes(
@@ -73,6 +78,7 @@ def fit_modes(
     sd: Reals | None = None,
     terms: tuple[str, ...] = OUT_OF_BAND,
     most_steps: int = MOST_STEPS,
+    neighbours: Complexes = NO_POLES,
 ) -> ModalFit:
     """Refine poles on all functions.
 
@@ -83,22 +89,23 @@ def fit_modes(
     sd : (n, u, k) standard deviations √E|error|² of the functions, or None
     terms : real terms for what lies outside of the band, out of ``"lower"``, ``"upper"``
     most_steps : 0 keeps the poles, and fits residues only
+    neighbours : further poles, of modes outside the band
 
     Raises
     ------
     FemtuneError : ``identify.no-poles``, ``identify.few-lines``, ``identify.missing-pair``, ``identify.missing-lines``
     """
     used = complete_lines(frfs)
-    poles = np.asarray(start, complex)
+    poles = np.append(np.asarray(start, complex), neighbours)
     _check_start(poles, used, terms)
     kept = None if sd is None else sd[:, :, np.isin(frfs.freq_hz, used.freq_hz)]
     problem = _Problem(used, kept, terms)
-    found, now, steps, converged = _iterate(problem, poles[np.argsort(np.abs(poles))], most_steps)
+    outside = np.arange(len(poles)) >= len(poles) - len(neighbours)
+    found, now, steps, converged = _iterate(problem, poles, most_steps)
     order = np.argsort(np.abs(found))
     if (np.diff(order) < 0).any():
-        # close poles may have changed places on their way
-        found, now = found[order], problem.solve(found[order])
-    return _as_fit(problem, found, now, steps, converged)
+        found, now, outside = found[order], problem.solve(found[order]), outside[order]
+    return _as_fit(problem, found, now, steps, converged, outside)
 
 
 def _check_start(poles: Complexes, frfs: FrfSet, terms: tuple[str, ...]) -> None:
@@ -149,7 +156,7 @@ def _shortened(problem: _Problem, poles: Complexes, delta: Complexes, now: Solve
     return poles, now, 0.0
 
 
-def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool) -> ModalFit:
+def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, converged: bool, outside: Flags) -> ModalFit:
     frfs, m = problem.frfs, len(poles)
     n, u, k = frfs.values.shape
     misfit = _misfit(now, k, m) if problem.sd is not None else np.nan
@@ -173,7 +180,16 @@ def _as_fit(problem: _Problem, poles: Complexes, now: Solved, steps: int, conver
         frfs,
         steps,
         converged,
+        outside,
+        _deviance(now, k, problem.sd is not None),
     )
+
+
+def _deviance(now: Solved, lines: int, stated: bool) -> float:
+    """χ²; without standard deviations that of the likeliest noise level of each function."""
+    if stated:
+        return float(np.sum(now.squares / now.variance))
+    return float(2.0 * lines * np.sum(np.log(np.maximum(now.squares, np.finfo(float).tiny))))
 
 
 def _misfit(now: Solved, lines: int, modes: int) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,8 +189,8 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
 
     Returns
     -------
-    mass-normalised where a reference is among the responses (``modal_a`` is 2iω_d then), else scaled to 1 at the
-    largest entry, without ``modal_a``
+    the modes inside the band: mass-normalised where a reference is among the responses (``modal_a`` is 2iω_d then),
+    else scaled to 1 at the largest entry, without ``modal_a``
     """
     made = scaled_shapes(fit, driving_points(fit.measured), real)
     freq, damping = freq_and_damping(fit.poles)
@@ -201,11 +201,11 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
     # a response that is zero throughout was not measured: no shape, and above all no shape without error
     dead = ~np.any(fit.measured.values != 0.0, axis=(1, 2))
     shapes, shapes_sd = (np.where(dead[:, None], np.nan, x) for x in (made.shapes, made.sd))
-    return ModeSet(
+    found = ModeSet(
         freq,
         shapes,
         fit.measured.responses,
-        labels,
+        (),
         damping,
         "mass" if made.mass_normalised else "unit-max",
         freq_sd_hz=sd[:m],
@@ -214,7 +214,8 @@ def as_modes(fit: ModalFit, real: bool = True, labels: tuple[str, ...] = ()) -> 
         damping_sd=sd[m:],
         covariance=covariance,
         modal_a=modal_a if made.mass_normalised else None,
-    )
+    ).select_modes(~fit.outside)
+    return replace(found, labels=labels)
 
 
 def freq_damping_covariance(fit: ModalFit) -> Reals:
@@ -232,30 +233,31 @@ def freq_damping_covariance(fit: ModalFit) -> Reals:
 
 
 def leading_shapes(fit: ModalFit) -> Complexes:
-    """(n, m) complex shapes, the leading singular vectors of the residues over all references."""
-    residues = fit.residues
+    """(n, m) complex shapes of the modes inside the band, the leading singular vectors of the residues."""
+    residues = fit.residues[:, :, ~fit.outside]
     return np.stack(
         [np.linalg.svd(residues[:, :, r], full_matrices=False)[0][:, 0] for r in range(residues.shape[2])], axis=1
     )
 
 
 def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
-    """What a user should know of the modes: damping, complex shapes, wrong signs, functions that disagree; by mode."""
-    freq, damping = freq_and_damping(fit.poles)
+    """Remarks on the modes inside the band: damping, complex shapes, wrong signs, functions that disagree."""
+    inside = ~fit.outside
+    freq, damping = freq_and_damping(fit.poles[inside])
     shapes = leading_shapes(fit).T
     collinearity, deviation = ([f(s) for s in shapes] for f in (phase_collinearity, mean_phase_deviation_deg))
     found = [
         *damping_remarks(freq, damping),
         *collinearity_remarks(freq, collinearity, deviation),
-        *mass_remarks(freq, made.mass_sign),
+        *mass_remarks(freq, made.mass_sign[inside]),
     ]
-    for r, frequency_hz in enumerate(freq.tolist()):
-        if made.rank_share[r] < NOT_ONE_SHAPE:
-            share = float(made.rank_share[r])
-            found.append(ModeRemark(r, Notice("identify.references-disagree", frequency_hz=frequency_hz, share=share)))
-        if fit.spread[r] > LARGE_SPREAD:
-            times = float(np.sqrt(fit.spread[r]))
-            found.append(ModeRemark(r, Notice("identify.functions-disagree", frequency_hz=frequency_hz, times=times)))
+    for r, (f, share, spread) in enumerate(zip(freq, made.rank_share[inside], fit.spread[inside])):
+        if share < NOT_ONE_SHAPE:
+            notice = Notice("identify.references-disagree", frequency_hz=float(f), share=float(share))
+            found.append(ModeRemark(r, notice))
+        if spread > LARGE_SPREAD:
+            notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
+            found.append(ModeRemark(r, notice))
     return tuple(sorted(found, key=lambda remark: remark.mode))
 
 

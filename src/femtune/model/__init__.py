@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from femtune.model.derivatives.sensors import SensorDerivatives, sensor_derivatives
     from femtune.model.derivatives.streamed import derivatives_by_parameter
     from femtune.model.digests import digest
+    from femtune.model.eigen.own_frequency import OwnFrequencyMode, modes_at_own_frequency
     from femtune.model.eigen.solution import EigenSolution, solve_modes
     from femtune.model.fingerprint import derivatives_digest, matrices_digest
+    from femtune.model.over_frequency import FrequencyTable, frequency_table
     from femtune.model.parametric import Assignment, ParametricModel, parametric_model
     from femtune.model.solvers.factorise import available_solvers
 else:
@@ -33,8 +35,10 @@ __all__ = [
     "Configuration",
     "ConfiguredModel",
     "EigenSolution",
+    "FrequencyTable",
     "ModalDamping",
     "ModelPoint",
+    "OwnFrequencyMode",
     "ParametricModel",
     "SensorDerivatives",
     "SubspaceDerivative",
@@ -47,8 +51,10 @@ __all__ = [
     "derivatives_digest",
     "digest",
     "eigenvalue_derivatives",
+    "frequency_table",
     "grid_matrix",
     "matrices_digest",
+    "modes_at_own_frequency",
     "parametric_model",
     "sensor_derivatives",
     "solve_modes",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Integers, Reals
 from femtune.dofs import Dof
+from femtune.errors import FemtuneError
 from femtune.fem import Structure, join_constraints
 from femtune.fem.elimination import Elimination, eliminate
 from femtune.fem.fields import MatrixKind
@@ -87,14 +88,44 @@ class ConfiguredModel:
 
 @dataclass(frozen=True, eq=False)
 class ModelPoint:
-    """Matrices and their derivatives at one x (real, or complex for checks by complex step)."""
+    """Matrices and their derivatives at one x (real, or complex for checks by complex step).
+
+    `at_hz` is the frequency at which tables over frequency are taken, where the model has some.
+    """
 
     configured: ConfiguredModel
     x: NDArray
+    at_hz: float | None = None
+
+    @property
+    def depends_on_frequency(self) -> bool:
+        """True where a table over frequency acts and no frequency is chosen; stiffness and damping are refused then."""
+        return self.at_hz is None and bool(self.configured.model.tables)
+
+    def at_frequency(self, freq_hz: float) -> ModelPoint:
+        """The point with the stiffness and the damping of one frequency; itself without tables over frequency."""
+        return replace(self, at_hz=float(freq_hz)) if self.configured.model.tables else self
+
+    def by_frequency(self, kind: MatrixKind) -> sp.csr_array:
+        """∂K/∂f, ∂C/∂f or ∂H/∂f at the chosen frequency, 1/Hz."""
+        configured = self.configured
+        assert self.at_hz is not None
+        table = configured.model.table_by_frequency(self.x, self.at_hz)
+        data = np.zeros(len(configured.indices), dtype=self.x.dtype if np.iscomplexobj(self.x) else float)
+        for p in configured.projected:
+            if p.term.matrix == kind and p.term.coefficient is not None:
+                data += p.spread @ p.term.coefficient(table).grad[:, 0]
+        own = configured.both_triangles.matrix(data)
+        eta = configured.model.structure.damping.loss_factor
+        if kind != "hysteretic" or eta is None:
+            return own
+        overall = table[eta]
+        return sp.csr_array(own + overall.value * self.by_frequency("stiffness") + overall.grad[0] * self.stiffness)
 
     @cached_property
     def _table(self) -> TableJet:
-        return self.configured.model.table(self.x)
+        model = self.configured.model
+        return model.table(self.x, () if self.at_hz is None else model.factors(self.at_hz))
 
     @cached_property
     def coefficients(self) -> list[Jet | None]:
@@ -113,6 +144,7 @@ class ModelPoint:
     def _upper(self, kind: MatrixKind, part: tuple[int, ...] = ()) -> SymmetricMatrix:
         """A matrix, or its derivative by the parameters `part`."""
         model = self.configured
+        self.check_frequency(kind)
         data = np.zeros(len(model.indices), dtype=self.x.dtype if np.iscomplexobj(self.x) else float)
         for i, projected in enumerate(model.projected):
             if projected.term.matrix == kind:
@@ -120,6 +152,12 @@ class ModelPoint:
                 if c.any():
                     data += projected.spread @ c
         return SymmetricMatrix(data, model.indices, model.indptr)
+
+    def check_frequency(self, kind: MatrixKind) -> None:
+        """Refuse a matrix that depends on frequency where none is chosen (error ``table.no-frequency``)."""
+        if self.depends_on_frequency and kind in self.configured.model.by_frequency:
+            name = {"stiffness": "stiffness", "viscous": "viscous damping", "hysteretic": "structural damping"}[kind]
+            raise FemtuneError("table.no-frequency", matrix=name)
 
     def _weights(self, i: int, part: tuple[int, ...]) -> NDArray:
         """(n_columns,) coefficients of a projected term, or their derivatives."""

@@ -26,9 +26,13 @@ def matrices_digest(point: ModelPoint, *kinds: MatrixKind) -> str:
         wanted.add("stiffness")
         overall = np.asarray(point.loss_factor.value)
     names = sorted(wanted)
+    tables: list[Part] = []
+    if point.depends_on_frequency:
+        tables = [p for t in point.configured.model.tables for p in (*map(str, t.fields), t.freq_hz, t.factor)]
     return digest(
-        *names, point.configured.identity.elements, *_values(point, wanted), *_assembled(point, wanted), overall
-    )
+        *names, point.configured.identity.elements, *_values(point, wanted), *_assembled(point, wanted), overall,
+        *tables,
+    )  # fmt: skip
 
 
 def _values(point: ModelPoint, kinds: set[MatrixKind]) -> Iterator[Part]:

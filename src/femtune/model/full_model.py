@@ -31,11 +31,19 @@ class _Direct:
     def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
         from femtune.model.eigen.solution import solve_modes  # noqa: PLC0415
 
+        if point.depends_on_frequency:
+            from femtune.model.eigen.own_frequency import own_frequency_solution  # noqa: PLC0415
+
+            return own_frequency_solution(point, count, max_hz)
         return solve_modes(point, count, max_hz)
 
     def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
         from femtune.model.derivatives.chosen import subspace_derivative  # noqa: PLC0415
 
+        if solution.point.depends_on_frequency:
+            from femtune.model.eigen.own_frequency import own_frequency_derivative  # noqa: PLC0415
+
+            return own_frequency_derivative(solution, members, rows)
         return subspace_derivative(solution, members, rows)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,8 +16,10 @@ from femtune.fem.generic import check_untouched
 from femtune.fem.offsets import check_spans, settled
 from femtune.fem.values import TableJet
 from femtune.model.imported.model import with_assembled
+from femtune.model.over_frequency import FrequencyTable
 from femtune.model.terms import CompiledTerms, TermFunction, compile_terms
 from femtune.parameters import ParameterSet
+from femtune.parameters.jet import Jet, constant
 
 # points of the parameters at which coefficients are compared, and how far around the nominal one they are
 SAMPLES = 6
@@ -42,7 +44,8 @@ class ParametricModel:
     """K(p) = Σ a_i(p) K_i and M(p) = Σ b_i(p) M_i on all grid DOFs, with exact derivatives.
 
     `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
-    says for each kind of matrix which entries of the table (n,) it needs.
+    says for each kind of matrix which entries of the table (n,) it needs. `tables` multiply entries by functions of
+    frequency.
     """
 
     structure: Structure
@@ -51,15 +54,65 @@ class ParametricModel:
     placed: tuple[tuple[str, int, bool], ...]
     terms: tuple[TermFunction, ...] = field(repr=False)
     used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
+    tables: tuple[FrequencyTable, ...] = ()
 
-    def table(self, x: NDArray) -> TableJet:
-        """The value table with derivatives by the normalised free parameters x."""
+    def table(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
+        """The value table with derivatives by the normalised free parameters x.
+
+        `factors` are the values of the tables over frequency; 1 where none are given.
+        """
         jets = self.parameters.jets(x)
         nominal = self.structure.values.values
         assigned = [
             (at, jets[name][None] * nominal[at] if relative else jets[name]) for name, relative, at in self._fields
         ]
-        return self.structure.values.assign(assigned, len(self.parameters.free))
+        k = len(self.parameters.free)
+        if factors:
+            scale = np.ones(len(nominal))
+            for at, factor in zip(self.tabled, factors):
+                scale[at] *= factor
+            assigned = [(at, (j if j.value.shape else j[None]) * scale[at]) for at, j in assigned]
+            rest = self._only_tabled
+            assigned.append((rest, constant(nominal[rest] * scale[rest], k)))
+        return self.structure.values.assign(assigned, k)
+
+    def factors(self, freq_hz: float) -> tuple[float, ...]:
+        """Values of the tables at a frequency."""
+        return tuple(table.at(freq_hz)[0] for table in self.tables)
+
+    def table_by_frequency(self, x: NDArray, freq_hz: float) -> TableJet:
+        """The value table at a frequency with its derivative by the frequency, 1/Hz."""
+        values = self.table(x, self.factors(freq_hz)).value
+        # logarithmic derivatives of factors add up where several tables multiply an entry
+        rates = np.zeros(len(values))
+        for table, at in zip(self.tables, self.tabled):
+            value, slope = table.at(freq_hz)
+            rates[at] += slope / value
+        own = np.union1d([i for _, i, _ in self.placed], self._only_tabled).astype(np.int64)
+        moved = Jet(values[own], (values * rates)[own, None], np.zeros((len(own), 1, 1)))
+        return self.structure.values.assign([(own, moved)], 1)
+
+    @cached_property
+    def tabled(self) -> list[NDArray[np.int64]]:
+        """Positions in the value table that each table over frequency multiplies."""
+        refs = self.structure.values.refs
+        return [np.array([i for i, ref in enumerate(refs) if t.multiplies(ref)], np.int64) for t in self.tables]
+
+    @cached_property
+    def _only_tabled(self) -> NDArray[np.int64]:
+        """Those that no parameter sets."""
+        every = np.unique(np.concatenate([np.zeros(0, np.int64), *self.tabled]))
+        return np.setdiff1d(every, [i for _, i, _ in self.placed]).astype(np.int64)
+
+    @cached_property
+    def by_frequency(self) -> frozenset[MatrixKind]:
+        """Kinds of matrices that depend on frequency."""
+        reached = self.structure.values.dependents([int(i) for at in self.tabled for i in at])
+        kinds = {kind for kind, flags in self.used.items() if flags[list(reached)].any()}
+        # a loss factor of the whole structure multiplies its stiffness
+        whole = not self.structure.damping.of_whole_model.isdisjoint(reached)
+        follows = self.structure.damping.loss_factor is not None and "stiffness" in kinds
+        return frozenset(kinds | ({"hysteretic"} if whole or follows else set()))
 
     @cached_property
     def _fields(self) -> list[tuple[str, bool, NDArray[np.int64]]]:
@@ -76,22 +129,27 @@ class ParametricModel:
 
 
 def parametric_model(
-    structure: Structure, parameters: ParameterSet, assignments: Iterable[Assignment]
+    structure: Structure,
+    parameters: ParameterSet,
+    assignments: Iterable[Assignment],
+    tables: Iterable[FrequencyTable] = (),
 ) -> ParametricModel:
     """Place the parameters in the value table and compile the terms.
+
+    With `tables` over frequency, stiffness and damping are those of one frequency; see `ModelPoint.at_frequency`.
 
     Raises
     ------
     FemtuneError : ``parameter.unknown-field``, ``parameter.touches-nothing``, ``parameter.field-twice``,
         ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together;
-        ``parameter.offset-axis``, ``parameter.offset-range``, ``generic.moved-elsewhere``
+        ``parameter.offset-axis``, ``parameter.offset-range``, ``generic.moved-elsewhere``, ``table.fields``
     """
-    assignments = tuple(assignments)
+    assignments, tables = tuple(assignments), tuple(tables)
     errors = ErrorCollector()
     with errors.catch():
         _check_regions(structure, parameters, assignments)
     # what a parameter sets does not follow from other values
-    structure = replace(structure, values=structure.values.with_own([a.ref for a in assignments]))
+    structure = replace(structure, values=structure.values.with_own(_own(structure, assignments, tables)))
     placed: dict[int, tuple[str, int, bool]] = {}
     for assignment in assignments:
         with errors.catch():
@@ -100,14 +158,51 @@ def parametric_model(
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), ())
-    touched, samples = structure.values.dependents(placed), _samples(bare)
+    bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), (), tables=tables)
+    _check_tables(bare)
+    tabled = [int(i) for at in bare.tabled for i in at]
+    touched, samples = structure.values.dependents([*placed, *tabled]), _samples(bare)
     check_untouched(structure, touched)
     structure = settled(structure, samples)
     check_spans(structure, _at_bounds(bare))
     compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    return replace(bare, structure=structure, terms=compiled.terms, used=compiled.used)
+    found = replace(bare, structure=structure, terms=compiled.terms, used=compiled.used)
+    _check_tables_act(found)
+    return found
+
+
+def _own(structure: Structure, assignments: Sequence[Assignment], tables: Sequence[FrequencyTable]) -> list[FieldRef]:
+    """Fields that parameters or tables set."""
+    tabled = (ref for ref in structure.values.refs if any(t.multiplies(ref) for t in tables))
+    return [*(a.ref for a in assignments), *tabled]
+
+
+def _check_tables(model: ParametricModel) -> None:
+    """Refuse fields that the model does not have, or that two tables multiply."""
+    errors, refs = ErrorCollector(), model.structure.values.refs
+    taken: set[FieldRef] = set()
+    for table in model.tables:
+        for name in table.fields:
+            with errors.catch():
+                if not any(replace(table, fields=(name,)).multiplies(ref) for ref in refs):
+                    raise FemtuneError("table.fields", where=table.where, field=name)
+                if name in taken:
+                    raise FemtuneError("table.fields/twice", where=table.where, field=name)
+                taken.add(name)
+    errors.raise_if_any()
+
+
+def _check_tables_act(model: ParametricModel) -> None:
+    """Refuse tables that act on the mass, or on nothing."""
+    for table, at in zip(model.tables, model.tabled):
+        kinds = replace(model, tables=(table,)).by_frequency
+        set_in_unit = [i for _, i, relative in model.placed if not relative]
+        if not model.structure.values.values[np.setdiff1d(at, set_in_unit)].all():
+            kinds = frozenset()
+        if "mass" in kinds or not kinds:
+            code = "table.fields/mass" if kinds else "table.fields/without-effect"
+            raise FemtuneError(code, where=table.where, field=model.structure.values.refs[int(at[0])])
 
 
 def _samples(model: ParametricModel) -> NDArray[np.float64]:
@@ -118,7 +213,9 @@ def _samples(model: ParametricModel) -> NDArray[np.float64]:
     """
     random, n = np.random.default_rng(2026), len(model.parameters.free)
     around = random.uniform(-AROUND, AROUND, (SAMPLES - 1, n))
-    return np.array([_sample(model, x) for x in (np.zeros(n), *around)])
+    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (SAMPLES - 1, len(model.tables)))
+    nominal = _sample(model, np.zeros(n))
+    return np.array([nominal, *(_sample(model, x, tuple(f)) for x, f in zip(around, tabled))])
 
 
 def _at_bounds(model: ParametricModel) -> Iterator[NDArray[np.float64]]:
@@ -129,13 +226,13 @@ def _at_bounds(model: ParametricModel) -> Iterator[NDArray[np.float64]]:
             yield _sample(model, x)
 
 
-def _sample(model: ParametricModel, x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sample(model: ParametricModel, x: NDArray[np.float64], factors: Sequence[float] = ()) -> NDArray[np.float64]:
     for _ in range(10):
         try:
-            return np.asarray(model.table(x).value)
+            return np.asarray(model.table(x, factors).value)
         except FemtuneError:
             x = 0.5 * x
-    return np.asarray(model.table(np.zeros_like(x)).value)
+    return np.asarray(model.table(np.zeros_like(x), factors).value)
 
 
 def _place(

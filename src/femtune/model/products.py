@@ -91,6 +91,7 @@ def _local(configured: ConfiguredModel, places: NDArray, data: Reals) -> Local:
 
 def _moving(point: ModelPoint, kind: MatrixKind) -> Iterator[tuple[int, Jet]]:
     """Positions of the terms of a kind that parameters move, and their coefficients."""
+    point.check_frequency(kind)
     for i, (p, c) in enumerate(zip(point.configured.projected, point.coefficients)):
         if p.term.matrix == kind and c is not None:
             yield i, c

@@ -31,6 +31,7 @@ class Parameter:
         (upper − lower)/√12, where none is given
     tie : expression of other parameters; a tied (constrained) parameter is not free
     where : its place in the study
+    positive : whether it cannot be negative by nature, as a modulus or a mass
 
     Raises
     ------
@@ -46,6 +47,7 @@ class Parameter:
     prior_sd: float | None = None
     tie: Expression | None = None
     where: Where | None = None
+    positive: bool = False
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier() or keyword.iskeyword(self.name):
@@ -191,6 +193,14 @@ class ParameterSet:
         return self.normalise(p.lower for p in self.free), self.normalise(p.upper for p in self.free)
 
     @cached_property
+    def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The bounds for intervals: those of quantities that cannot be negative begin at zero at the latest."""
+        lower, upper = self.bounds
+        zero = self.normalise(0.0 for _ in self.free)
+        positive = np.array([p.positive for p in self.free], dtype=bool)
+        return np.where(positive & (upper > zero), np.maximum(lower, zero), lower), upper
+
+    @cached_property
     def prior(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Normalised prior means and standard deviations."""
         return self.normalise(p.mean for p in self.free), np.array([p.sd for p in self.free]) / self.scale
@@ -209,6 +219,15 @@ class ParameterSet:
         """Values of all parameters, free and tied, in the order of the set."""
         jets = self.jets(np.asarray(x, dtype=float))
         return {name: float(jets[name].value) for name in self.names}
+
+    def at_samples(self, x: NDArray) -> dict[str, NDArray[np.float64]]:
+        """Values (n,) of all parameters at n normalised free vectors (n, k) (error ``tie.value``)."""
+        free = self.denormalise(np.asarray(x, dtype=float))
+        values = {p.name: free[:, i] for i, p in enumerate(self.free)}
+        for p in self._order:
+            assert p.tie is not None
+            values[p.name] = np.broadcast_to(p.tie(values), len(free))
+        return values
 
     def index(self, name: str) -> int:
         """Position of a free parameter in x."""
@@ -241,3 +260,7 @@ class DerivedQuantity:
         """Value with gradient and Hessian in the normalised free parameters (error ``tie.value``)."""
         found = self.expression(parameters.jets(x))
         return found if isinstance(found, Jet) else jet.constant(found, len(parameters.free))
+
+    def at_samples(self, parameters: ParameterSet, x: NDArray) -> NDArray[np.float64]:
+        """Values (n,) at n normalised free vectors (n, k) (error ``tie.value``)."""
+        return np.broadcast_to(self.expression(parameters.at_samples(x)), len(x))

@@ -18,7 +18,12 @@ from femtune.reporting.numbers import (
     unit_fraction,
     value,
 )
-from femtune.reporting.sections.parameters import derived_quantities
+from femtune.reporting.sections.parameters import (
+    derived_quantities,
+    interval_ends,
+    interval_remarks,
+    physical_values,
+)
 from femtune.reporting.sections.summary import summary
 from femtune.reporting.sections.validation import untested_reasons, validation_verdicts
 from femtune.reporting.source import versions
@@ -103,7 +108,7 @@ def _parameters(source: ReportSource) -> list[Block]:
         return []
     results = {p.name: p for p in update.parameters}
     ratios = {p.parameter: p.sd_ratio for p in source.results.selection.parameters} if source.results.selection else {}
-    heads = columns("Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">Change %", ">σ / prior σ", "")
+    heads = columns("Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">σ / prior σ", "")
     rows = []
     for fact in facts[:_PARAMETERS]:
         result = results.get(fact.name)
@@ -119,6 +124,7 @@ def _parameters(source: ReportSource) -> list[Block]:
                     value(fact.nominal),
                     value(result.value),
                     spread,
+                    interval_ends(result.interval_95),
                     change,
                     ratio,
                     remark,
@@ -126,7 +132,12 @@ def _parameters(source: ReportSource) -> list[Block]:
             )
     more = len(facts) - _PARAMETERS
     note = f"and {counted(more, 'more parameter')} in the HTML report" if more > 0 else ""
-    return [Table("", heads, tuple(rows), note), *derived_quantities(update.derived)]
+    return [
+        Table("", heads, tuple(rows), note),
+        *interval_remarks(update.parameters),
+        *physical_values(update.parameters, _PARAMETERS),
+        *derived_quantities(update.derived),
+    ]
 
 
 def _remark(fact: ParameterFacts, reason: str) -> Cell:

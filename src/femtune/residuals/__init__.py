@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from femtune.residuals.mass import CentreResidual, InertiaResidual, MassResidual
     from femtune.residuals.pair import ByMode, OfModes, OfPairs, PairResidual
     from femtune.residuals.pairing import describe_change, groups_of, modes_at_sensors, pair_case, solve_case
+    from femtune.residuals.poles import ComplexEigenvalueResidual, DampingResidual
     from femtune.residuals.problem import Evaluation, Scatter, UpdateProblem
     from femtune.residuals.shape import ShapeResidual, StrainResidual
     from femtune.residuals.state import paired_count, state_at
@@ -44,6 +45,8 @@ __all__ = [
     "CaseState",
     "CentreResidual",
     "ComparedCase",
+    "ComplexEigenvalueResidual",
+    "DampingResidual",
     "DisplacementResidual",
     "DynamicResidual",
     "Evaluation",

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -94,11 +94,13 @@ class Residual(ABC):
         *,
         lost: int = 0,
         covariance: Reals | None = None,
+        common: Reals | None = None,
     ) -> ResidualBlock:
         """A block of this kind; see `ResidualBlock`."""
         return ResidualBlock(
-            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal
-        )
+            self.label, configuration, mode, values, jacobian, sd, self.of_modes, lost, covariance, self.not_normal,
+            common,
+        )  # fmt: skip
 
     def weighted(
         self, configuration: str, mode: str, errors: Reals, jacobian: Reals, weights: Weights, size: float = 1.0
@@ -245,6 +247,11 @@ class CaseState:
     def full(self) -> ModelPoint:
         """The full model at this point, whatever model the modes come from."""
         return self.case.on_full_model.configured.at(self.point.x)
+
+    @cached_property
+    def shared(self) -> dict[object, Any]:
+        """What residuals have computed of this state for each other."""
+        return {}
 
     @cached_property
     def _kept(self) -> dict[tuple[Group, bool], AlignedModes]:

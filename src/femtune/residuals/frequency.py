@@ -18,6 +18,10 @@ from femtune.residuals.weights import ResidualBlock, Weights
 Form = Literal["frequency", "eigenvalue"]
 
 
+_TIMES: dict[Form, float] = {"frequency": 1.0, "eigenvalue": 2.0}
+"""Relative error of what is compared over that of the frequency: λ = ω²."""
+
+
 def frequency_residual(
     eigenvalue: float, gradient: Reals, test_hz: float, sd: float, form: str = "frequency"
 ) -> tuple[Reals, Reals]:
@@ -70,15 +74,13 @@ class FrequencyResidual(PairResidual):
         """One value a mode."""
         sd = self.sd if self.sd != "test" else self._of_test(pair)
         values = frequency_residual(pair.eigenvalue, pair.eigenvalue_gradient, pair.test_hz, sd, self.form)
-        return self.block(pair.case.name, pair.label, *values, sd)
+        return self.block(pair.case.name, pair.label, *values, sd, common=np.array([_TIMES[self.form] / sd]))
 
     def _of_test(self, pair: PairedMode) -> float:
         known = pair.case.test.freq_sd_hz
         if known is None or not known[pair.position] > 0.0:
             raise _no_scatter(pair)
-        # the relative standard deviation of λ = ω² is twice that of ω
-        times = 2.0 if self.form == "eigenvalue" else 1.0
-        return times * float(known[pair.position] / pair.test_hz)
+        return _TIMES[self.form] * float(known[pair.position] / pair.test_hz)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +104,14 @@ class FrequencyCovariance(OfPairs):
         if not pairs:
             return []
         test_hz = np.array([p.test_hz for p in pairs])
-        times = 2.0 if self.form == "eigenvalue" else 1.0
+        times = _TIMES[self.form]
         relative = Weights(covariance=times**2 * self._covariance(pairs) / np.outer(test_hz, test_hz))
         each = [frequency_residual(p.eigenvalue, p.eigenvalue_gradient, p.test_hz, 1.0, self.form) for p in pairs]
         errors, slopes = np.concatenate([e for e, _ in each]), np.concatenate([s for _, s in each])
         values = relative.whiten(errors, slopes)
         label = ", ".join(p.label for p in pairs)
-        return [self.block(pairs[0].case.name, label, *values, relative.scale)]
+        common, _ = relative.whiten(np.full(len(pairs), times), np.zeros((len(pairs), 0)))
+        return [self.block(pairs[0].case.name, label, *values, relative.scale, common=common)]
 
     def _covariance(self, pairs: Sequence[PairedMode]) -> Reals:
         test, at = pairs[0].case.test, [p.position for p in pairs]

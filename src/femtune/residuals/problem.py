@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
 from femtune.residuals.pairing import keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
-from femtune.residuals.weights import ResidualBlock
+from femtune.residuals.weights import ResidualBlock, without_common_error
 
 Scatter = Literal["stated", "estimated"]
 """Whether standard deviations are known, or relative weights whose size the residuals tell."""
@@ -28,22 +29,32 @@ _LARGEST = 1e200
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Residuals at one point, with the states that they were taken at; a Jacobian of no columns without derivatives."""
+    """Residuals at one point, with the states that they were taken at; a Jacobian of no columns without derivatives.
+
+    `blocks` are what is compared, each by its own standard deviations; residuals and Jacobian take the error into
+    account that all frequencies share, of relative standard deviation `common_sd`, see `without_common_error`.
+    """
 
     x: Reals
     states: tuple[CaseState, ...]
     blocks: tuple[ResidualBlock, ...]
     has_derivatives: bool = True
+    common_sd: float = 0.0
+
+    @cached_property
+    def weighted(self) -> tuple[ResidualBlock, ...]:
+        """Blocks of independent values of unit variance."""
+        return without_common_error(self.blocks, self.common_sd)
 
     @property
     def residuals(self) -> Reals:
         """(n,) all blocks."""
-        return np.concatenate([b.values for b in self.blocks]) if self.blocks else np.zeros(0)
+        return np.concatenate([b.values for b in self.weighted]) if self.blocks else np.zeros(0)
 
     @property
     def jacobian(self) -> Reals:
         """(n, k) all blocks."""
-        return np.concatenate([b.jacobian for b in self.blocks]) if self.blocks else np.zeros((0, len(self.x)))
+        return np.concatenate([b.jacobian for b in self.weighted]) if self.blocks else np.zeros((0, len(self.x)))
 
     @property
     def kinds(self) -> list[str]:
@@ -67,7 +78,7 @@ class Evaluation:
     def squares(self) -> dict[tuple[str, str, str], float]:
         """Sum of squares by what is compared: configuration, label and kind."""
         out: dict[tuple[str, str, str], float] = {}
-        for b in self.blocks:
+        for b in self.weighted:
             key = (b.configuration, b.mode, b.kind)
             out[key] = out.get(key, 0.0) + float(b.values @ b.values)
         return out
@@ -82,7 +93,8 @@ class Evaluation:
     def mean_error(self) -> float:
         """√(Σ e²/σ² / Σ 1/σ²) over all comparisons: if every misfit e has one size, this is it."""
         weights = self.weights
-        return float(np.sqrt(2.0 * self.objective / weights)) if weights else float("nan")
+        squares = sum(float(b.values @ b.values) for b in self.blocks)
+        return float(np.sqrt(squares / weights)) if weights else float("nan")
 
 
 @dataclass(frozen=True)
@@ -94,6 +106,8 @@ class UpdateProblem:
     residuals : of paired modes, compared in every case before those of its own, mode by mode
     scatter : "stated" where the standard deviations are known, "estimated" where they are relative weights and the
         residuals tell their size
+    common_sd : relative standard deviation of an error that all frequencies of the model share, such as that of a wrong
+        mass
 
     Examples
     --------
@@ -106,6 +120,7 @@ class UpdateProblem:
     parameters: ParameterSet
     residuals: tuple[PairResidual, ...] = ()
     scatter: Scatter = "stated"
+    common_sd: float = 0.0
 
     def start(self, x: Reals) -> Evaluation:
         """Solve and pair afresh.
@@ -168,7 +183,7 @@ class UpdateProblem:
         """Residual blocks of given states; without derivatives, which cost more than the modes, where not wanted."""
         everywhere = (ByMode(self.residuals),) if self.residuals else ()
         blocks = [b for s in states for r in (*everywhere, *s.case.residuals) for b in r.blocks(s, derivatives)]
-        return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks), derivatives)
+        return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks), derivatives, self.common_sd)
 
 
 def _paired_again(state: CaseState) -> CaseState:

@@ -136,14 +136,15 @@ class ShapeResidual(PairResidual):
 
     Parameters
     ----------
-    weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order
+    weights : standard deviation of an entry of the scaled shape, or weights of the sensors' entries in their order;
+        "test": those of the entries of the test (error ``residual.no-scatter`` where it gives none)
     scaling : see `scaled_difference`
     sensors : those that are compared, as far as the test has them; all where None. Their entries alone are scaled
     placement : errors in the positions and directions of the sensors, whose covariance is added to that of `weights`.
         It is computed from the motion of the model at the first evaluation of a mode, on the full model, and kept
     """
 
-    weights: float | Weights
+    weights: float | Weights | Literal["test"]
     scaling: Scaling = "unit-norm"
     sensors: DofSet | None = None
     placement: SensorPlacement | None = None
@@ -158,8 +159,12 @@ class ShapeResidual(PairResidual):
         if entry.scaling == "mass":
             check_asked_mass_scaled(asked)
         sensors = dofs if entry.sensors is None else DofSet(_asked_sensors(asked, entry.sensors))
-        weights = asked_weights(asked, len(sensors), "the sensors")
-        return cls(weights, entry.scaling, sensors, asked.placement if cls.key == "shape" else None)
+        placement = asked.placement if cls.key == "shape" else None
+        if entry.covariance is None and entry.sd in (None, "test"):
+            if asked.modes.shapes_sd is None:
+                raise FemtuneError("residual.no-scatter/shape", where=asked.where(), configuration=asked.name)
+            return cls("test", entry.scaling, sensors, placement)
+        return cls(asked_weights(asked, len(sensors), "the sensors"), entry.scaling, sensors, placement)
 
     def of_pair(self, pair: PairedMode) -> ResidualBlock:
         """One value for each entry that was measured (one less where the largest is scaled to one).
@@ -170,10 +175,12 @@ class ShapeResidual(PairResidual):
         """
         if self.scaling == "mass":
             check_mass_scaled(pair)
-        weights, known = as_weights(self.weights), pair.case.test.dofs
-        weights.check_size(len(known if self.sensors is None else self.sensors), f"the sensors of mode {pair.label}")
+        known = pair.case.test.dofs
         which, at = self._places(known)
         test = pair.test_shape[at]
+        count = len(known if self.sensors is None else self.sensors)
+        weights = self._of_test(pair, which, at, count) if self.weights == "test" else as_weights(self.weights)
+        weights.check_size(count, f"the sensors of mode {pair.label}")
         measured = int((~np.isnan(test)).sum())
         if measured <= (self.scaling != "mass") or not np.nan_to_num(test).any():
             raise _unmeasured(pair, measured)
@@ -183,7 +190,28 @@ class ShapeResidual(PairResidual):
         values, slopes = own.whiten(errors, slopes)
         lost = pair.turned + (self.scaling in _FROM_THE_SHAPE)
         covariance = self._covariance(test, weights, which, own)
-        return self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        block = self.block(pair.case.name, pair.label, values, slopes, own.scale, lost=lost, covariance=covariance)
+        return block.whitened() if self.weights == "test" else block
+
+    def _of_test(self, pair: PairedMode, which: Places, at: Places, count: int) -> Weights:
+        """The test's standard deviations of the entries, scaled as its shape is.
+
+        An entry to which the test scales its shape has none of its own: its error is in all others. It gets the root
+        mean square of the others.
+        """
+        if pair.case.test.shapes_sd is None:
+            raise FemtuneError("residual.no-scatter/shape", configuration=pair.case.name)
+        test, sd = pair.test_shape[at], np.array(pair.case.test.shapes_sd[at, pair.position])
+        known = ~np.isnan(test)
+        positive = known & (sd > 0.0)
+        if np.isnan(sd[known]).any() or not positive.any():
+            raise FemtuneError("residual.no-scatter/entries", configuration=pair.case.name, mode=pair.label)
+        sd[known & (sd == 0.0)] = np.sqrt(np.mean(sd[positive] ** 2))
+        size = scale_of(test, self.scaling)
+        # what was not measured is not compared
+        scaled = np.ones(count)
+        scaled[which] = np.where(known, sd / size, 1.0)
+        return Weights(scaled)
 
     def _with_placement(self, pair: PairedMode, weights: Weights, test: Reals) -> Weights:
         """The weights of all sensors with the covariance that errors of their placement add."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +34,8 @@ class ResidualBlock:
     covariance : (n, n) covariance of the values where the data have the stated standard deviations; None where that is
         the identity, but for the combinations that are lost
     not_normal : why the values have no normal distribution; "" where they have one, to first order
+    common : (n,) change of the values by a relative error of one that all values of the kind share; None where such an
+        error has no meaning
     """
 
     kind: str
@@ -45,6 +48,7 @@ class ResidualBlock:
     lost: int = 0
     covariance: Reals | None = field(default=None, repr=False)
     not_normal: str = ""
+    common: Reals | None = field(default=None, repr=False)
 
     @property
     def error(self) -> float:
@@ -67,6 +71,29 @@ class ResidualBlock:
         scale = np.where(found, np.sqrt(np.where(found, variances, 1.0)), 1.0)
         root = (V / scale) @ V.T
         return replace(self, values=root @ self.values, jacobian=root @ self.jacobian, covariance=None)
+
+
+def without_common_error(blocks: Sequence[ResidualBlock], sd: float) -> tuple[ResidualBlock, ...]:
+    """Blocks with independent values of unit variance where all values share a further error.
+
+    With u = common·sd the covariance of the values together is I + uuᵀ. Its inverse root I − (1 − 1/√(1 + uᵀu)) uuᵀ/uᵀu
+    is applied to values and Jacobian, so that least squares are generalised least squares.
+
+    Parameters
+    ----------
+    sd : relative standard deviation of the error; zero leaves everything as it is
+    """
+    parts = [np.zeros(len(b.values)) if b.common is None else sd * b.common for b in blocks]
+    square = float(sum(u @ u for u in parts))
+    if not square > 0.0:
+        return tuple(blocks)
+    share = (1.0 - 1.0 / np.sqrt(1.0 + square)) / square
+    value = share * sum(float(u @ b.values) for u, b in zip(parts, blocks))
+    slope = share * np.sum([u @ b.jacobian for u, b in zip(parts, blocks)], axis=0)
+    return tuple(
+        replace(b, values=b.values - u * value, jacobian=b.jacobian - np.outer(u, slope), common=None)
+        for u, b in zip(parts, blocks)
+    )
 
 
 DEFINITE = 1e-12

@@ -14,6 +14,7 @@ from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import alert
 from femtune.results.checks import LUMPING, MASS, MESH
 from femtune.results.model import alert_of
+from femtune.results.quantify import HELD_OUT, ORDER, OUTLIERS
 from femtune.results.validation import compares_frfs, responses_not_tested
 from femtune.status import Status
 from femtune.validation.goodness import Finding
@@ -24,10 +25,18 @@ if TYPE_CHECKING:
     from femtune.results.correlation import CorrelationResults
     from femtune.results.results import Results
     from femtune.results.stages import StageResults
+    from femtune.results.update import UpdateResults
     from femtune.results.validation import GoodnessResults
 
 _CHECKS = {MASS: "model.mass-differs", LUMPING: "model.lumped-mass", MESH: "model.mesh-coarse"}
+_REPEAT_CHECKS = {
+    ORDER: "quantify.order-dependence",
+    OUTLIERS: "quantify.outlier/found",
+    HELD_OUT: "quantify.held-out-differ",
+}
 _WRITTEN_PERCENT = 0.05
+FEWEST_SAMPLES = 1000
+"""Effective number of samples below which intervals are not accurate: a quantile varies by 0.1 standard deviations."""
 _MOST_UNPAIRED = 8
 
 
@@ -100,6 +109,7 @@ def _of_update(results: Results) -> Iterable[Alert]:
         iterations = len({event.iteration for event in update.pairing_events})
         code = "update.pairing-changed" if iterations > 1 else "update.pairing-changed/once"
         yield alert("info", code, iterations=iterations, modes=len(update.pairing_events))
+    yield from _of_intervals(update)
     yield from _of_stages(update.stages)
     if update.goodness is not None:
         yield from _of_goodness(update.goodness)
@@ -116,6 +126,11 @@ def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
     if spare < found.rank:
         code = "update.few-data" if spare > 0 else "update.few-data/none-spare"
         yield alert("warning", code, values=found.values, rank=found.rank, spare=spare)
+
+
+def _of_intervals(update: UpdateResults) -> Iterable[Alert]:
+    if update.interval_samples is not None and update.interval_samples < FEWEST_SAMPLES:
+        yield alert("warning", "update.few-samples", number=update.interval_samples)
 
 
 def _of_stages(stages: Iterable[StageResults]) -> Iterable[Alert]:
@@ -142,6 +157,9 @@ def _of_quantify(results: Results) -> Iterable[Alert]:
         yield alert("problem", "quantify.no-distribution", ending=found.message)
     elif not found.agrees:
         yield alert("warning", "quantify.disagrees", outcome=found.sentences[0])
+    for check in found.checks:
+        if check.verdict == "fail":
+            yield alert("warning", _REPEAT_CHECKS[check.check], found=check.sentence)
 
 
 def _of_writing(results: Results) -> Iterable[Alert]:

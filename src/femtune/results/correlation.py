@@ -211,6 +211,8 @@ def correlate_case(case: ComparedCase, solution: EigenSolution) -> Correlation:
     """All comparisons of a case at its solved modes."""
     model = modes_at_sensors(case, solution)
     point = solution.point
+    # a static reduction, with the stiffness at rest
+    point = point.at_frequency(0.0) if point.depends_on_frequency else point
     mass = reduce_mass(point.stiffness, point.mass, case.sensors, model)
     return correlate(
         case.test,
@@ -286,7 +288,7 @@ def _contributions(c: Correlation) -> Iterable[SensorContribution]:
     changes = c.mac_without - np.diag(c.paired_mac)
     for dof, ecomac, change in zip(c.dofs, c.enhanced_comac, changes):
         known = np.isfinite(change)
-        most = int(np.argmax(np.abs(np.where(known, change, 0.0)))) if known.any() else None
+        most = int(np.nanargmax(np.abs(change))) if known.any() else None
         yield SensorContribution(
             dof=str(dof),
             ecomac=float(ecomac) if np.isfinite(ecomac) else None,

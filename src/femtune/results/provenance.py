@@ -97,13 +97,15 @@ def call(word: str, source: Path | str | StudyFile) -> str:
 
 
 def input_paths(study: Study) -> tuple[Path, ...]:
-    """Decks with their INCLUDEs, and tests."""
+    """Decks with their INCLUDEs, tests, and their standard deviations."""
     paths = [Path(f.file) for f in study.built.deck.files]
     for case in study.cases:
         # a test that was given as an object may be of no file
         name = case.entry.test
         if name is not None and (name not in study.file.given.tests or study.file.path_of(name).is_file()):
             paths.append(study.file.path_of(name))
+        if case.entry.deviations is not None:
+            paths.append(study.file.path_of(case.entry.deviations))
     return tuple(dict.fromkeys(paths))
 
 

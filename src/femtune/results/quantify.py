@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from femtune.results.base import CitationRecord, Record
+from femtune.results.base import CitationRecord, Record, VerdictWord
+
+ORDER, OUTLIERS, HELD_OUT = "order of the tests", "outliers", "held-out repeats"
 
 
 class QuantifiedParameter(Record):
@@ -40,6 +42,87 @@ class QuantifiedOutput(Record):
     """Mean of the samples of the forward check, in Hz."""
     model_sd_hz: float
     """Standard deviation of these samples, in Hz."""
+    robust_sd_hz: float | None = None
+    """Standard deviation to which outliers do not contribute, in Hz; None if there are too few repeats for it."""
+    noise_sd_hz: float | None = None
+    """Standard deviation of the measurement error of a single repeat, in Hz; None if it is neglected."""
+    change_hz: float | None = None
+    """Change from the first repeat to the last, or at a jump, in Hz; None if no dependence on order was found."""
+
+
+class QuantifiedEntry(Record):
+    """One entry of a mode shape in the repeated tests and in the updated distribution; each shape has unit norm."""
+
+    label: str
+    """Test mode and sensor."""
+    repeats: int
+    """Number of repeats with this entry."""
+    measured_mean: float
+    """Mean of the repeats."""
+    measured_sd: float
+    """Standard deviation of the repeats."""
+    model_mean: float
+    """Mean of the samples of the forward check."""
+    model_sd: float
+    """Standard deviation of these samples."""
+
+
+class RepeatCheck(Record):
+    """A test of the repeats, or of the predicted distribution, by its p-value."""
+
+    check: str
+    """"order of the tests", "outliers" or "held-out repeats"."""
+    p_value: float | None
+    """Probability of a result as extreme if there is no such effect; None if not tested."""
+    limit: float
+    """Smallest p-value that passes."""
+    verdict: VerdictWord
+    """Outcome."""
+    sentence: str
+    """Result of the test, or the reason why it was not tested."""
+
+
+class ParameterInterval(Record):
+    """Interval of one parameter, in its unit."""
+
+    parameter: str
+    """Name of the parameter."""
+    lower: float
+    """Lower end."""
+    upper: float
+    """Upper end."""
+
+
+class OutputInterval(Record):
+    """Smallest and largest value of one frequency, in the repeats and in the box of the parameters."""
+
+    label: str
+    """Test mode."""
+    measured_lower_hz: float
+    """Smallest value of the repeats, in Hz."""
+    measured_upper_hz: float
+    """Largest value of the repeats, in Hz."""
+    model_lower_hz: float
+    """Smallest value in the box, in Hz."""
+    model_upper_hz: float
+    """Largest value in the box, in Hz."""
+
+
+class IntervalResults(Record):
+    """Interval updating: the box of the parameters whose extreme frequencies are nearest to the measured ones."""
+
+    ok: bool
+    """True if the box converged and is determined by the frequencies."""
+    proven: bool
+    """True if the extrema over the box are proven by monotony."""
+    sentence: str
+    """The outcome."""
+    solutions: int
+    """Number of model solutions."""
+    parameters: tuple[ParameterInterval, ...]
+    """One record a free parameter; none if no box was found."""
+    outputs: tuple[OutputInterval, ...]
+    """One record a compared frequency; none if no box was found."""
 
 
 class QuantifyResults(Record):
@@ -87,3 +170,21 @@ class QuantifyResults(Record):
     """Key of the covariance of the parameters, shape (parameters, parameters), in their units."""
     citations: tuple[CitationRecord, ...] = ()
     """Publications on the method."""
+    checks: tuple[RepeatCheck, ...] = ()
+    """Tests of the repeats, and of the prediction for repeats that were held out."""
+    noise_percent: float | None = None
+    """Part of the measured variance that is due to measurement errors, in %; None if these are neglected."""
+    entries: tuple[QuantifiedEntry, ...] = ()
+    """One record for each entry of a mode shape, if the study requests shapes."""
+    output_covariance_key: str | None = None
+    """Key of the estimated covariance of frequencies (Hz), then entries of shapes, in the order of `outputs` and
+    `entries`; None without shapes."""
+    intervals: IntervalResults | None = None
+    """Intervals of the parameters; None if the study does not request them."""
+    outliers: tuple[int, ...] = ()
+    """Numbers of the outlying repeats, from 1 in the order of the tests."""
+    held_out: tuple[int, ...] = ()
+    """Numbers of the repeats that the update did not use."""
+    robust_distance_key: str | None = None
+    """Key of the robust distances of the repeats from their mean, shape (repeats), NaN for repeats with missing values;
+    None if there are too few repeats."""

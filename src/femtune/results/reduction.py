@@ -49,7 +49,7 @@ class ReducedModelResults(Record):
     interface_dofs: int | None = None
     """Degrees of freedom of all interfaces; None for a reduced model that is not assembled from components."""
     truncation_percent: float | None = None
-    """Largest true error of a frequency at the initial values, in %, before parts of modes of the full model were added:
+    """Largest true error of a frequency at the initial values, in %, before parts of modes of the full model are added:
     the effect of the modes of the components that are left out. None without components."""
     components: tuple[ReducedComponentResults, ...] = ()
     """The components; none for a reduced model of the whole configuration."""

@@ -207,6 +207,8 @@ def _not_listed(request: ResponseRequest, point: ModelPoint, modes: Solve, dampe
     """The reason why complex modes are not listed; "" if they are."""
     if not damped:
         return "the model has no damping"
+    if point.depends_on_frequency:
+        return "stiffness or damping depends on frequency"
     if _may_grow(request, point):
         return ""
     if not np.any(point.viscous.data) and not np.any(point.hysteretic.data):
@@ -388,7 +390,9 @@ def _with_frfs(
     with errors_at(study.file.where("response", *_about_damping(request.table))):
         way = "frequency lines, directly" if request.method == "direct" else f"responses by {request.table.method}"
         values = solved_frfs(study, request, point, modes, partial(doing, way))
-    damping = damping_words(study, request, point)
+    # whether anything damps the model is the same at every frequency
+    some = point.at_frequency(float(request.freq_hz[-1])) if point.depends_on_frequency else point
+    damping = damping_words(study, request, some)
     notices = request.notices if damping else (*request.notices, _undamped(request))
     doing("complex modes")
     poles, reason = listed_poles(study, request, point, modes, damped=bool(damping))

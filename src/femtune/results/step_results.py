@@ -570,16 +570,26 @@ class RunResult(StepResult):
         if self.results.update is None:
             return Rows()
         facts = {p.name: p for p in self.results.parameters}
-        columns = ("value", "sd", "change_percent", "interval_95", "at_bound", "sd_reason")
+        columns = ("value", "sd", "change_percent", "interval_95", "interval_kind", "at_bound", "sd_reason")
         found = zip(self.results.update.parameters, rows_of(self.results.update.parameters, *columns))
         return Rows.of(
             {"name": p.name, "unit": facts[p.name].unit, "nominal": facts[p.name].nominal, **row} for p, row in found
         )
 
     @property
+    def physical(self) -> Rows:
+        """One line per field that a factor multiplies: unit, initial and updated value, 95 % interval."""
+        if self.results.update is None:
+            return Rows()
+        columns = ("field", "unit", "nominal", "value", "interval_95")
+        return Rows.of(
+            {"name": p.name, **line} for p in self.results.update.parameters for line in rows_of(p.physical, *columns)
+        )
+
+    @property
     def derived(self) -> Rows:
         """One line a derived quantity of the study."""
-        columns = ("name", "unit", "nominal", "value", "sd", "sd_reason")
+        columns = ("name", "unit", "nominal", "value", "sd", "interval_95", "interval_kind", "sd_reason")
         return Rows() if self.results.update is None else rows_of(self.results.update.derived, *columns)
 
     @property

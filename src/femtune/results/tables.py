@@ -140,7 +140,7 @@ def rows_of(records: Iterable[object], *columns: str) -> Rows:
 def _cells(record: object, columns: tuple[str, ...]) -> Iterable[tuple[str, Any]]:
     for name in columns:
         value = getattr(record, name)
-        if name.startswith("interval"):
+        if name.startswith("interval") and not isinstance(value, str):
             lower, upper = value if value is not None else (None, None)
             yield f"{name}_lower", lower
             yield f"{name}_upper", upper

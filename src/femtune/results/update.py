@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from femtune.assembly.update_method import method_of
 from femtune.citations import citation
 from femtune.errors import FemtuneError
 from femtune.fem.elements import KINDS
-from femtune.files.nastran.field_refs import BARS
+from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD
+from femtune.files.nastran.field_units import field_nature
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
@@ -36,6 +38,7 @@ from femtune.results.truncation import FrfTruncation
 from femtune.results.validation import GoodnessResults, goodness, goodness_results
 from femtune.selection import combination_text, sentences, verdict
 from femtune.selection.combinations import NO_EFFECT
+from femtune.updating.posterior import IntervalKind
 
 if TYPE_CHECKING:
     from femtune.assembly.study import Study
@@ -44,7 +47,7 @@ if TYPE_CHECKING:
     from femtune.parameters import DerivedQuantity, Jet, ParameterSet
     from femtune.residuals import Evaluation
     from femtune.selection import Combination, Identifiability
-    from femtune.updating import MultiStart, UpdateResult
+    from femtune.updating import Marginal, MultiStart, UpdateResult
 
 BoundState = Literal["", "lower", "upper"]
 
@@ -194,6 +197,21 @@ class WrittenValue(Record):
     """The value of the written text, in units of the deck."""
 
 
+class PhysicalValue(Record):
+    """A field that a factor multiplies."""
+
+    field: str
+    """The field: "PBAR 1 I1"."""
+    unit: str
+    """Unit of its values in the units of the study; "" if it has none, or if the card does not tell."""
+    nominal: float
+    """Initial value, in `unit`."""
+    value: float
+    """Updated value, in `unit`."""
+    interval_95: tuple[float, float] | None
+    """95 % interval, in `unit`; None if the parameter has none."""
+
+
 class ParameterResult(Record):
     """A parameter after the update."""
 
@@ -206,14 +224,23 @@ class ParameterResult(Record):
     sd_reason: str
     """The reason why there is no sd: "at bound, σ not given"; "" where there is one."""
     interval_95: tuple[float, float] | None = None
-    """95 % confidence interval in the unit of the parameter: normal for stated standard
-    deviations, Student's t if the variance was estimated from the residuals; None without sd."""
+    """Equal-tailed 95 % interval in the unit of the parameter, within its bounds; None if none is given."""
+    interval_kind: IntervalKind = ""
+    """Distribution of the interval: "normal" for stated standard deviations, "Student's t" if the variance was
+    estimated from the residuals; "truncated" if a bound cuts off a part of that distribution; "bounds" if the data
+    hardly narrow what the bounds leave open; "" without interval."""
+    mean: float | None = None
+    """Mean of this distribution, in the unit of the parameter."""
+    median: float | None = None
+    """Its median."""
     change_percent: float | None
     """(final − nominal)/|nominal| in %; None if the nominal value is zero."""
     at_bound: BoundState
     """"lower", "upper" or "" (inside)."""
     written: tuple[WrittenValue, ...] = ()
     """Values in the updated deck."""
+    physical: tuple[PhysicalValue, ...] = ()
+    """Fields that a factor multiplies, with their values; empty for a parameter that is no factor of fields."""
 
 
 class DerivedResult(Record):
@@ -233,6 +260,14 @@ class DerivedResult(Record):
     """Standard deviation by linear propagation, in `unit`; None where not given."""
     sd_reason: str = ""
     """The reason why none is given: "stiffness: at bound, σ not given"."""
+    interval_95: tuple[float, float] | None = None
+    """Equal-tailed 95 % interval, in `unit`; None if none is given."""
+    interval_kind: IntervalKind = ""
+    """Distribution of the interval, as for a parameter."""
+    mean: float | None = None
+    """Mean of this distribution, in `unit`."""
+    median: float | None = None
+    """Its median."""
 
 
 class ResidualCount(Record):
@@ -240,6 +275,8 @@ class ResidualCount(Record):
 
     kind: str
     """"frequency", "shape", "mass", …"""
+    sd_of_test: bool = False
+    """True if their standard deviations are those that the test has, in place of values of the study."""
     count: int
     """Their number."""
     misfit: float
@@ -310,6 +347,9 @@ class UpdateResults(Record):
     """Name of the regularisation; "none" without regularisation."""
     regularisation_weight: float | None
     """Its weight (no unit)."""
+    interval_samples: float | None = None
+    """Effective number of samples of the distribution within the bounds, of the parameter with the fewest; 0 if the
+    samples did not become stationary; None if no samples were needed."""
     residual_counts: tuple[ResidualCount, ...]
     """Residuals by kind."""
     comparisons: tuple[ComparisonResults, ...] = ()
@@ -439,6 +479,8 @@ def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResul
     for quantity in quantities(study.file):
         before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
         sd = np.nan if after is None else result.spread(after.grad)
+        sampled = partial(quantity.at_samples, result.parameters)
+        found = None if after is None else result.marginal(after, sampled)
         yield DerivedResult(
             name=quantity.name,
             expression=quantity.expression.text,
@@ -447,7 +489,16 @@ def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResul
             value=None if after is None else float(after.value),
             sd=float(sd) if np.isfinite(sd) else None,
             sd_reason="" if np.isfinite(sd) else _why_no_sd(result, after),
+            **_interval(found),
         )
+
+
+def _interval(found: Marginal | None) -> dict[str, Any]:
+    """The fields of a record that hold a distribution."""
+    if found is None:
+        return {}
+    low, high = found.interval
+    return {"interval_95": (low, high), "interval_kind": found.kind, "mean": found.mean, "median": found.median}
 
 
 def _known(quantity: DerivedQuantity, parameters: ParameterSet, x: np.ndarray) -> Jet | None:
@@ -606,13 +657,14 @@ def update_results(
         parameters=tuple(_parameters(study, result, written)),
         derived=tuple(derived_results(study, result)),
         pairing_events=tuple(_events(result)),
-        regularisation=table.regularisation,
+        regularisation=table.regularisation if table.weight_on == "whole-change" else result.side.word,
         regularisation_weight=_weight(table, result),
         weight_choice=weight_choice_results(result),
         starts=None if starts is None else starts_results(starts, table.seed),
-        residual_counts=_counts(result),
+        interval_samples=_samples(result),
+        residual_counts=_counts(study, result),
         comparisons=tuple(_comparisons(result)),
-        citations=citations((*result.citations, "bard1974", "wald1940")),
+        citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
         iteration=result.number,
@@ -620,6 +672,18 @@ def update_results(
         certificate=certificate_results(result),
         smallest_change=smallest_change_results(result),
     )
+
+
+def _sampler(result: UpdateResult) -> tuple[str, ...]:
+    """Publication on the samples of a truncated distribution, where they were needed."""
+    posterior = result.covariance.posterior
+    return ("belisle1993",) if posterior is not None and posterior.truncated else ()
+
+
+def _samples(result: UpdateResult) -> float | None:
+    posterior = result.covariance.posterior
+    drawn = None if posterior is None else posterior.drawn
+    return None if drawn is None else drawn.effective * drawn.settled
 
 
 def _search_words(study: Study) -> str:
@@ -659,7 +723,7 @@ def _events(result: UpdateResult) -> Iterable[PairingEvent]:
 def _parameters(
     study: Study, result: UpdateResult, written: dict[str, tuple[WrittenValue, ...]]
 ) -> Iterable[ParameterResult]:
-    values, sd, intervals = result.values, result.sd, result.interval()
+    values, sd, marginals = result.values, result.sd, result.marginals()
     nominal = result.parameters.values(np.zeros(len(result.x)))
     for p in result.parameters.parameters:
         spread = sd[p.name]
@@ -670,10 +734,29 @@ def _parameters(
             value=values[p.name],
             sd=spread if known else None,
             sd_reason="" if known else _reason(result, p.name),
-            interval_95=intervals[p.name] if known else None,
+            **_interval(marginals[p.name]),
             change_percent=100.0 * (values[p.name] - start) / abs(start) if start else None,
             at_bound=_bound(result, p.name),
             written=written.get(p.name, ()),
+            physical=tuple(_physical(study, p.name, values[p.name], start, marginals[p.name])),
+        )
+
+
+def _physical(study: Study, name: str, value: float, start: float, found: Marginal | None) -> Iterable[PhysicalValue]:
+    """The fields that a factor multiplies; one of matrices has none."""
+    table = study.model.structure.values
+    for owner, i, relative in study.model.placed:
+        ref = table.refs[i]
+        if owner != name or not relative or ref.card in WITHOUT_CARD:
+            continue
+        own = float(table.values[i])
+        ends = None if found is None else sorted(own * end for end in found.interval)
+        yield PhysicalValue(
+            field=str(ref),
+            unit=field_nature(ref).unit_in(study.file.study.unit_system),
+            nominal=own * start,
+            value=own * value,
+            interval_95=None if ends is None else (ends[0], ends[1]),
         )
 
 
@@ -692,12 +775,14 @@ def _bound(result: UpdateResult, name: str) -> BoundState:
     return ""
 
 
-def _counts(result: UpdateResult) -> tuple[ResidualCount, ...]:
+def _counts(study: Study, result: UpdateResult) -> tuple[ResidualCount, ...]:
     counts = Counter(result.after.kinds)
+    of_test = {c.entry.kind for c in study.file.comparisons if c.entry.is_of_test}
     found = result.covariance
     return tuple(
         ResidualCount(
             kind=kind,
+            sd_of_test=kind in of_test,
             count=count,
             misfit=found.misfit[kind],
             freedom=found.freedom[kind],

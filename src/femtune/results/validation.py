@@ -549,7 +549,7 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     if not result.after.has_derivatives:
         return goodness_of_fit([])
     estimated = study.file.residuals.scatter == "estimated"
-    return goodness_of_fit(result.after.blocks, untested=_ESTIMATED if estimated else "")
+    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "")
 
 
 def goodness_results(found: GoodnessOfFit) -> GoodnessResults:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,16 +14,35 @@ from femtune.assembly.error_places import errors_at
 from femtune.assembly.repeats import read_repeats
 from femtune.errors import FemtuneError
 from femtune.residuals import UpdateProblem
-from femtune.results.quantify import QuantifiedOutput, QuantifiedParameter, QuantifyResults
+from femtune.results.quantify import (
+    HELD_OUT,
+    ORDER,
+    OUTLIERS,
+    QuantifiedEntry,
+    QuantifiedOutput,
+    QuantifiedParameter,
+    QuantifyResults,
+    RepeatCheck,
+)
 from femtune.results.update import citations
 from femtune.selection import cosine_distances
+from femtune.study.parameter_intervals import parameter_intervals
 from femtune.uncertainty import (
     CloudRules,
+    Fit,
+    RobustMoments,
+    ShapeOutputs,
     StochasticRules,
+    check_held_out,
+    check_repeats,
     forward_check,
     frequency_outputs,
+    held_out_repeats,
+    shape_outputs,
+    statistics_of_repeats,
     stochastic_update,
 )
+from femtune.uncertainty.robust import LEVEL
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -35,15 +54,21 @@ if TYPE_CHECKING:
     from femtune.uncertainty import (
         ForwardCheck,
         FrequencyOutputs,
+        HeldOutCheck,
         OutputStatistics,
+        RepeatChecks,
         StochasticResult,
     )
 
 Arrays = dict[str, NDArray]
 
 _CLOUDS = ("cross-covariance", "output-difference")
-_FEWEST = 4
+_FEWEST, _NOTHING, _STILL = 4, 1e-6, 1e-6
 _NO_REPEAT = "the repeats do not have it"
+_NO_OUTLIERS = {
+    "few": "this test needs at least four more repeats without missing values than frequencies",
+    "flat": "three quarters of the repeats have a singular covariance; the values may be rounded too much",
+}
 
 
 def repeats_of(study: Study) -> Repeats | None:
@@ -64,10 +89,93 @@ def quantify_at(study: Study, repeats: Repeats, x: Reals, arrays: Arrays, progre
     start = np.asarray(study.parameters.denormalise(x))
     with errors_at(study.file.where("quantify")), in_words_of_the_study(table):
         outputs = _outputs(study, repeats, start)
-        found = _updated(study, table, outputs, repeats, start)
+        held = _held(table, len(repeats.hz))
+        rows = repeats.of_modes(outputs.modes)
+        used: FrequencyOutputs | ShapeOutputs = outputs
+        if table.shapes:
+            whole = shape_outputs(outputs.problem, start)
+            entries = _shapes_of(repeats, whole)
+            # entries at nodes of a shape and out of its plane are rounding errors
+            kept = np.flatnonzero(np.nan_to_num(np.nanstd(entries, axis=0)) > _STILL)
+            used = replace(whole, kept=tuple(int(i) for i in kept))
+            rows = np.hstack([rows, entries[:, kept]])
+        measured = _with_noise(_statistics(rows[~held], used, table), outputs, table)
+        found = _updated(study, table, used, measured, start)
         progress.step(f"forward check with {table.samples} samples", 0, None)
-        check = forward_check(outputs, found, table.samples, table.seed)
-    return _record(study, table, repeats, found, check, arrays)
+        check = forward_check(used, found, table.samples, table.seed)
+        intervals = parameter_intervals(outputs, found, rows[~held, : len(outputs.modes)]) if table.intervals else None
+        tested = _tested(rows, len(outputs.modes), held, check, found)
+    record = _record(study, table, repeats, check, tested, arrays)
+    return record.model_copy(update={"intervals": intervals})
+
+
+def _shapes_of(repeats: Repeats, outputs: ShapeOutputs) -> Reals:
+    """(n, entries) shapes of the repeats, scaled as those of the outputs."""
+    assert repeats.shapes is not None
+    labels = repeats.case.compared.test.labels if repeats.case.compared is not None else ()
+    at = [(mode, labels.index(mode)) for mode in outputs.frequencies.modes]
+    return np.array([np.concatenate([outputs.scaled(m, row[i]) for m, i in at]) for row in repeats.shapes])
+
+
+def _statistics(rows: Reals, outputs: FrequencyOutputs | ShapeOutputs, table: QuantifyTable) -> OutputStatistics:
+    """Statistics of the repeats of the fit; entries of shapes are relative to their unit norm."""
+    found = statistics_of_repeats(rows, outputs.labels, table.missing, table.covariance, checked=False)
+    if not isinstance(outputs, ShapeOutputs):
+        return found
+    own = len(outputs.frequencies.modes)
+    return replace(found, scale=np.where(np.arange(len(found.mean)) < own, np.abs(found.mean), 1.0))
+
+
+def _with_noise(measured: OutputStatistics, outputs: FrequencyOutputs, table: QuantifyTable) -> OutputStatistics:
+    """The statistics with the measurement errors of the frequencies that the study states."""
+    asked, modes = table.noise_sd, outputs.modes
+    if asked is None:
+        return measured
+    if isinstance(asked, dict):
+        unknown = [m for m in modes if m not in asked]
+        if unknown:
+            raise FemtuneError("quantify.noise", values={"compared modes": ", ".join(modes)}, mode=unknown[0])
+    shares = np.array([asked[m] if isinstance(asked, dict) else asked for m in modes])
+    own = np.zeros(len(measured.mean))
+    own[: len(modes)] = (shares * measured.mean[: len(modes)]) ** 2
+    return replace(measured, noise=np.diag(own))
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """All repeats (n, m), which of them the update did not use, and what was tested.
+
+    The first `frequencies` columns are in Hz, the others entries of shapes.
+
+    `prediction` is None if there are too few held-out repeats.
+    """
+
+    rows: Reals
+    frequencies: int
+    held: NDArray[np.bool_]
+    checks: RepeatChecks
+    prediction: HeldOutCheck | None
+    found: StochasticResult
+
+
+def _held(table: QuantifyTable, count: int) -> NDArray[np.bool_]:
+    """(n,) True for the repeats that the update does not use."""
+    if table.hold_out is None:
+        return np.zeros(count, dtype=bool)
+    return held_out_repeats(count, table.hold_out, table.seed)
+
+
+def _tested(
+    rows: Reals, frequencies: int, held: NDArray[np.bool_], check: ForwardCheck, found: StochasticResult
+) -> _Tested:
+    measured = found.measured
+    fit = Fit(
+        len(measured.repeats), check.mean, check.covariance, found.G @ found.T,
+        np.zeros_like(measured.covariance) if measured.noise is None else measured.noise,
+    )  # fmt: skip
+    prediction = check_held_out(rows[held], fit) if held.any() else None
+    checks = check_repeats(rows[:, :frequencies], measured.labels[:frequencies])
+    return _Tested(rows, frequencies, held, checks, prediction, found)
 
 
 @contextmanager
@@ -93,9 +201,12 @@ def _outputs(study: Study, repeats: Repeats, start: Reals) -> FrequencyOutputs:
 
 
 def _updated(
-    study: Study, table: QuantifyTable, outputs: FrequencyOutputs, repeats: Repeats, start: Reals
+    study: Study,
+    table: QuantifyTable,
+    outputs: FrequencyOutputs | ShapeOutputs,
+    measured: OutputStatistics,
+    start: Reals,
 ) -> StochasticResult:
-    measured = repeats.statistics(outputs.modes, table.missing)
     names, sd = tuple(p.name for p in study.parameters.free), np.array([p.sd for p in study.parameters.free])
     rules = StochasticRules(
         table.method, table.weighting, table.regularisation, cloud=CloudRules(table.samples, table.seed)
@@ -113,11 +224,14 @@ def _updated(
 
 
 def _record(
-    study: Study, table: QuantifyTable, repeats: Repeats, found: StochasticResult, check: ForwardCheck, arrays: Arrays
+    study: Study, table: QuantifyTable, repeats: Repeats, check: ForwardCheck, tested: _Tested, arrays: Arrays
 ) -> QuantifyResults:
+    found = tested.found
     measured, status = found.measured, found.status
     keys = {name: f"quantify/{name}" for name in ("repeats", "covariance", "cloud", "parameter_covariance")}
-    values = (measured.repeats, measured.covariance, check.z, found.covariance)
+    own = tested.frequencies
+    cloud = check.with_noise(table.seed)[:, :own]
+    values = (measured.repeats[:, :own], measured.covariance[:own, :own], cloud, found.covariance)
     arrays |= dict(zip(keys.values(), values))
     near = _distances(found)
     parameters = _parameters(study, found, near)
@@ -136,8 +250,15 @@ def _record(
         unexplained_percent=100.0 * found.unexplained,
         agrees=check.agrees,
         parameters=parameters,
-        outputs=_output_records(check),
+        outputs=_output_records(check, tested.checks),
+        entries=_entry_records(check, own),
+        output_covariance_key=_keep_covariance(measured, own, arrays),
         sentences=(*check.sentences, *_remarks(found, parameters), *_of_distances(near)),
+        checks=_check_records(tested),
+        noise_percent=_noise_percent(measured),
+        outliers=tested.checks.outliers,
+        held_out=tuple(int(i) + 1 for i in np.flatnonzero(tested.held)),
+        robust_distance_key=_keep_distances(tested, arrays),
         repeats_key=keys["repeats"],
         covariance_key=keys["covariance"],
         cloud_key=keys["cloud"],
@@ -170,7 +291,7 @@ def distances_at(study: Study, x: Reals) -> CosineDistances | str:
     try:
         repeats = read_repeats(study, table)
         outputs = _outputs(study, repeats, theta)
-        measured = repeats.statistics(outputs.modes, table.missing)
+        measured = repeats.statistics(outputs.modes, table)
         G = outputs.linearised(theta)[1]
         near = _from_covariance(measured, G, theta, tuple(p.name for p in study.parameters.free))
     except FemtuneError as error:
@@ -201,8 +322,108 @@ def _of_distances(near: CosineDistances | None) -> list[str]:
     return [near.sentences[0]] if near is not None and near.clear else []
 
 
-def _output_records(check: ForwardCheck) -> tuple[QuantifiedOutput, ...]:
+def _noise_percent(measured: OutputStatistics) -> float | None:
+    """Share of the measured variance, outputs in units of their standard deviations."""
+    if measured.noise is None:
+        return None
+    return 100.0 * float(np.mean(np.diag(measured.noise) / np.diag(measured.covariance)))
+
+
+def _keep_distances(tested: _Tested, arrays: Arrays) -> str | None:
+    """Key of the robust distances of all repeats, which are put into `arrays`."""
+    robust = tested.checks.robust
+    if isinstance(robust, str):
+        return None
+    key = "quantify/robust_distance"
+    arrays[key] = np.full(len(tested.rows), np.nan)
+    arrays[key][tested.checks.whole] = robust.distance
+    return key
+
+
+def _keep_covariance(measured: OutputStatistics, frequencies: int, arrays: Arrays) -> str | None:
+    """Key of the covariance of frequencies and shapes, which is put into `arrays`; None without shapes."""
+    if len(measured.mean) == frequencies:
+        return None
+    arrays["quantify/output_covariance"] = measured.covariance
+    return "quantify/output_covariance"
+
+
+def _entry_records(check: ForwardCheck, first: int) -> tuple[QuantifiedEntry, ...]:
     measured = check.measured
+    return tuple(
+        QuantifiedEntry(
+            label=measured.labels[i],
+            repeats=int(np.isfinite(measured.repeats[:, i]).sum()),
+            measured_mean=float(measured.mean[i]),
+            measured_sd=float(measured.sd[i]),
+            model_mean=float(check.mean[i]),
+            model_sd=float(check.sd[i]),
+        )
+        for i in range(first, len(measured.mean))
+    )
+
+
+def _check_records(tested: _Tested) -> tuple[RepeatCheck, ...]:
+    return (_of_order(tested.checks), _of_outliers(tested.checks), _of_prediction(tested))
+
+
+def _untested(check: str, why: str) -> RepeatCheck:
+    return RepeatCheck(check=check, p_value=None, limit=LEVEL, verdict="not tested", sentence=_sentence(why))
+
+
+def _of_order(checks: RepeatChecks) -> RepeatCheck:
+    order = checks.order
+    if order is None:
+        return _untested(ORDER, "a test of the order needs at least eight repeats")
+    p_values = ", ".join(f"{kind} {p:.2g}" for kind, p in order.p_values.items())
+    said = checks.of_order()[0].what if order.kind else "No dependence on the order of the tests was found"
+    return RepeatCheck(
+        check=ORDER, p_value=order.p_value, limit=LEVEL, verdict="fail" if order.kind else "pass",
+        sentence=_sentence(f"{said.rstrip('.')}. p-values of three tests: {p_values}"),
+    )  # fmt: skip
+
+
+def _of_outliers(checks: RepeatChecks) -> RepeatCheck:
+    robust = checks.robust
+    if not isinstance(robust, RobustMoments):
+        return _untested(OUTLIERS, _NO_OUTLIERS[robust])
+    found = checks.of_outliers()
+    said = found[0].what if found else (
+        f"No repeat is an outlier (largest robust distance {robust.distance.max():.3g}, limit {robust.limit:.3g})"
+    )  # fmt: skip
+    return RepeatCheck(
+        check=OUTLIERS, p_value=robust.p_value, limit=LEVEL, verdict="fail" if found else "pass",
+        sentence=_sentence(said),
+    )  # fmt: skip
+
+
+def _of_prediction(tested: _Tested) -> RepeatCheck:
+    held, found = int(tested.held.sum()), tested.prediction
+    if not held:
+        return _untested(HELD_OUT, "all repeats were used by the update; hold_out keeps some of them for this test")
+    if found is None:
+        return _untested(HELD_OUT, "this test needs at least five held-out repeats without missing values")
+    worst = int(np.abs(found.mean_difference).argmax())
+    widest = int(np.abs(np.log(np.maximum(found.sd_ratio, 1e-12))).argmax())
+    labels = tested.found.measured.labels
+    p_values = ", ".join(f"{part} {p:.2g}" for part, p in found.p_values.items())
+    outcome = "agree with" if found.agrees else "differ from"
+    return RepeatCheck(
+        check=HELD_OUT, p_value=found.p_value, limit=LEVEL, verdict="pass" if found.agrees else "fail",
+        sentence=(
+            f"The {found.repeats} repeats that were held out {outcome} the predicted distribution (p-values: "
+            f"{p_values}). Largest difference of the means: {labels[worst]}, "
+            f"{found.mean_difference[worst]:+.2g} predicted standard deviations. "
+            f"Largest difference of the standard deviations: {labels[widest]}, "
+            f"{100 * found.sd_ratio[widest] - 100:+.0f} %."
+        ),
+    )  # fmt: skip
+
+
+def _output_records(check: ForwardCheck, checks: RepeatChecks) -> tuple[QuantifiedOutput, ...]:
+    measured, robust, order = check.measured, checks.robust, checks.order
+    robust_sd = np.sqrt(np.diag(robust.covariance)) if isinstance(robust, RobustMoments) else None
+    change = order.change if order is not None and order.kind in ("drift", "jump") else None
     counts = np.isfinite(measured.repeats).sum(axis=0)
     return tuple(
         QuantifiedOutput(
@@ -212,8 +433,11 @@ def _output_records(check: ForwardCheck) -> tuple[QuantifiedOutput, ...]:
             measured_sd_hz=float(measured.sd[i]),
             model_mean_hz=float(check.mean[i]),
             model_sd_hz=float(check.sd[i]),
+            robust_sd_hz=None if robust_sd is None else float(robust_sd[i]),
+            noise_sd_hz=None if measured.noise is None else float(np.sqrt(measured.noise[i, i])),
+            change_hz=None if change is None else float(change[i]),
         )
-        for i, label in enumerate(measured.labels)
+        for i, label in enumerate(measured.labels[: len(checks.labels)])
     )
 
 
@@ -221,8 +445,25 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
+def _of_noise(found: StochasticResult) -> list[str]:
+    """What of the measured variance the stated measurement errors are, and where they are all of it."""
+    percent = _noise_percent(found.measured)
+    if percent is None:
+        return []
+    out = [f"Measurement errors are {percent:.2g} % of the measured variance, and were subtracted."]
+    none = [n for n, sd, unit in zip(found.names, found.sd, found.start_sd) if sd <= _NOTHING * unit]
+    larger = np.flatnonzero(np.diag(found.measured.structural) <= 0.0)
+    if larger.size:
+        which = ", ".join(found.measured.labels[i] for i in larger)
+        out.append(f"The stated measurement errors are larger than the measured standard deviations of {which}.")
+    if none:
+        out.append(f"The stated measurement errors explain all variability of {', '.join(none)}.")
+    return out
+
+
 def _remarks(found: StochasticResult, parameters: tuple[QuantifiedParameter, ...]) -> list[str]:
     out = [_sentence(found.status.value)] if found.status.name != "CONVERGED" else []
+    out += _of_noise(found)
     if len(found.names) >= len(found.measured.mean):
         out.append(
             f"{len(found.names)} parameters can reproduce the covariance of {len(found.measured.mean)} frequencies "

@@ -175,7 +175,8 @@ def real_modes(modes: ModeSet) -> RealModes:
     """Turn each complex shape to the phase that makes its imaginary part smallest, and keep the real part.
 
     The phase is half the argument of Σ φ², which is the least-squares line through the entries. Shapes that
-    are real already come back unchanged.
+    are real already come back unchanged. Of the variance of a complex entry the real part keeps one half: errors of
+    real and imaginary part are taken as equal.
     """
     if not np.iscomplexobj(modes.shapes):
         return RealModes(modes, np.zeros(len(modes)), np.zeros(len(modes)))
@@ -184,4 +185,5 @@ def real_modes(modes: ModeSet) -> RealModes:
     size = np.sqrt(np.nansum(np.abs(turned) ** 2, axis=0))
     residual = np.sqrt(np.nansum(turned.imag**2, axis=0)) / np.where(size > 0, size, 1.0)
     modal_a = None if modes.modal_a is None else modes.modal_a * turn**2
-    return RealModes(replace(modes, shapes=turned.real.copy(), modal_a=modal_a), phase, residual)
+    sd = None if modes.shapes_sd is None else modes.shapes_sd / np.sqrt(2.0)
+    return RealModes(replace(modes, shapes=turned.real.copy(), shapes_sd=sd, modal_a=modal_a), phase, residual)

@@ -14,6 +14,7 @@ clusters and repeated modes            central difference along one direction, h
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def check_matrix_derivatives(point: ModelPoint) -> None:
         matrix = getattr(point, name)
         _close(matrix - matrix.T, 0.0 * matrix, matrix, f"{name}: symmetry")
     for i in range(point.n_parameters):
-        stepped = point.configured.at(point.x + 1j * STEP * np.eye(point.n_parameters)[i])
+        stepped = replace(point, x=point.x + 1j * STEP * np.eye(point.n_parameters)[i])
         for name in kinds:
             exact = getattr(point, f"{name}_derivatives")[i]
             _close(getattr(stepped, name).imag / STEP, exact, exact, f"{name}: derivative {i}")

@@ -6,17 +6,23 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.uncertainty.forward import ForwardCheck, ellipse, forward_check
+    from femtune.uncertainty.held_out import Fit, HeldOutCheck, check_held_out, held_out_repeats
     from femtune.uncertainty.intervals import Bounds, IntervalResult, interval_bounds, interval_update
+    from femtune.uncertainty.order_tests import OrderDependence, order_dependence
     from femtune.uncertainty.outputs import (
         Counted,
         EigenvalueOutputs,
         FrequenciesByOrder,
         FrequencyOutputs,
         FunctionOutputs,
+        ModeOutputs,
         Outputs,
+        ShapeOutputs,
         definite_signs,
         frequency_outputs,
+        shape_outputs,
     )
+    from femtune.uncertainty.repeat_checks import RepeatChecks, check_repeats
     from femtune.uncertainty.repeats import (
         OutputStatistics,
         correlation_of,
@@ -24,6 +30,7 @@ if TYPE_CHECKING:
         given_statistics,
         statistics_of_repeats,
     )
+    from femtune.uncertainty.robust import RobustMoments, robust_moments
     from femtune.uncertainty.stochastic import (
         CloudResult,
         CloudRules,
@@ -54,20 +61,29 @@ __all__ = [
     "CloudStep",
     "Counted",
     "EigenvalueOutputs",
+    "Fit",
     "ForwardCheck",
     "FrequenciesByOrder",
     "FrequencyOutputs",
     "FunctionOutputs",
+    "HeldOutCheck",
     "IntervalResult",
     "LinearEstimator",
     "MeanStep",
     "Means",
+    "ModeOutputs",
+    "OrderDependence",
     "OutputStatistics",
     "Outputs",
     "QuadraticModel",
+    "RepeatChecks",
+    "RobustMoments",
+    "ShapeOutputs",
     "StochasticResult",
     "StochasticRules",
     "StochasticStatus",
+    "check_held_out",
+    "check_repeats",
     "correlation_of",
     "covariance_distance",
     "definite_signs",
@@ -76,11 +92,15 @@ __all__ = [
     "forward_check",
     "frequency_outputs",
     "given_statistics",
+    "held_out_repeats",
     "interval_bounds",
     "interval_update",
     "latin_hypercube",
+    "order_dependence",
     "propagate",
     "quadratic_model",
+    "robust_moments",
+    "shape_outputs",
     "statistics_of_repeats",
     "stochastic_update",
     "unexplained",

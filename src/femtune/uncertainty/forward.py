@@ -36,13 +36,22 @@ class ForwardCheck:
 
     @property
     def covariance(self) -> Reals:
-        """(m, m) of the samples."""
-        return np.atleast_2d(np.cov(self.z.T))
+        """(m, m) of the samples, with that of the measurement errors."""
+        own = np.atleast_2d(np.cov(self.z.T))
+        return own if self.measured.noise is None else own + self.measured.noise
 
     @property
     def sd(self) -> Reals:
         """(m,) of the samples."""
         return np.sqrt(np.diag(self.covariance))
+
+    def with_noise(self, seed: int = 0) -> Reals:
+        """(n, m) samples with measurement errors: what repeated tests of the model would show."""
+        noise = self.measured.noise
+        if noise is None:
+            return self.z
+        drawn = np.random.default_rng(seed).standard_normal(self.z.shape)
+        return np.asarray(self.z + drawn @ factor(noise).T)
 
     @property
     def mean_error(self) -> Reals:

@@ -5,18 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.subspace import clusters
-from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes
+from femtune.model import ConfiguredModel, EigenSolution, eigenvalue_derivatives, solve_modes, subspace_derivative
 from femtune.residuals import CaseState, Evaluation, UpdateProblem
 from femtune.residuals.case import Group
 from femtune.residuals.frequency import FrequencyResidual
+from femtune.residuals.shape import ShapeResidual
+
+if TYPE_CHECKING:
+    from femtune.dofs import DofSet
+    from femtune.residuals import ComparedCase
+    from femtune.residuals.pair import PairResidual
+    from femtune.residuals.weights import ResidualBlock
 
 
 class Outputs(Protocol):
@@ -131,6 +139,84 @@ class FrequencyOutputs:
         return np.asarray((np.concatenate([b.values for b in _frequencies(at)]) + 1.0) * self.test_hz)
 
 
+@dataclass(frozen=True)
+class ShapeOutputs:
+    """Frequencies in Hz, then the entries of the shapes at the sensors, mode by mode, of paired modes.
+
+    The measured entries of each shape have unit norm and the sign of the test shape, so that one combination of them
+    does not vary.
+
+    Parameters
+    ----------
+    frequencies : of the same modes; its problem has shape residuals besides
+    kept : positions of the entries that are outputs, of all modes together; all where None
+    """
+
+    frequencies: FrequencyOutputs
+    kept: tuple[int, ...] | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """(m,) of the frequencies, then mode and sensor of each entry."""
+        entries = [f"mode {b.mode} at {dof}" for b, case, at in self._shapes() for dof in _picked(case.test.dofs, at)]
+        return (*self.frequencies.labels, *(entries if self.kept is None else (entries[i] for i in self.kept)))
+
+    def values(self, theta: Reals) -> Reals:
+        """(m,) Hz, and entries without unit."""
+        at = self.frequencies._at(theta, derivatives=False)
+        return np.concatenate([self.frequencies._hz(at), self._entries(at)])
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """Values, and their derivatives by the unit of each parameter."""
+        at = self.frequencies._at(theta, derivatives=True)
+        own, scale = self.frequencies, self.frequencies.problem.parameters.scale
+        slopes = np.concatenate([b.jacobian for b in _frequencies(at)]) * own.test_hz[:, None]
+        shapes = self._of_kept([b.jacobian for b in at.blocks if b.kind == ShapeResidual.label])
+        return np.concatenate([own._hz(at), self._entries(at)]), np.concatenate([slopes, shapes]) / scale
+
+    def scaled(self, mode: str, shape: Reals) -> Reals:
+        """Entries of a measured shape (sensors of the test,) as those of the outputs; NaN if one is missing."""
+        case, at = next((case, at) for b, case, at in self._shapes() if b.mode == mode)
+        known = shape[at]
+        sign = np.sign(known @ _unit(case, mode, at)) or 1.0
+        return np.asarray(known / (sign * np.linalg.norm(known)))
+
+    def _shapes(self) -> list[tuple[ResidualBlock, ComparedCase, NDArray[np.int64]]]:
+        """Blocks of the shapes with their cases, and the sensors that the test shape has."""
+        cases = {s.case.name: s.case for s in self.frequencies.paired.states}
+        blocks = [b for b in self.frequencies.paired.blocks if b.kind == ShapeResidual.label]
+        return [(b, cases[b.configuration], _measured(cases[b.configuration], b.mode)) for b in blocks]
+
+    def _entries(self, at: Evaluation) -> Reals:
+        blocks = [b for b in at.blocks if b.kind == ShapeResidual.label]
+        return self._of_kept(
+            [b.values + _unit(case, b.mode, rows) for b, (_, case, rows) in zip(blocks, self._shapes())]
+        )
+
+    def _of_kept(self, parts: list[Reals]) -> Reals:
+        rows = np.concatenate(parts)
+        return rows if self.kept is None else rows[list(self.kept)]
+
+
+def _measured(case: ComparedCase, mode: str) -> NDArray[np.int64]:
+    return np.flatnonzero(~np.isnan(case.test.shapes[:, case.test.labels.index(mode)]))
+
+
+def _unit(case: ComparedCase, mode: str, at: NDArray[np.int64]) -> Reals:
+    shape = np.real(case.test.shapes[at, case.test.labels.index(mode)])
+    return np.asarray(shape / np.linalg.norm(shape))
+
+
+def _picked(dofs: DofSet, at: NDArray[np.int64]) -> list[str]:
+    labels = [str(d) for d in dofs]
+    return [labels[i] for i in at]
+
+
+def shape_outputs(problem: UpdateProblem, theta: Reals | None = None) -> ShapeOutputs:
+    """Frequencies and shapes of the modes that are paired at θ; errors as of `frequency_outputs`."""
+    return ShapeOutputs(_outputs(problem, theta, (FrequencyResidual(1.0), ShapeResidual(1.0, "unit-norm"))))
+
+
 def frequency_outputs(problem: UpdateProblem, theta: Reals | None = None) -> FrequencyOutputs:
     """Outputs of the modes that are paired at θ, the nominal values where none are given.
 
@@ -138,8 +224,12 @@ def frequency_outputs(problem: UpdateProblem, theta: Reals | None = None) -> Fre
     ------
     FemtuneError : ``correlate.no-pairs``, and what an eigen-solution raises
     """
+    return _outputs(problem, theta, (FrequencyResidual(1.0),))
+
+
+def _outputs(problem: UpdateProblem, theta: Reals | None, residuals: tuple[PairResidual, ...]) -> FrequencyOutputs:
     cases = tuple(replace(case, residuals=()) for case in problem.cases if len(case.test))
-    plain = replace(problem, cases=cases, residuals=(FrequencyResidual(1.0),))
+    plain = replace(problem, cases=cases, residuals=residuals)
     x = np.zeros(len(problem.parameters.free)) if theta is None else problem.parameters.normalise(theta)
     at = plain.start(x)
     return FrequencyOutputs(plain, plain.assess(at.x, [replace(s, groups=_close_together(s)) for s in at.states]))
@@ -249,6 +339,55 @@ class EigenvalueOutputs:
                 out[position] = int(mode)
             at += len(g)
         return out
+
+
+@dataclass(frozen=True)
+class ModeOutputs:
+    """Eigenvalues in rad²/s², then the entries of the mode shapes, mode by mode, of modes that are followed.
+
+    Each shape has unit norm over its entries, and the sign of that of the reference. Close modes are not distinguished
+    by their subspace: their shapes change with the smallest change of the parameters.
+
+    Parameters
+    ----------
+    eigenvalues : which modes, and from where they are followed
+    entries : positions among the free DOFs; all where None
+    """
+
+    eigenvalues: EigenvalueOutputs
+    entries: tuple[int, ...] | None = None
+
+    def values(self, theta: Reals) -> Reals:
+        """(count + count·entries,)."""
+        solution, order = self._followed(theta)
+        shapes = self._unit(solution, order)[0]
+        return np.concatenate([solution.eigenvalues[order], shapes.T.ravel()])
+
+    def linearised(self, theta: Reals) -> tuple[Reals, Reals]:
+        """Values, and their derivatives by the unit of each parameter."""
+        solution, order = self._followed(theta)
+        shapes, norms = self._unit(solution, order)
+        scale = self.eigenvalues.configured.model.parameters.scale
+        slopes = [eigenvalue_derivatives(solution)[order]]
+        for unit, norm, j in zip(shapes.T, norms, order):
+            slope = subspace_derivative(solution, [j]).shape_gradient[self._rows(solution)] / norm
+            slopes.append(slope - np.outer(unit, unit @ slope))
+        return np.concatenate([solution.eigenvalues[order], shapes.T.ravel()]), np.concatenate(slopes) / scale
+
+    def _followed(self, theta: Reals) -> tuple[EigenSolution, list[int]]:
+        solution = self.eigenvalues._solved(theta)
+        return solution, self.eigenvalues._order(solution)
+
+    def _rows(self, solution: EigenSolution) -> NDArray[np.int64]:
+        return np.arange(len(solution.shapes)) if self.entries is None else np.array(self.entries, dtype=np.int64)
+
+    def _unit(self, solution: EigenSolution, order: list[int]) -> tuple[Reals, Reals]:
+        """(entries, count) shapes of unit norm, and the signed norms (count,) that they were divided by."""
+        reference, rows = self.eigenvalues._reference, self._rows(solution)
+        overlap = reference.shapes[:, : self.eigenvalues.count] * (solution.point.mass @ solution.shapes[:, order])
+        shapes = solution.shapes[rows][:, order]
+        norms = np.where(overlap.sum(axis=0) < 0.0, -1.0, 1.0) * np.linalg.norm(shapes, axis=0)
+        return np.asarray(shapes / norms), np.asarray(norms)
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtri
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Notice
+from femtune.uncertainty.repeat_checks import RepeatChecks, check_repeats
+from femtune.uncertainty.robust import RobustMoments, robust_moments
 
 # ----------------------------------------------------------------------------------------------------
 # Symmetric positive definite matrices: checks, factors, distances.
@@ -75,9 +76,9 @@ def covariance_distance(reached: Reals, wanted: Reals) -> float:
 
 
 Missing = Literal["em", "pairwise", "complete"]
+Estimate = Literal["sample", "robust"]
 
 _FEWEST = 2
-_SPARE, _RARE = 4, 1e-3
 _EM_STEPS, _EM_TOLERANCE = 2000, 1e-10
 
 
@@ -93,6 +94,10 @@ class OutputStatistics:
     repeats : (n, m) what was measured, NaN where it was not; no rows where only the moments are known
     estimate : how mean and covariance were found, in words
     notices : what the user should know about them
+    checks : order dependence and outliers of the repeats; None if they were not checked
+    robust : True if mean and covariance are robust, so that they are not those of the repeats
+    scale : (m,) sizes to which deviations are relative; the magnitudes of the means where None
+    noise : (m, m) covariance of the measurement errors of a single repeat; None for negligible ones
     """
 
     labels: tuple[str, ...]
@@ -101,6 +106,15 @@ class OutputStatistics:
     repeats: Reals
     estimate: str
     notices: tuple[Notice, ...] = ()
+    checks: RepeatChecks | None = None
+    robust: bool = False
+    noise: Reals | None = None
+    scale: Reals | None = None
+
+    @property
+    def sizes(self) -> Reals:
+        """(m,) sizes to which deviations are relative."""
+        return np.abs(self.mean) if self.scale is None else self.scale
 
     @property
     def sd(self) -> Reals:
@@ -109,8 +123,14 @@ class OutputStatistics:
 
     @property
     def complete(self) -> bool:
-        """True if the repeats are available without missing values."""
-        return len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
+        """True if mean and covariance are those of the repeats, without missing values or measurement errors."""
+        own = self.noise is None and not self.robust
+        return own and len(self.repeats) > 0 and bool(np.isfinite(self.repeats).all())
+
+    @property
+    def structural(self) -> Reals:
+        """(m, m) covariance without that of the measurement errors, chapter equation (38); may be indefinite."""
+        return self.covariance if self.noise is None else self.covariance - self.noise
 
     @property
     def singular(self) -> bool:
@@ -136,7 +156,13 @@ def given_statistics(mean: Reals, covariance: Reals, labels: Sequence[str] = ())
     return OutputStatistics(names, mean, covariance, np.zeros((0, len(mean))), "given")
 
 
-def statistics_of_repeats(repeats: Reals, labels: Sequence[str] = (), missing: Missing = "em") -> OutputStatistics:
+def statistics_of_repeats(
+    repeats: Reals,
+    labels: Sequence[str] = (),
+    missing: Missing = "em",
+    estimate: Estimate = "sample",
+    checked: bool = True,
+) -> OutputStatistics:
     """Mean and covariance of repeats (n, m); NaN marks a value that was not measured.
 
     Parameters
@@ -144,12 +170,15 @@ def statistics_of_repeats(repeats: Reals, labels: Sequence[str] = (), missing: M
     missing : what is done with gaps. "em": maximum likelihood of the multivariate normal distribution, scaled by
         n/(n − 1); "pairwise": every entry from the repeats that have both values, which may give no positive definite
         matrix; "complete": repeats with gaps are left out
+    estimate : "sample", or "robust": the reweighted minimum covariance determinant of the repeats without gaps, to
+        which outliers do not contribute
+    checked : True: test for dependence on the order, which is that of the rows, and for outliers
 
     Raises
     ------
     FemtuneError : ``quantify.too-few-repeats``, ``quantify.not-measured``, ``quantify.infinite``,
-        ``quantify.zero-variance``, ``quantify.not-positive``, ``quantify.size``
-    """
+        ``quantify.zero-variance``, ``quantify.not-positive``, ``quantify.size``, ``quantify.robust``
+    """  # fmt: skip
     table = np.atleast_2d(np.asarray(repeats, float))
     names = tuple(labels) or _numbered(table.shape[1])
     if len(names) != table.shape[1]:
@@ -158,14 +187,26 @@ def statistics_of_repeats(repeats: Reals, labels: Sequence[str] = (), missing: M
     kept = table[np.isfinite(table).any(axis=1)]
     notices = _empty_rows(len(table) - len(kept))
     gaps = ~np.isfinite(kept)
+    missing = "complete" if estimate == "robust" else missing
     if gaps.any() and missing == "complete":
         kept = kept[~gaps.any(axis=1)]
     _check_count(kept, names)
-    mean, covariance, estimate = _moments(kept, missing)
+    mean, covariance, how = _robust(kept) if estimate == "robust" else _moments(kept, missing)
     _check_variance(np.diag(covariance), mean, names)
     check_positive(covariance, "the covariance of the repeats", missing == "pairwise")
-    notices += _about_gaps(gaps, missing, estimate) + _about_count(kept) + _about_outliers(table)
-    return OutputStatistics(names, mean, covariance, kept, estimate, notices)
+    checks = check_repeats(table, names) if checked else None
+    notices += _about_gaps(gaps, missing, how) + _about_count(kept) + (checks.notices if checks else ())
+    return OutputStatistics(names, mean, covariance, kept, how, notices, checks, estimate == "robust")
+
+
+def _robust(table: Reals) -> tuple[Reals, Reals, str]:
+    found = robust_moments(table)
+    if isinstance(found, RobustMoments):
+        return found.mean, found.covariance, "minimum covariance determinant, reweighted"
+    sizes = {"repeats without missing values": len(table), "outputs": table.shape[1]}
+    if found == "flat":
+        raise FemtuneError("quantify.robust/flat", values=sizes)
+    raise FemtuneError("quantify.robust", values=sizes)
 
 
 def _moments(table: Reals, missing: Missing) -> tuple[Reals, Reals, str]:
@@ -232,35 +273,6 @@ def _expected(table: Reals, mean: Reals, covariance: Reals) -> tuple[Reals, Real
         row[gap] = mean[gap] + slope @ (row[known] - mean[known])
         extra[np.ix_(gap, gap)] += covariance[np.ix_(gap, gap)] - slope @ cross.T
     return filled, extra
-
-
-def outlying(table: Reals) -> list[int]:
-    """Positions of repeats (n, m) without gaps that lie farther from the others than one in a thousand tests has.
-
-    Each is held against mean and covariance of the rest: a repeat that is itself among them hides. Of n normal repeats
-    (n − 1 − m)(n − 1)/(n·m·(n − 2))·d² follows Fisher's distribution with m and n − 1 − m degrees of freedom; the limit
-    is Bonferroni's over the repeats.
-    """
-    whole = np.flatnonzero(np.isfinite(table).all(axis=1))
-    rows, (n, m) = table[whole], table[whole].shape
-    if n < m + _SPARE:
-        return []
-    limit, found = fdtri(m, n - 1 - m, 1.0 - _RARE / n), []
-    for i, row in enumerate(rows):
-        rest = np.delete(rows, i, axis=0)
-        gap = row - rest.mean(axis=0)
-        d2 = float(gap @ np.linalg.pinv(np.atleast_2d(np.cov(rest.T)), hermitian=True) @ gap)
-        if d2 * (n - 1 - m) * (n - 1) / (n * m * (n - 2)) > limit:
-            found.append(int(whole[i]))
-    return found
-
-
-def _about_outliers(table: Reals) -> tuple[Notice, ...]:
-    found = outlying(table)
-    if not found:
-        return ()
-    which = ", ".join(str(i + 1) for i in found)
-    return (Notice("quantify.outlier", repeats=which),)
 
 
 def _numbered(m: int) -> tuple[str, ...]:

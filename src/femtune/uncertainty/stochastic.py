@@ -95,9 +95,9 @@ def estimator(
     """
     if weighting == "covariance":
         return LinearEstimator(_inverse_root(measured), scale, regularisation)
-    if (measured.mean == 0.0).any():
-        raise FemtuneError("quantify.zero-mean", output=measured.labels[int(np.argmin(np.abs(measured.mean)))])
-    return LinearEstimator(np.diag(1.0 / np.abs(measured.mean)), scale, regularisation)
+    if (measured.sizes == 0.0).any():
+        raise FemtuneError("quantify.zero-mean", output=measured.labels[int(np.argmin(measured.sizes))])
+    return LinearEstimator(np.diag(1.0 / measured.sizes), scale, regularisation)
 
 
 def _inverse_root(measured: OutputStatistics) -> Reals:
@@ -296,11 +296,11 @@ def _pull(model: QuadraticModel, theta: Reals, by: LinearEstimator) -> Reals:
 
 def _of_moments(model: QuadraticModel, measured: OutputStatistics, by: LinearEstimator) -> tuple[Reals, Reals] | None:
     T = by.matrix(model.G)
-    theta, C = model.theta, T @ measured.covariance @ T.T
+    theta, C = model.theta, T @ measured.structural @ T.T
     for _ in range(_MOST):
         T = by.matrix(model.slope(theta))
         curved = model.covariance(theta, C) - model.slope(theta) @ C @ model.slope(theta).T
-        new = T @ (measured.covariance - curved) @ T.T
+        new = T @ (measured.structural - curved) @ T.T
         d = T @ (measured.mean - model.mean(theta, C)) - _pull(model, theta, by)
         moved = max(np.abs(d / by.scale).max(), np.abs((new - C) / np.outer(by.scale, by.scale)).max())
         theta, C = theta + d, new
@@ -453,7 +453,7 @@ def update_cloud(
         T = by.matrix(outputs.linearised(mean)[1])
         steps.append(CloudStep(mean, C, z.mean(axis=0), outputs.solutions))
         moved = T @ (measured.mean - z.mean(axis=0))
-        new = _next(formula, T, theta, z, measured.covariance)
+        new = _next(formula, T, theta, z, measured.structural)
         if _small_change(moved / scale, new, C, scale, rules.tolerance):
             status = StochasticStatus.CONVERGED
             break
@@ -608,10 +608,18 @@ def stochastic_update(
     else:
         found = _by_means(counted, measured, by, start, rules)
     G = counted.linearised(found.mean)[1] if found.G is None else found.G
+    covariance = found.covariance if measured.noise is None else _definite(found.covariance, start_sd)
     return StochasticResult(
-        tuple(names), found.mean, found.covariance, start, start_sd, measured, found.T, G, found.steps,
+        tuple(names), found.mean, covariance, start, start_sd, measured, found.T, G, found.steps,
         found.solutions, found.status, rules, unexplained(G, measured),
     )  # fmt: skip
+
+
+def _definite(covariance: Reals, scale: Reals) -> Reals:
+    """The nearest covariance without negative variances, in units of `scale` (k,)."""
+    unit = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(covariance / unit)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T * unit)
 
 
 @dataclass(frozen=True)
@@ -629,7 +637,7 @@ def _by_means(
     counted: Counted, measured: OutputStatistics, by: LinearEstimator, start: Reals, rules: StochasticRules
 ) -> _Found:
     at = update_means(counted, measured.mean, start, by, rules.max_iterations, rules.tolerance)
-    moments, status = (at.theta, at.T @ measured.covariance @ at.T.T), at.status
+    moments, status = (at.theta, at.T @ measured.structural @ at.T.T), at.status
     if rules.method == "second-order" and status.ok:
         moments, status = _second_order(counted, measured, by, at, moments)
     return _Found(*moments, at.T, at.G, at.steps, status, counted.solutions)
@@ -659,11 +667,12 @@ def unexplained(G: Reals, measured: OutputStatistics) -> float:
     A wrong set of parameters can still reproduce the mean; the covariance shows it. Outputs are scaled by
     their means, as their weights are, and variances are summed over all of them.
     """
-    scale = np.where(measured.mean != 0.0, np.abs(measured.mean), 1.0)
+    scale = np.where(measured.sizes != 0.0, measured.sizes, 1.0)
     u, s, _ = np.linalg.svd(G / scale[:, None], full_matrices=False)
     u = u[:, s > 1e-8 * s.max(initial=0.0)]
-    C = measured.covariance / np.outer(scale, scale)
-    return max(0.0, 1.0 - float(np.trace(u.T @ C @ u) / np.trace(C)))
+    C = measured.structural / np.outer(scale, scale)
+    total = float(np.trace(C))
+    return min(1.0, max(0.0, 1.0 - float(np.trace(u.T @ C @ u)) / total)) if total > 0.0 else 0.0
 
 
 def _check_start(names: tuple[str, ...], start: Reals, sd: Reals) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.updating.covariance import ParameterCovariance, parameter_covariance
+    from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
     from femtune.updating.equation_error import EquationError, equation_error_phases
     from femtune.updating.on_reduced_model import (
         NOBODY,
@@ -18,9 +18,11 @@ if TYPE_CHECKING:
         multi_start_reduced,
         update_reduced,
     )
+    from femtune.updating.posterior import BoxPosterior, Marginal, posterior_of_covariance
     from femtune.updating.prior import Prior, correlated_prior
     from femtune.updating.regularisation import (
         Distance,
+        EachStep,
         Identical,
         Link,
         MinimumChange,
@@ -62,7 +64,10 @@ else:
 __all__ = [
     "NOBODY",
     "Belief",
+    "Box",
+    "BoxPosterior",
     "Distance",
+    "EachStep",
     "EquationError",
     "ErrorSum",
     "GaussNewton",
@@ -72,6 +77,7 @@ __all__ = [
     "LevenbergMarquardt",
     "LineSearch",
     "Link",
+    "Marginal",
     "MinimumChange",
     "Misfit",
     "MultiStart",
@@ -106,6 +112,7 @@ __all__ = [
     "multi_start",
     "multi_start_reduced",
     "parameter_covariance",
+    "posterior_of_covariance",
     "run_stage",
     "run_stages",
     "starting_points",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Literal
 
@@ -16,6 +17,7 @@ from scipy.special import chdtri, stdtrit
 
 from femtune.arrays import Reals
 from femtune.selection import determined
+from femtune.updating.posterior import BoxPosterior, box_posterior
 
 Scatter = Literal["stated", "estimated"]
 
@@ -33,19 +35,29 @@ class ParameterCovariance:
 
     Parameters
     ----------
+    without_bounds : (k, k) of the linear estimate, in which parameters at a bound are fixed
     misfit : by kind of residual, the root mean square of the residuals in units of their stated standard deviations,
         corrected for the fitted parameters: 1 if the stated standard deviations are correct
     degrees_of_freedom : of the variance estimate; infinite for stated standard deviations
     widened : kinds whose residuals are significantly larger than stated, so that their variance was estimated
     freedom : by kind of residual, how many residuals the parameters leave free
+    posterior : distribution within the bounds; None where it is not known
     """
 
-    matrix: Reals
+    without_bounds: Reals
     reasons: dict[int, str]
     misfit: dict[str, float]
     degrees_of_freedom: float = np.inf
     widened: tuple[str, ...] = ()
     freedom: dict[str, float] = field(default_factory=dict)
+    posterior: BoxPosterior | None = field(default=None, repr=False)
+
+    @cached_property
+    def matrix(self) -> Reals:
+        """(k, k) covariance; of the distribution within the bounds where they cut off a part of it."""
+        if self.posterior is None or not self.posterior.truncated:
+            return self.without_bounds
+        return np.where(np.isnan(self.without_bounds), np.nan, self.posterior.covariance)
 
     @property
     def sd(self) -> Reals:
@@ -55,6 +67,25 @@ class ParameterCovariance:
     def coverage_factor(self, level: float = 0.95) -> float:
         """Half width of an interval in standard deviations: normal, or Student's t if the variance is estimated."""
         return float(stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * level))
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Where the parameters may be, and what else acts on them.
+
+    Parameters
+    ----------
+    x : (k,) parameters at the solution
+    lower, upper : (k,) their bounds
+    prior_residuals : (m,) values of the rows of the prior
+    pull : (k,) gradient of side constraints that are no information
+    """
+
+    x: Reals
+    lower: Reals
+    upper: Reals
+    prior_residuals: Reals
+    pull: Reals
 
 
 @dataclass(frozen=True)
@@ -76,6 +107,7 @@ def parameter_covariance(
     moving: NDArray[np.bool_] | None = None,
     scatter: Scatter = "stated",
     lost: Mapping[str, int] = NOTHING_LOST,
+    box: Box | None = None,
 ) -> ParameterCovariance:
     """Covariance of the least-squares estimate, H⁻¹(JᵀS²J + RᵀR)H⁻¹ with H = JᵀJ + RᵀR, of parameters not at a bound.
 
@@ -93,6 +125,7 @@ def parameter_covariance(
     prior_sd : (k,) spreads that tell whether a parameter is determined
     moving : (k,) parameters that the update moves, all where it is None; the others get no standard deviation
     lost : by kind, combinations of residuals that vanish whatever the noise: one of each shape of unit norm
+    box : bounds; with them the result has the distribution within the bounds
     """
     moving = np.ones(len(at_bound), bool) if moving is None else moving
     free = np.flatnonzero(moving & ~at_bound)
@@ -114,7 +147,40 @@ def parameter_covariance(
     matrix = np.full((len(at_bound), len(at_bound)), np.nan)
     matrix[np.ix_(free[known], free[known])] = (spread @ spread.T)[np.ix_(known, known)]
     widened = tuple(size.by_kind) if scatter == "stated" else ()
-    return ParameterCovariance(matrix, reasons, misfit, size.degrees, widened, freedom)
+    posterior = None if box is None else _posterior(r, J, kinds, extra, prior_sd, moving, scatter, lost, box, size)
+    return ParameterCovariance(matrix, reasons, misfit, size.degrees, widened, freedom, posterior)
+
+
+def _posterior(
+    r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, prior_sd: Reals, moving: NDArray[np.bool_],
+    scatter: Scatter, lost: Mapping[str, int], box: Box, size: _Size,
+) -> BoxPosterior | None:  # fmt: skip
+    """None if the residual variance is to be estimated and no degrees of freedom are left."""
+    if scatter == "estimated":
+        found = _estimated_without_bounds(r, J, kinds, extra, prior_sd, moving, lost, box)
+        if found is None:
+            return None
+        size = found
+    sizes = np.array([size.by_kind.get(kind, 1.0) for kind in kinds])
+    return box_posterior(
+        r, J, extra, box.prior_residuals, prior_sd, moving, box.x, (box.lower, box.upper), sizes, size.degrees,
+        box.pull if box.pull.any() else None,
+    )  # fmt: skip
+
+
+def _estimated_without_bounds(
+    r: Reals, J: Reals, kinds: Sequence[str], extra: Reals, prior_sd: Reals, moving: NDArray[np.bool_],
+    lost: Mapping[str, int], box: Box,
+) -> _Size | None:  # fmt: skip
+    """Variance of the residuals at the solution without bounds, where the number of parameters is that of all moving.
+
+    The distribution itself accounts for what a bound adds to the residuals.
+    """
+    fit = _fit(np.vstack([J, extra])[:, moving] * prior_sd[moving], bool(len(extra)))
+    freedom = {kind: free - lost.get(kind, 0) for kind, free in _freedom(fit, kinds).items()}
+    change = -fit.estimator @ np.concatenate([r, box.prior_residuals])
+    left = r if box.pull.any() else r + fit.rows[: len(r)] @ change
+    return _estimated(left, freedom)
 
 
 @dataclass(frozen=True)

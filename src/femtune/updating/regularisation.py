@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Literal, Protocol
@@ -127,6 +128,7 @@ class SideConstraint:
         of the result; those of other constraints are an opinion and do not; (m,) where rows differ
     choice : how the weight was found, where a rule found it
     held : (h, k) combinations v of which vᵀx may not change
+    renewed : for rows that act on the change of one iteration: the rows at the point where the next one starts
     """
 
     word: str
@@ -136,13 +138,14 @@ class SideConstraint:
     informative: bool | NDArray[np.bool_] = False
     choice: WeightChoice | None = None
     held: Reals = field(default_factory=lambda: np.zeros(0))
+    renewed: Callable[[LinearModel], SideConstraint] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "held", self.held.reshape(-1, self.matrix.shape[1]))
 
     def settle(self, at: LinearModel) -> SideConstraint:
-        """The constraint itself."""
-        return self
+        """The constraint itself; of one that acts on the change of each iteration the rows there, in its weight."""
+        return self if self.renewed is None else replace(self.renewed(at), weight=self.weight, choice=self.choice)
 
     def rows(self, x: Reals) -> tuple[Reals, Reals]:
         """Values (m,) and Jacobian (m, k)."""
@@ -172,7 +175,11 @@ class NoRegularisation:
 
     def settle(self, at: LinearModel) -> SideConstraint:
         """No rows."""
-        return SideConstraint("none", np.zeros((0, len(at.x))))
+        return self.side(len(at.x))
+
+    def side(self, k: int) -> SideConstraint:
+        """The constraint of k parameters."""
+        return SideConstraint("none", np.zeros((0, k)))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -422,6 +429,32 @@ class Link:
         matrix = np.zeros((int(at.moving.sum()), len(at.x)))
         matrix[:, at.moving] = np.diag(np.sqrt(link_weights(at.jacobian[:, at.moving])))
         return weighed(SideConstraint("link", matrix, np.zeros(len(matrix))), self.weight, at)
+
+
+# ----------------------------------------------------------------------------------------------------
+# A side constraint on the change of each iteration, as the textbook prints it.
+
+
+@dataclass(frozen=True)
+class EachStep:
+    """Rows μR(x − x_i) with x_i where iteration i starts: Δθ = (GᵀW_εG + μ²W_θ)⁻¹GᵀW_ε ε, W_θ = RᵀR.
+
+    Nothing pulls back to the initial values: the rows vanish where an iteration ends, so that the constraint shortens
+    and turns the steps, and the end of an update that converges is that of the data alone. Where it stops earlier, the
+    result depends on the number of iterations. Link's weights are those of each iteration's Jacobian; a weight that a
+    rule determines is kept from the first iteration. Source: Mottershead, Link and Friswell, Eqs. (19) to (22).
+    """
+
+    constraint: MinimumChange | Distance | Link
+
+    def settle(self, at: LinearModel) -> SideConstraint:
+        """The rows of the first iteration."""
+        return weighed(self._rows(at), self.constraint.weight, at)
+
+    def _rows(self, at: LinearModel) -> SideConstraint:
+        whole = replace(self.constraint, weight=1.0).settle(at)
+        word = f"{whole.word} (change of each iteration)"
+        return replace(whole, word=word, target=whole.matrix @ at.x, renewed=self._rows)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from femtune.arrays import Reals
-from femtune.parameters import ParameterSet
+from femtune.parameters import Jet, ParameterSet
 from femtune.residuals import Evaluation
 from femtune.status import Status
 from femtune.updating.covariance import ParameterCovariance
+from femtune.updating.posterior import Marginal
 from femtune.updating.regularisation import SideConstraint
 from femtune.updating.smallest_change import SmallestChange
 
@@ -109,12 +112,28 @@ class UpdateResult:
         return {name: self.spread(jets[name].grad) for name in self.parameters.names}
 
     def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
-        """Confidence intervals of all parameters, NaN without a standard deviation.
+        """Equal-tailed intervals of all parameters within their bounds; NaN where none is given.
 
-        They are those of the linear model: normal, or of Student's t if the variance was estimated.
+        They are those of the linear model: normal, or of Student's t if the variance was estimated, and of the
+        truncated distribution where a bound cuts off a part of it; see `BoxPosterior`.
         """
-        k, values = self.covariance.coverage_factor(level), self.values
-        return {name: (values[name] - k * sd, values[name] + k * sd) for name, sd in self.sd.items()}
+        none = (np.nan, np.nan)
+        return {n: none if found is None else found.interval for n, found in self.marginals(level).items()}
+
+    def marginals(self, level: float = 0.95) -> dict[str, Marginal | None]:
+        """Mean, median and interval of all parameters, tied ones too; None where none is given."""
+        jets = self.parameters.jets(self.x)
+        return {
+            name: self.marginal(jets[name], partial(self._at_samples, name), level) for name in self.parameters.names
+        }
+
+    def _at_samples(self, name: str, x: Reals) -> Reals:
+        return self.parameters.at_samples(x)[name]
+
+    def marginal(self, jet: Jet, values: Callable[[Reals], Reals], level: float = 0.95) -> Marginal | None:
+        """The same of any quantity: its value and derivatives at `x`, and its values at samples (n, k) of x."""
+        found = self.covariance.posterior
+        return None if found is None else found.of(jet, values, level)
 
     def spread(self, gradient: Reals) -> float:
         """Standard deviation of a quantity with this gradient in x, by linear propagation; NaN if none is given."""

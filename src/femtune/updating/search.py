@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -123,8 +123,18 @@ class Search(Protocol):
         """State after an accepted step."""
         ...
 
-    def shorter(self, state: float) -> float | None:
-        """State after a rejected step; None if there is no further trial."""
+    def shorter(self, state: float, gain: float, rejected: int) -> float | None:
+        """State after a rejected step; None ends the trials.
+
+        Its gain is −∞ if it could not be solved; `rejected` is the number of steps rejected before it at this point.
+        """
+        ...
+
+    def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
+        """The step to try after d was rejected, which does without another state; None for none.
+
+        `error` (n,) are the residuals at d less the linear ones.
+        """
         ...
 
 
@@ -151,7 +161,11 @@ class GaussNewton:
         """The whole step."""
         return 1.0
 
-    def shorter(self, state: float) -> float | None:
+    def shorter(self, state: float, gain: float, rejected: int) -> float | None:
+        """There is none."""
+        return None
+
+    def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
         """There is none."""
         return None
 
@@ -160,7 +174,8 @@ class GaussNewton:
 # Levenberg-Marquardt: damping that shortens and turns the step, the bounds inside it.
 
 
-_MOST = 1e12
+_MOST, _LEAST_AFTER_REJECTION = 1e12, 1e-9
+_GROWTH, _LEAST_TURNED, _MOST_TURNED = 0.6, 0.02, 0.75
 
 
 @dataclass(frozen=True)
@@ -180,14 +195,37 @@ class LevenbergMarquardt:
 
     def longer(self, state: float, gain: float) -> float:
         """Less damping, the more the actual decrease agrees with the predicted one, and more if it does not."""
-        if gain > 0.25:
-            return max((0.1 if gain > 0.75 else 0.5) * state, LEAST)
-        return 4.0 * state
+        factor = _factor(gain) if gain <= 1.0 else min(_factor(gain), 0.5)
+        return max(max(factor, 0.1) * state, LEAST)
 
-    def shorter(self, state: float) -> float | None:
-        """Ten times the damping."""
-        more = max(10.0 * state, 1e-6)
+    def shorter(self, state: float, gain: float, rejected: int) -> float | None:
+        """Two to ten times the damping, the more the objective has increased; after three rejections more and more.
+
+        Damping that is small beside all curvatures must grow quickly to have any effect.
+        """
+        factor = min(max(_factor(gain), 2.0), 10.0) * 4.0 ** max(rejected - 2, 0)
+        more = max(factor * state, _LEAST_AFTER_REJECTION)
         return more if more <= _MOST else None
+
+    def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
+        """The damped step again, from residuals that contain the error of the linear ones at d.
+
+        In a curved valley a straight step leaves the bottom, and only very short ones decrease the objective. The error
+        is half the second derivative along d; with it the step turns along the valley (Transtrum and Sethna 2012). It
+        is worth no trial if it is nearly d, or differs from it by more than three quarters of d.
+        """
+        turned = replace(local, residuals=local.residuals + error).step(state)
+        change, length = (float(np.linalg.norm(v / local.scale)) for v in (turned - d, d))
+        return turned if _LEAST_TURNED * length <= change <= _MOST_TURNED * length else None
+
+
+def _factor(gain: float) -> float:
+    """By how much to multiply the damping: one where the decrease is three quarters of the predicted one.
+
+    In a curved valley the right damping lies between one that is rejected and a tenth of it that is too much, so that
+    fixed factors of ten would reject every second step.
+    """
+    return float((4.0 * abs(1.0 - gain)) ** _GROWTH)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -219,6 +257,10 @@ class LineSearch:
         """The whole step again."""
         return 1.0
 
-    def shorter(self, state: float) -> float | None:
+    def shorter(self, state: float, gain: float, rejected: int) -> float | None:
         """Half of it."""
         return 0.5 * state if state > _LEAST else None
+
+    def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
+        """There is none."""
+        return None

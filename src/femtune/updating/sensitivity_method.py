@@ -15,7 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
-from femtune.updating.covariance import ParameterCovariance, parameter_covariance
+from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
 from femtune.updating.regularisation import (
     LinearModel,
     NoRegularisation,
@@ -75,12 +75,13 @@ class Walk:
 
     def objective(self, evaluation: Evaluation) -> float:
         """½ rᵀr of an evaluation that may lack derivatives, side constraints included."""
-        change = 0.0 if self.change is None else _half_square(self.change.rows(evaluation.x)[0])
-        return 0.5 * self.chi_square(evaluation) + change
+        sides = [side for side in (self.side, self.change) if side is not None]
+        return evaluation.objective + sum(_half_square(side.rows(evaluation.x)[0]) for side in sides)
 
     def chi_square(self, evaluation: Evaluation) -> float:
-        """Sum of squares of residuals and side constraint."""
-        return 2.0 * (evaluation.objective + _half_square(self.side.rows(evaluation.x)[0]))
+        """Sum of squares of residuals and side constraint, unless this acts on the change of one iteration only."""
+        whole = 0.0 if self.side.renewed else _half_square(self.side.rows(evaluation.x)[0])
+        return 2.0 * (evaluation.objective + whole)
 
     def local(self, point: Point) -> LocalModel:
         """The linear model there, with the distances to the bounds; zero for fixed parameters."""
@@ -126,14 +127,13 @@ class Walk:
         low, high = self.bounds_touched(point.x)
         multipliers = {n: float(g) for n, g, at in zip(names, slope, low) if at}
         multipliers |= {n: float(-g) for n, g, at in zip(names, slope, high) if at}
-        local = self.local(point)
-        left = max(local.gain(local.step()), 0.0) / point.objective if point.objective > 0.0 else 0.0
+        left = max(self.best_gain(point), 0.0) / point.objective if point.objective > 0.0 else 0.0
         return Certificate(float(np.abs(step / scale).max(initial=0.0)), left, multipliers)
 
     def optimum(self, point: Point) -> Status:
         """Status of a stationary point."""
         bound = self.at_bound(point.x)
-        known = replace(self, change=None).point(point.evaluation)
+        known = replace(self, change=None).of_result(point.evaluation)
         if not self.determined(known, self.moving & ~bound):
             return Status.UNDETERMINED
         if bound.any():
@@ -141,9 +141,20 @@ class Walk:
         exact = 0.5 * self.chi_square(point.evaluation) < max(1e-16, self.rounding(point))
         return Status.EXACT if exact else Status.CONVERGED
 
+    def of_result(self, evaluation: Evaluation) -> Point:
+        """The evaluation with what determines the result: a side constraint of single steps does not."""
+        side = NoRegularisation().side(len(evaluation.x)) if self.side.renewed else self.side
+        return replace(self, side=side).point(evaluation)
+
+    def best_gain(self, point: Point) -> float:
+        """Predicted decrease of the objective of the result within the bounds."""
+        local = self.local(self.of_result(point.evaluation))
+        return local.gain(local.step())
+
     def rounding(self, point: Point) -> float:
         """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step."""
-        return 0.5 * float(np.sum((_ROUNDING * point.jacobian * self.scale(point.x) * self.moving) ** 2))
+        jacobian = self.of_result(point.evaluation).jacobian
+        return 0.5 * float(np.sum((_ROUNDING * jacobian * self.scale(point.x) * self.moving) ** 2))
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -181,7 +192,7 @@ Report = Callable[[Iteration], None]
 
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
-_MOST_WEIGHTS, _AIM, _CLOSE = 12, 0.95, 0.8
+_MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
 
 
 @dataclass(frozen=True)
@@ -294,9 +305,10 @@ class _Update:
     def _needs_smallest_change(self, point: Point) -> bool:
         """Whether combinations are undetermined, those of parameters at bounds among them: noise drives them there.
 
-        Combinations that a side constraint fixes need no other rule.
+        Combinations that a side constraint fixes need no other rule, nor do steps that are constrained.
         """
-        asked = self.method.smallest_change > 0.0 and not len(self.walk.side.held)
+        side = self.walk.side
+        asked = self.method.smallest_change > 0.0 and not len(side.held) and side.renewed is None
         return asked and not self.walk.determined(point, self.walk.moving)
 
     def _smallest_change(self, optimum: _End) -> tuple[_End, SmallestChange | None]:
@@ -321,7 +333,7 @@ class _Update:
                 found, weight = None, 0.0
                 if not optimum.status.ok:
                     break
-            elif increase <= allowed:
+            elif increase <= (1.0 - _OF_MARGIN) * allowed:
                 sizes = (float(np.linalg.norm(change.rows(x)[0])) for x in (optimum.point.x, at.point.x))
                 bounds = self.history[optimum.number].at_bound
                 small = SmallestChange(optimum.point.x, bounds, least, allowed, increase, weight, *sizes)
@@ -343,21 +355,33 @@ class _Update:
         return max(self.method.smallest_change * variance, 2.0 * self.walk.rounding(point))
 
     def _adapted(self, point: Point) -> Point:
-        """The point with the weight that the rule finds there, where the weight is adapted."""
-        if not self.method.adapt:
+        """The point with the side constraint that holds from there on: of the change from there, where it is of the
+        change of each iteration, and with the weight that the rule finds there, where the weight is adapted."""
+        if not self.method.adapt and self.walk.side.renewed is None:
             return point
         at = linear_model(self.walk.problem, point.evaluation, self.walk.moving)
-        self.walk = replace(self.walk, side=reweighed(self.walk.side, at))
+        side = self.walk.side.settle(at)
+        self.walk = replace(self.walk, side=reweighed(side, at) if self.method.adapt else side)
         return self.walk.point(point.evaluation)
 
     def _finished(self, point: Point, first: int) -> Status | None:
         """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
-        if self._best_gain(point) <= _SAME_OBJECTIVE * point.objective:
-            return self.walk.optimum(point)
+        gain = self._best_gain(point)
+        if gain <= _SAME_OBJECTIVE * point.objective or gain <= self._negligible(point):
+            return self._optimum(point)
         steps = self.history[first + 1 :]
         if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
+
+    def _negligible(self, point: Point) -> float:
+        """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
+
+        The valley of what the data do not determine is flat, long and curved, and its lowest point says nothing.
+        """
+        if self.walk.change is not None or not self._needs_smallest_change(point):
+            return 0.0
+        return 0.5 * _OF_MARGIN * self._allowed(point)
 
     def _best_gain(self, point: Point) -> float:
         """Predicted decrease of the objective within the bounds; zero without a step."""
@@ -367,13 +391,20 @@ class _Update:
         d = local.step()
         return 0.0 if self._none(local, d) else local.gain(d)
 
+    def _optimum(self, point: Point) -> Status:
+        """The status where steps end: those that a side constraint shortens may end before the optimum."""
+        limit = max(_NEARLY_SAME * point.objective, self.walk.rounding(point))
+        if self.walk.side.renewed and point.objective >= _ZERO_OBJECTIVE and self.walk.best_gain(point) > limit:
+            return Status.SHORT_STEPS
+        return self.walk.optimum(point)
+
     def _none(self, local: LocalModel, d: Reals) -> bool:
         """True if a step changes nothing."""
         return bool(np.abs(d / local.scale).max(initial=0.0) <= self.method.tolerance)
 
     def _step(self, point: Point, state: float) -> tuple[tuple[Evaluation, Point] | None, float, Status | None]:
         """The next accepted point, before and after pairing is repeated, and the state; or the status that ends it."""
-        search, local, failed = self.method.search, self.walk.local(point), False
+        search, local, failed, rejected = self.method.search, self.walk.local(point), False, 0
         trying: float | None = state
         while trying is not None:
             state = trying
@@ -381,19 +412,37 @@ class _Update:
             if self._none(local, d):
                 break
             trial = self._try(point, d)
-            gain = -1.0 if trial is None else self._gain(local, d, point, trial)
+            gain = -np.inf if trial is None else self._gain(local, d, point, trial)
+            if trial is not None and not search.accepts(gain):
+                trial, gain = self._corrected(local, d, state, point, trial) or (trial, gain)
             paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
             if trial is not None and paired is not None:
                 return (trial, paired), search.longer(state, gain), None
-            failed = failed or trial is None or search.accepts(gain)
-            trying = search.shorter(state)
+            if trial is None or search.accepts(gain):
+                failed, gain = True, -np.inf
+            trying = search.shorter(state, gain, rejected)
+            rejected += 1
         return None, state, self._end(point, failed)
+
+    def _corrected(
+        self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
+    ) -> tuple[Evaluation, float] | None:
+        """The trial of the corrected step after a rejected one, and its gain; None where there is none."""
+        before = point.evaluation
+        if rejected.squares.keys() != before.squares.keys():
+            return None
+        # side constraints are linear and have no error
+        error = np.zeros(len(point.residuals))
+        error[: len(before.residuals)] = rejected.residuals - before.residuals - before.jacobian @ d
+        turned = self.method.search.corrected(local, d, state, error)
+        trial = None if turned is None else self._try(point, turned)
+        return None if trial is None else (trial, self._gain(local, d, point, trial))
 
     def _end(self, point: Point, failed: bool) -> Status:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
         stalled."""
         if self._best_gain(point) <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
-            return self.walk.optimum(point)
+            return self._optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 
     def _try(self, point: Point, d: Reals) -> Evaluation | None:
@@ -456,5 +505,13 @@ def _covariance(walk: Walk, at: Evaluation) -> ParameterCovariance:
     jacobian = without(at.jacobian * spread, walk.side.held * spread) / spread
     return parameter_covariance(
         at.residuals, jacobian, at.kinds, walk.side.prior_rows, walk.at_bound(at.x), spread, walk.moving,
-        walk.problem.scatter, at.lost,
+        walk.problem.scatter, at.lost, _box(walk, at),
     )  # fmt: skip
+
+
+def _box(walk: Walk, at: Evaluation) -> Box:
+    """The bounds, and how the side constraint acts there: as a prior, or as an opinion that only moves the estimate."""
+    values, rows = walk.side.rows(at.x)
+    prior = np.broadcast_to(walk.side.informative, len(values))
+    lower, upper = walk.problem.parameters.limits
+    return Box(at.x, lower, upper, values[prior], rows[~prior].T @ values[~prior])

@@ -39,6 +39,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[correlate]`": study_file.CorrelateTable,
     "## `[[generic]]`": study_file.GenericEntry,
     "## `[[parameter]]`": study_file.ParameterEntry,
+    "## `[[frequency_table]]`": study_file.FrequencyTableEntry,
     "## `[[derived]]`": study_file.DerivedEntry,
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,

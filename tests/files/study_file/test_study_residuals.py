@@ -46,7 +46,7 @@ REFUSED = {
     "a key of another kind": ('kind = "mass"\nmass = 1.0\nsd = 0.1\nscaling = "mass"', "study.unknown-key", "scaling"),
     "no value": ('kind = "mass"\nsd = 0.1', "study.missing-key", "lacks the key 'mass'"),
     "zero scatter": ('kind = "mac"\nsd = 0.0', "residual.zero-variance", "infinite weight"),
-    "no weight": ('kind = "shape"', "residual.weights", "has neither"),
+    "no weight": ('kind = "frequency"', "residual.weights", "has neither"),
     "two weights": ('kind = "shape"\nsd = 0.1\ncovariance = [[1.0]]', "residual.weights", "has both"),
     "a covariance that is no square": (
         'kind = "shape"\ncovariance = [[1.0, 2.0]]',

@@ -230,6 +230,15 @@ def test_derivatives_with_modal_damping(damping: ModalDamping) -> None:
         np.testing.assert_allclose(found.shape[:, i], difference, rtol=1e-5, atol=1e-8)
 
 
+def test_derivative_of_one_mass_with_a_loss_factor() -> None:
+    """λ = iω√(1 + iη): dλ/dx is λ/2 for a factor on k, and the shape changes with A = 2λm alone."""
+    at = configured(chain([(-1, 0, 800.0)], [2.0], loss=[0.07]), {"k": ("K", 1)}).at(np.array([0.3]))
+    modes = complex_modes(solve_modes(at, 1))
+    found = complex_mode_derivative(modes, 0)
+    np.testing.assert_allclose(found.pole, modes.poles / 2.0 / 1.3, rtol=1e-10)
+    np.testing.assert_allclose(found.shape, -modes.shapes / 4.0 / 1.3, rtol=1e-10)
+
+
 def test_derivative_at_some_rows() -> None:
     modes = complex_modes(solve_modes(_model().at(np.zeros(4)), 4))
     rows = sp.csr_array([[0.0, 0.0, 1.0, -2.0]])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
     from femtune.files.study_file.options import with_expansion, with_modes, with_response
+    from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
     from femtune.files.study_file.quantify import QuantifyTable, SelectTable
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
@@ -51,6 +52,7 @@ __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "FrequencyTableEntry",
     "GenericEntry",
     "Given",
     "HoldOutEntry",

@@ -64,6 +64,7 @@ class TestKeys(TomlTable):
     __test__ = False
 
     records: Text | None = None
+    deviations: Text | None = None
     mode_labels: tuple[Text, ...] | None = None
     rotation: Rotation = UNCHANGED
     origin: Vector = (0.0, 0.0, 0.0)

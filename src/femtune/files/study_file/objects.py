@@ -21,6 +21,8 @@ from femtune.files.study_file.problems import problems
 from femtune.files.study_file.residual import (
     AntiresonanceResidualEntry,
     CentreResidualEntry,
+    ComplexEigenvalueResidualEntry,
+    DampingResidualEntry,
     DisplacementResidualEntry,
     DynamicResidualEntry,
     FlexibilityResidualEntry,
@@ -185,6 +187,44 @@ class FrequencyResidual(FrequencyResidualEntry, _Checked):
     """
 
     kind: Literal["frequency"] = "frequency"
+
+
+class ComplexEigenvalueResidual(ComplexEigenvalueResidualEntry, _Checked):
+    """Poles of the damped model for paired modes, real and imaginary part, relative to the magnitude of the test's.
+
+    Parameters
+    ----------
+    sd : of each part, relative; "test": from the standard deviations of frequency and damping ratio of the test
+    covariance : instead of `sd`, of all frequencies in Hz and all damping ratios of the test; "test": that of the test
+    modes, configuration : as for `FrequencyResidual`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.ComplexEigenvalueResidual(sd=0.002)
+    ComplexEigenvalueResidual(sd=0.002)
+    """
+
+    kind: Literal["complex-eigenvalue"] = "complex-eigenvalue"
+
+
+class DampingResidual(DampingResidualEntry, _Checked):
+    """Damping ratios of the damped model for paired modes, relative to those of the test.
+
+    Parameters
+    ----------
+    sd : relative standard deviation; "test": that of the test
+    covariance : instead of `sd`, of all damping ratios of the test; "test": from that of the test
+    modes, configuration : as for `FrequencyResidual`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> ft.DampingResidual(sd=0.1)
+    DampingResidual(sd=0.1)
+    """
+
+    kind: Literal["damping"] = "damping"
 
 
 class ShapeResidual(ShapeResidualEntry, _Checked):

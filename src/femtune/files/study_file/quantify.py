@@ -17,6 +17,10 @@ class SelectTable(TomlTable):
     noise: Annotated[float, Field(gt=0, lt=1)] = 0.01
 
 
+Fraction = Annotated[float, Field(gt=0, lt=1)]
+RepeatNumber = Annotated[int, Field(ge=1)]
+
+
 def _listed(value: object) -> object:
     """A single file may be given without brackets."""
     return (value,) if isinstance(value, str) else value
@@ -30,6 +34,11 @@ class QuantifyTable(TomlTable):
     configuration: Text | None = None
     method: Literal["second-order", "perturbation", "cross-covariance", "output-difference"] = "second-order"
     missing: Literal["em", "pairwise", "complete"] = "em"
+    covariance: Literal["sample", "robust"] = "sample"
+    noise_sd: Fraction | dict[Text, Fraction] | None = None
+    hold_out: Fraction | Annotated[tuple[RepeatNumber, ...], Field(min_length=1)] | None = None
+    shapes: bool = False
+    intervals: bool = False
     weighting: Literal["relative", "covariance"] = "relative"
     regularisation: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     samples: Annotated[int, Field(ge=20, le=1_000_000)] = 200

@@ -19,7 +19,6 @@ from femtune.files.study_file.kinds import (
     FrequencySd,
     NotNegative,
     Positive,
-    Spread,
     Text,
     TomlTable,
     Vector,
@@ -45,18 +44,26 @@ class Breach:
 class ResidualTable(TomlTable):
     """What all kinds have: the configuration, which a study of several must name.
 
-    `covariance_of_test` is True for kinds whose covariance a test may give.
+    `covariance_of_test` is True for kinds whose covariance a test may give; `sd_of_test` for those that take the
+    standard deviations of the test where neither `sd` nor `covariance` is stated.
     """
 
     covariance_of_test: ClassVar[bool] = False
+    sd_of_test: ClassVar[bool] = False
 
     configuration: Text | None = None
+
+    @property
+    def is_of_test(self) -> bool:
+        """Whether the standard deviations are those of the test."""
+        sd, covariance = getattr(self, "sd", None), getattr(self, "covariance", None)
+        return "test" in (sd, covariance) or (self.sd_of_test and sd is None and covariance is None)
 
     @classmethod
     def breaches(cls, given: Data) -> Iterator[Breach]:
         """Rules between the keys of a table, for plain data; wrong types are reported by the model."""
         both = [key for key in ("sd", "covariance") if key in given]
-        if "covariance" in cls.model_fields and len(both) != 1:
+        if "covariance" in cls.model_fields and len(both) != 1 and (both or not cls.sd_of_test):
             code = "residual.weights/both" if both else "residual.weights/neither"
             yield Breach("".join(both[-1:]), code)
         if given.get("covariance") == "test" and not cls.covariance_of_test:
@@ -169,13 +176,35 @@ class FrequencyResidualEntry(OfModesTable):
         return self.sd / (2.0 if self.form == "eigenvalue" else 1.0)
 
 
+class ComplexEigenvalueResidualEntry(OfModesTable):
+    """Poles; `covariance` is of the frequencies in Hz and, after them, the damping ratios of all modes of the test."""
+
+    covariance_of_test = True
+
+    kind: Literal["complex-eigenvalue"]
+    sd: FrequencySd | None = None
+    covariance: Covariance | None = None
+
+
+class DampingResidualEntry(OfModesTable):
+    """Damping ratios, relative; `covariance` is of those of all modes of the test."""
+
+    covariance_of_test = True
+
+    kind: Literal["damping"]
+    sd: FrequencySd | None = None
+    covariance: Covariance | None = None
+
+
 class ShapeResidualEntry(OfModesTable):
     """Shapes, scaled; `covariance` is of the entries of a scaled shape, in the order of `sensors`."""
+
+    sd_of_test = True
 
     kind: Literal["shape"]
     scaling: Scale = "unit-norm"
     sensors: Sensors | None = None
-    sd: NotNegative | None = None
+    sd: FrequencySd | None = None
     covariance: Covariance | None = None
     mass_scaled: bool = False
 
@@ -183,10 +212,12 @@ class ShapeResidualEntry(OfModesTable):
 class StrainResidualEntry(OfModesTable):
     """Strain shapes: those sensors of the test that are strain gauges, combinations of [[sensor]] in the model."""
 
+    sd_of_test = True
+
     kind: Literal["strain"]
     scaling: Scale = "unit-norm"
     sensors: Sensors
-    sd: NotNegative | None = None
+    sd: FrequencySd | None = None
     covariance: Covariance | None = None
     mass_scaled: bool = False
 
@@ -270,6 +301,8 @@ class InertiaResidualEntry(ResidualTable):
 
 ResidualEntry = Annotated[
     FrequencyResidualEntry
+    | ComplexEigenvalueResidualEntry
+    | DampingResidualEntry
     | ShapeResidualEntry
     | StrainResidualEntry
     | MacResidualEntry
@@ -300,11 +333,12 @@ class ResidualsTable(TomlTable):
     """[residuals]: residuals of all configurations with modes, and their standard deviations."""
 
     frequency_sd: FrequencySd = 0.01
-    shape_sd: Spread = 0.0
+    shape_sd: FrequencySd = 0.0
     shape_form: Literal["difference", "mac"] = "difference"
     frequency_form: Literal["frequency", "eigenvalue"] = "frequency"
     shape_scaling: Literal["unit-norm", "largest-entry"] = "unit-norm"
     scatter: Literal["stated", "estimated"] = "stated"
+    common_frequency_sd: Annotated[float, Field(ge=0, le=1)] = 0.0
 
     @property
     def _shape_kind(self) -> str:
@@ -316,9 +350,9 @@ class ResidualsTable(TomlTable):
         if self.frequency_sd and (alone or "frequency_sd" in self.model_fields_set):
             of_frequency = FrequencyResidualEntry(kind="frequency", form=self.frequency_form, sd=self.frequency_sd)
             yield Comparison(of_frequency, place, short=True)
-        if self.shape_sd and self._shape_kind == "mac":
+        if self.shape_sd and self._shape_kind == "mac" and not isinstance(self.shape_sd, str):
             yield Comparison(MacResidualEntry(kind="mac", sd=self.shape_sd), place, short=True)
-        elif self.shape_sd:
+        elif self.shape_sd and self._shape_kind != "mac":
             of_shape = ShapeResidualEntry(kind="shape", scaling=self.shape_scaling, sd=self.shape_sd)
             yield Comparison(of_shape, place, short=True)
 
@@ -353,6 +387,8 @@ def residual_rules(data: Data, source: StudyLines) -> Problems:
 def _modes(data: Data, source: StudyLines) -> Problems:
     residuals = table(data, "residuals")
     silent = number(residuals, "frequency_sd") == 0 and not residuals.get("shape_sd")
+    if residuals.get("shape_sd") == "test" and residuals.get("shape_form") == "mac":
+        yield source.error(("residuals", "shape_sd"), "residual.weights/mac-not-of-test", {"shape_form": "mac"})
     if silent and not data.get("residual"):
         yield source.error(("residuals", "frequency_sd"), "study.nothing-compared", residuals)
 

@@ -123,6 +123,7 @@ class UpdateTable(TomlTable):
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
     weight: Weight = 0.0
+    weight_on: Literal["whole-change", "each-step"] = "whole-change"
     adapt: bool = False
     smallest_change: Annotated[float, Field(ge=0, le=1000)] = 0.25
     identical: tuple[Annotated[tuple[Text, ...], Field(min_length=2)], ...] = ()

@@ -15,6 +15,7 @@ from femtune.files.study_file.configuration import ConfigurationEntry, SingleTes
 from femtune.files.study_file.derived import DerivedEntry
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
+from femtune.files.study_file.over_frequency import FrequencyTableEntry
 from femtune.files.study_file.parameter import ParameterEntry
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
@@ -80,6 +81,7 @@ class StudyFile(TomlTable):
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
     generic: tuple[GenericEntry, ...] = ()
     parameter: tuple[ParameterEntry, ...] = ()
+    frequency_table: tuple[FrequencyTableEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     residual: tuple[ResidualEntry, ...] = ()

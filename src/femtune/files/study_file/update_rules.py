@@ -14,6 +14,7 @@ Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
 _WEIGHED = ("minimum-change", "distance", "link", "identical")
+_OF_STEPS = ("minimum-change", "distance", "link")
 _FOUND = ("l-curve", "gcv")
 
 
@@ -50,6 +51,8 @@ def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
     kind = update.get("regularisation", "none")
     if update.get("adapt") and update.get("weight") not in _FOUND:
         yield source.error(("update", "adapt"), "study.regularisation/adapt", {"weight": update.get("weight")})
+    if update.get("weight_on") == "each-step" and kind not in _OF_STEPS:
+        yield source.error(("update", "weight_on"), "study.regularisation/each-step", {"regularisation": kind})
     for key, owner in (("identical", "identical"), ("correlations", "prior")):
         if update.get(key) and kind != owner:
             yield source.error(
@@ -107,6 +110,10 @@ def _means(data: Data, source: StudyLines) -> Problems:
 
 def _starts(data: Data, update: Data, source: StudyLines) -> Problems:
     several = (number(update, "starts") or 1) > 1
+    if update.get("weight_on") == "each-step":
+        for word, given in (("starts", several), ("[reduction]", "reduction" in data)):
+            if given:
+                yield source.error(("update", "weight_on"), "study.regularisation/each-step-alone", {}, other=word)
     for key in ("hops", "first"):
         if update.get(key) not in (None, 0, "none") and not several:
             yield source.error(("update", key), "study.starts/one-start", {}, key=key)

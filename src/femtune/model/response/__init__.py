@@ -6,12 +6,17 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.model.response.basis import TIMES_HIGHEST_LINE
-    from femtune.model.response.complex_derivatives import ComplexModeDerivative, complex_mode_derivative
+    from femtune.model.response.complex_derivatives import (
+        ComplexModeDerivative,
+        complex_mode_derivative,
+        mean_pole_derivative,
+    )
     from femtune.model.response.complex_eigen import ComplexModes, complex_modes
     from femtune.model.response.frf_methods import METHODS, Kind, Method, frf
     from femtune.model.response.gradient import FrfGradient, frf_gradient
     from femtune.model.response.mass import EffectiveMass, MassResponse, effective_mass, mass_response
     from femtune.model.response.modal_damping import DampingRatios
+    from femtune.model.response.own_frequency import complex_modes_at_own_frequency
     from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
     from femtune.model.response.static import StaticResponse, static_response
     from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
@@ -36,12 +41,14 @@ __all__ = [
     "ZeroFinder",
     "complex_mode_derivative",
     "complex_modes",
+    "complex_modes_at_own_frequency",
     "effective_mass",
     "frf",
     "frf_gradient",
     "make_ports",
     "mass_response",
     "matrix_ports",
+    "mean_pole_derivative",
     "static_response",
     "zero_finder",
 ]

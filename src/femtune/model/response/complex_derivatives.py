@@ -7,7 +7,7 @@ Source: R. B. Nelson, AIAA Journal 14 (1976); for damped systems M. I. Friswell,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,15 +66,30 @@ def complex_mode_derivative(modes: ComplexModes, mode: int, rows: sp.csr_array |
     bent = _held_solver(stiffness, pole, psi)(b)
     along = -0.5 * _normalisation(stiffness, pole, psi, slope) - by_pole @ bent
     shape = bent + psi[:, None] * along
-    residuals = _residuals(stiffness, pole, shape, b)
+    residuals = _residuals(stiffness, pole, shape, b, np.abs(forces) + np.abs(by_pole[:, None] * slope))
     if (residuals > _ENOUGH).any():
         raise _inaccurate(pole, float(residuals.max()))
     return ComplexModeDerivative(slope, shape if rows is None else np.asarray(rows @ shape), residuals)
 
 
-def _check_simple(modes: ComplexModes, mode: int) -> None:
+def mean_pole_derivative(modes: ComplexModes, members: Sequence[int]) -> NDArray[np.complex128]:
+    """(p,) derivatives of the mean of some poles, which exist where these are close to each other or repeat.
+
+    Errors as of `complex_mode_derivative`, for a pole outside `members` that is as near as rounding.
+    """
+    slopes = []
+    for mode in members:
+        _check_simple(modes, mode, members)
+        psi = modes.shapes[:, mode]
+        slopes.append(-(psi @ _forces(modes.stiffness, complex(modes.poles[mode]), psi)))
+    return np.asarray(np.mean(slopes, axis=0))
+
+
+def _check_simple(modes: ComplexModes, mode: int, together: Sequence[int] = ()) -> None:
+    """Refuse another pole as near as rounding, but for those of which the mean is wanted."""
     pole = modes.poles[mode]
     gaps = np.abs(modes.poles - pole)
+    gaps[list(together)] = np.inf
     gaps[mode] = np.inf if pole.imag == 0.0 else abs(2.0 * pole.imag)
     size = max(abs(pole), 1e-6 * float(np.abs(modes.poles).max(initial=0.0)))
     psi = modes.shapes[:, mode]
@@ -131,10 +146,13 @@ def _rough(stiffness: DynamicStiffness, pole: complex, keep: NDArray) -> Solve:
         raise _inaccurate(pole, np.inf) from error
 
 
-def _residuals(stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray) -> NDArray[np.float64]:
+def _residuals(
+    stiffness: DynamicStiffness, pole: complex, shape: NDArray, b: NDArray, parts_of_b: NDArray
+) -> NDArray[np.float64]:
+    """Relative to the parts that cancel in Zψ′ − b: b itself is the rounding of larger parts for a single DOF."""
     if not b.shape[1]:
         return np.zeros(0)
-    parts = np.abs(stiffness.sparse(pole)) @ np.abs(shape) + np.abs(b)
+    parts = np.abs(stiffness.sparse(pole)) @ np.abs(shape) + parts_of_b
     left = np.abs(stiffness.times(pole, shape) - b).max(axis=0)
     return np.asarray(left / np.maximum(parts.max(axis=0), np.finfo(float).tiny))
 

@@ -43,6 +43,13 @@ class Request:
     kind: Kind
     method: Method
 
+    def stiffness_at(self, s: complex) -> DynamicStiffness:
+        """The dynamic stiffness with the values that tables over frequency have at s."""
+        point = self.stiffness.point
+        if not point.depends_on_frequency:
+            return self.stiffness
+        return DynamicStiffness(point.at_frequency(abs(s.imag) / (2.0 * np.pi)), self.stiffness.damper)
+
     @property
     def s(self) -> NDArray:
         """iω."""
@@ -67,11 +74,14 @@ def checked_request(
     Raises
     ------
     FemtuneError : ``frf.kind``, ``response.method``, ``response.frequencies``, ``response.modes-needed``,
-        ``response.ports-differ``, ``response.damping-ratio``
+        ``response.ports-differ``, ``response.damping-ratio``, ``table.direct``
     """
     modes = model if isinstance(model, EigenSolution) else None
     point = model.point if isinstance(model, EigenSolution) else model
     _check_words(kind, method)
+    if point.depends_on_frequency and (method != "direct" or damping is not None or point.mode_ratios):
+        code = "table.direct" if method != "direct" else "table.direct/modal-damping"
+        raise FemtuneError(code, method=method)
     if modes is None and (method != "direct" or damping is not None or point.mode_ratios):
         code = "response.modes-needed/damping" if method == "direct" else "response.modes-needed"
         raise FemtuneError(code, method=method)
@@ -204,18 +214,18 @@ def _direct(request: Request, progress: Progress | None) -> NDArray:
     B, C = request.ports.inputs.toarray(), request.ports.outputs
     out = np.empty((len(request.freq_hz), C.shape[0], B.shape[1]), dtype=complex)
     for i, s in enumerate(request.s):
-        out[i] = C @ direct_fields(request, complex(s), B)
+        out[i] = C @ direct_fields(request.stiffness_at(complex(s)), complex(s), B)
         if progress is not None:
             progress(i + 1, len(out))
     return out
 
 
-def direct_fields(request: Request, s: complex, forces: NDArray) -> NDArray:
+def direct_fields(stiffness: DynamicStiffness, s: complex, forces: NDArray) -> NDArray:
     """Z(s)⁻¹ F (n_free, b)."""
     try:
-        return request.stiffness.solver(s)(forces)
+        return stiffness.solver(s)(forces)
     except NoSolutionError as error:
-        raise singular_at(request.stiffness.point, float(s.imag / (2.0 * np.pi))) from error
+        raise singular_at(stiffness.point, float(s.imag / (2.0 * np.pi))) from error
 
 
 def _superposed(request: Request, system: System, progress: Progress | None) -> NDArray:

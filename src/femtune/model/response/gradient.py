@@ -86,10 +86,11 @@ def _direct(request: Request, p: int, progress: Progress | None) -> tuple[NDArra
     forces = np.hstack([B, C.T.toarray()]) if p else B
     values, gradient = np.empty((k, a, b), complex), np.empty((k, a, b, p), complex)
     for i, s in enumerate(map(complex, request.s)):
-        both = direct_fields(request, s, forces)
+        stiffness = request.stiffness_at(s)
+        both = direct_fields(stiffness, s, forces)
         values[i] = C @ both[:, :b]
         for j in range(p):
-            gradient[i, :, :, j] = -request.stiffness.derivative_between(j, s, both[:, b:], both[:, :b])
+            gradient[i, :, :, j] = -stiffness.derivative_between(j, s, both[:, b:], both[:, :b])
         if progress is not None:
             progress(i + 1, k)
     return values, gradient

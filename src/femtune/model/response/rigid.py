@@ -34,7 +34,9 @@ def is_rigid(modes: EigenSolution) -> NDArray[np.bool_]:
 
 def _strain_parts(modes: EigenSolution) -> Reals:
     """(m,) |φ|ᵀ|K||φ|: the size of the parts that add up to λ."""
-    K = modes.point.symmetric_stiffness
+    point = modes.point
+    # rigid-body modes are those of the stiffness at rest
+    K = (point.at_frequency(0.0) if point.depends_on_frequency else point).symmetric_stiffness
     sizes, phi = SymmetricMatrix(np.abs(K.data), K.indices, K.indptr), np.abs(modes.shapes)
     columns = [np.ascontiguousarray(phi[:, part]) for part in pieces(0, phi.shape[1])]
     return np.concatenate([np.zeros(0), *(np.einsum("ij,ij->j", some, sizes @ some) for some in columns)])

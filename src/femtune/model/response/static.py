@@ -45,12 +45,15 @@ class StaticResponse:
 def static_response(point: ModelPoint, ports: Ports) -> StaticResponse:
     """u = K⁻¹f at the outputs; an input that is a combination of DOFs is a load case.
 
+    Tables over frequency are taken at 0 Hz, unless the point has a frequency of its own.
+
     Raises
     ------
     FemtuneError : ``response.static-free`` where the structure is free and a load does not balance, naming the motions
         that are not held; ``response.ports-differ``
     """
     check_ports(point, ports)
+    point = point.at_frequency(0.0) if point.depends_on_frequency else point
     B, C = ports.inputs.toarray(), ports.outputs
     solve, rigid = _solver(point, ports, B)
     drift = C @ rigid

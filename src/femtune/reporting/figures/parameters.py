@@ -34,6 +34,7 @@ class ForestRow:
     final: float
     sd: float | None
     at_bound: bool
+    interval: tuple[float, float] | None = None
 
     def place(self, x: float) -> float:
         """0 at the lower bound, 1 at the upper one."""
@@ -64,6 +65,9 @@ def _one(axes: Axes, i: int, entry: ForestRow) -> None:
     if entry.prior_sd is not None:
         _span(axes, i + 0.14, entry, entry.nominal, entry.prior_sd, PALE)
     axes.plot([entry.place(entry.nominal)], [i + 0.14], "|", color=INK, markersize=7)
+    if entry.interval is not None:
+        ends = [min(max(entry.place(x), 0.0), 1.0) for x in entry.interval]
+        axes.plot(ends, [i - 0.1, i - 0.1], color=BLUE, linewidth=1.0, solid_capstyle="butt")
     if entry.sd is not None:
         _span(axes, i - 0.1, entry, entry.final, entry.sd, BLUE)
     mark = "s" if entry.at_bound else "o"

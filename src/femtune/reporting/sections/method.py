@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Details, Listing, Paragraph, Table, columns, row, table_or_none
-from femtune.reporting.numbers import counted, short
+from femtune.reporting.numbers import counted, listed, short
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
@@ -32,7 +32,9 @@ def _sentence(update: UpdateResults) -> str:
     kinds = ", ".join(counted(r.count, f"{r.kind} residual") for r in update.residual_counts) or "no residuals"
     weight = update.regularisation_weight
     weighed = f", weight {short(weight)}" if weight is not None else ""
-    return f"Solver: {update.method}. Compared: {kinds}. Regularisation: {update.regularisation}{weighed}."
+    of_test = [r.kind for r in update.residual_counts if r.sd_of_test]
+    deviations = f" The standard deviations of {listed(of_test)} residuals are those of the test." if of_test else ""
+    return f"Solver: {update.method}. Compared: {kinds}.{deviations} Regularisation: {update.regularisation}{weighed}."
 
 
 # ----------------------------------------------------------------------------------------------------

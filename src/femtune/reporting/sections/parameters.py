@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Cell, Figure, Paragraph, Table, columns, row
 from femtune.reporting.figures.parameters import ForestRow, forest_svg
-from femtune.reporting.numbers import NONE, listed, short, signed_percent, value
+from femtune.reporting.numbers import NONE, counted, listed, short, signed_percent, value
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.update import DerivedResult, ParameterFacts, ParameterResult
+    from femtune.results.update import DerivedResult, ParameterFacts, ParameterResult, PhysicalValue
 
 # ----------------------------------------------------------------------------------------------------
 # Quantities that follow from the parameters, with their uncertainty.
@@ -21,19 +21,68 @@ if TYPE_CHECKING:
 
 def derived_quantities(found: Sequence[DerivedResult]) -> list[Block]:
     """A table of them; nothing where the study defines none."""
-    heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", "Expression")
+    heads = columns("Quantity", "Unit", ">Initial", ">Updated", ">± σ", ">95 %", "Expression")
     return [Table("Derived quantities", heads, tuple(_derived_row(d) for d in found))] if found else []
 
 
 def _derived_row(found: DerivedResult) -> tuple[Cell, ...]:
     spread = Cell(short(found.sd)) if found.sd is not None else Cell(found.sd_reason, tone="poor")
     nominal, updated = ("not finite" if v is None else value(v) for v in (found.nominal, found.value))
-    return row(found.name, found.unit or NONE, nominal, updated, spread, found.expression)
+    ends = interval_ends(found.interval_95)
+    return row(found.name, found.unit or NONE, nominal, updated, spread, ends, found.expression)
+
+
+def interval_ends(interval: tuple[float, float] | None) -> str:
+    """The two ends of an interval."""
+    return NONE if interval is None else " … ".join(value(end) for end in interval)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Values of the fields that factors multiply.
+
+
+def physical_values(found: Sequence[ParameterResult], most: int | None = None) -> list[Block]:
+    """A table of them; fields of one parameter with the same value and unit share a row."""
+    rows = [r for p in found for r in _physical_rows(p)]
+    heads = columns("Parameter", "Field", "Unit", ">Initial", ">Updated", ">95 %")
+    more = 0 if most is None else len(rows) - most
+    note = f"and {counted(more, 'more field')} in the HTML report" if more > 0 else ""
+    return [Table("Physical values of the factors", heads, tuple(rows[:most]), note)] if rows else []
+
+
+def _physical_rows(found: ParameterResult) -> Iterator[tuple[Cell, ...]]:
+    alike: dict[tuple[float, str], list[PhysicalValue]] = {}
+    for one in found.physical:
+        alike.setdefault((one.nominal, one.unit), []).append(one)
+    for same in alike.values():
+        first = same[0]
+        yield row(
+            found.name, _named(tuple(one.field for one in same)), first.unit or NONE, value(first.nominal),
+            value(first.value), interval_ends(first.interval_95),
+        )  # fmt: skip
+
+
+def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
+    """How intervals follow from the bounds, if some do."""
+    cut, left_open = ([p.name for p in found if p.interval_kind == kind] for kind in ("truncated", "bounds"))
+    said = []
+    if cut or left_open:
+        said.append(
+            "The 95 % intervals are equal-tailed and within the bounds: the distribution of the linearised problem, "
+            "truncated to the bounds."
+        )
+        if any(p.at_bound for p in found):
+            said.append("A value on its bound is at an end of this distribution, outside its interval.")
+    if left_open:
+        these = "interval is that" if len(left_open) == 1 else "intervals are those"
+        said.append(f"The data hardly narrow {listed(left_open)}: the {these} of the bounds.")
+    return [Paragraph(" ".join(said))] if said else []
 
 
 _CAPTION = (
     "Each line runs from the lower to the upper bound. Grey: prior ± one standard deviation about the nominal value. "
-    "Blue: the updated value ± one standard deviation. Orange square: at a bound, where no standard deviation is given."
+    "Blue: the updated value ± one standard deviation, and thin the 95 % interval. Orange square: at a bound, where no "
+    "standard deviation is given."
 )
 
 _MOST_FIELDS = 6
@@ -48,7 +97,13 @@ def parameters(source: ReportSource) -> list[Block]:
         return [Paragraph("The update was not run; these are the parameters of the study."), _table(facts, {})]
     results = {p.name: p for p in update.parameters}
     rows = [r for f in facts if (r := _forest_row(f, results.get(f.name))) is not None]
-    return [*([_figure(rows)] if rows else []), _table(facts, results), *derived_quantities(update.derived)]
+    return [
+        *([_figure(rows)] if rows else []),
+        _table(facts, results),
+        *interval_remarks(update.parameters),
+        *physical_values(update.parameters),
+        *derived_quantities(update.derived),
+    ]
 
 
 def _figure(rows: list[ForestRow]) -> Figure:
@@ -62,7 +117,7 @@ def _forest_row(fact: ParameterFacts, result: ParameterResult | None) -> ForestR
         return None
     return ForestRow(
         fact.name, fact.unit, fact.lower, fact.upper, fact.nominal, fact.prior_sd,
-        result.value, result.sd, bool(result.at_bound),
+        result.value, result.sd, bool(result.at_bound), result.interval_95,
     )  # fmt: skip
 
 
@@ -112,7 +167,7 @@ def _interval(fact: ParameterFacts, result: ParameterResult | None) -> str:
     # with few degrees of freedom Student's t interval can be wider than the bounds
     if fact.lower is not None and fact.upper is not None and low < fact.lower and high > fact.upper:
         return "wider than the bounds"
-    return " … ".join(value(end) for end in result.interval_95)
+    return interval_ends(result.interval_95)
 
 
 def _fields(fact: ParameterFacts) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from femtune.reporting.document import Cell, Figure, Listing, Paragraph, Table, columns, row
 from femtune.reporting.figures.parameters import Cloud, clouds_svg
 from femtune.reporting.numbers import counted, freq, listed, short, signed_percent, value
+from femtune.reporting.sections.validation import verdict_cell
+from femtune.results.quantify import ORDER
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
@@ -39,12 +41,16 @@ def variability_blocks(found: QuantifyResults) -> list[Block]:
     """Sentences and tables, for page and terminal."""
     first, *others = found.sentences
     rest = [Listing(tuple(others))] if others else []
-    return [Paragraph(first), *rest, Paragraph(_how(found)), parameter_table(found), output_table(found)]
+    return [
+        Paragraph(first), *rest, Paragraph(_how(found)), parameter_table(found), output_table(found),
+        *entry_tables(found), *check_tables(found), *interval_blocks(found),
+    ]  # fmt: skip
 
 
 def _how(found: QuantifyResults) -> str:
+    held = f" ({counted(len(found.held_out), 'other')} held out)" if found.held_out else ""
     return (
-        f"{counted(found.repeats, 'repeat')} of {found.configuration}; mean and covariance of the repeats: "
+        f"{counted(found.repeats, 'repeat')}{held} of {found.configuration}; mean and covariance of the repeats: "
         f"{found.estimate}. Method: {METHODS[found.method]}; {counted(found.solutions, 'model solution')}. "
         f"Forward check: {found.samples} samples of a Latin hypercube."
     )
@@ -81,17 +87,73 @@ def _parameter(p: QuantifiedParameter, few: bool) -> tuple[Cell, ...]:
 
 def output_table(found: QuantifyResults) -> Table:
     """Measured moments beside those of the cloud."""
-    heads = columns("Mode", ">Repeats", ">Measured mean Hz", ">Model mean Hz", ">Measured σ Hz", ">Model σ Hz")
+    heads = columns(
+        "Mode", ">Repeats", ">Measured mean Hz", ">Model mean Hz", ">Measured σ Hz", ">Robust σ Hz", ">Model σ Hz"
+    )
     note = (
         f"The covariances of measurement and model differ by {short(found.covariance_error_percent)} %. The expected "
-        f"sampling error of the measured covariance is {short(found.chance_error_percent)} %."
+        f"sampling error of the measured covariance is {short(found.chance_error_percent)} % for independent repeats"
     )
+    depends = any(c.check == ORDER and c.verdict == "fail" for c in found.checks)
+    note += "; these depend on their order, so that it is larger." if depends else "."
+    if found.noise_percent is not None:
+        note += " Model σ contains the stated measurement errors."
+    if any(o.robust_sd_hz is not None for o in found.outputs):
+        note += " Robust σ: that to which outliers do not contribute."
     return Table("Forward check", heads, tuple(map(_output, found.outputs[:_MOST_SHOWN])), note)
+
+
+def entry_tables(found: QuantifyResults) -> list[Table]:
+    """Entries of the mode shapes; none if the study does not request shapes."""
+    if not found.entries:
+        return []
+    rows = tuple(
+        row(e.label, str(e.repeats), *map(short, (e.measured_mean, e.model_mean, e.measured_sd, e.model_sd)))
+        for e in found.entries[:_MOST_SHOWN]
+    )
+    heads = columns("Mode and sensor", ">Repeats", ">Measured mean", ">Model mean", ">Measured σ", ">Model σ")
+    note = "Shapes have unit norm over the measured sensors, and the sign of the test."
+    if len(found.entries) > len(rows):
+        note += f" {counted(len(found.entries) - len(rows), 'more entry', 'more entries')} in the results."
+    return [Table("Mode shapes in the forward check", heads, rows, note)]
+
+
+def interval_blocks(found: QuantifyResults) -> list[Block]:
+    """Intervals of the parameters and of the frequencies; none if the study does not request them."""
+    box = found.intervals
+    if box is None:
+        return []
+    parameters = tuple(row(p.parameter, value(p.lower), value(p.upper)) for p in box.parameters[:_MOST_SHOWN])
+    outputs = tuple(
+        row(o.label, *map(freq, (o.measured_lower_hz, o.model_lower_hz, o.measured_upper_hz, o.model_upper_hz)))
+        for o in box.outputs[:_MOST_SHOWN]
+    )
+    heads = columns("Mode", ">Measured lowest Hz", ">Model lowest Hz", ">Measured highest Hz", ">Model highest Hz")
+    note = "The measured limits are the smallest and the largest value of the repeats; more repeats have wider ones."
+    tables = [
+        Table("Intervals of the parameters", columns("Parameter", ">Lower", ">Upper"), parameters, note),
+        Table("Extreme frequencies", heads, outputs),
+    ]
+    return [Paragraph(box.sentence), *(tables if parameters else [])]
+
+
+def check_tables(found: QuantifyResults) -> list[Table]:
+    """Order of the tests, outliers, prediction of held-out repeats; none in results of earlier versions."""
+    rows = tuple(
+        row(c.check, "–" if c.p_value is None else short(c.p_value), verdict_cell(c.verdict), c.sentence)
+        for c in found.checks
+    )
+    note = (
+        "p is the probability of a result as extreme if there is no such effect; each test fails by chance in 5 % of "
+        "all data sets. Repeats are taken in the order of the rows or files."
+    )
+    return [Table("Tests of the repeats", columns("Test", ">p", "Verdict", "Result"), rows, note)] if rows else []
 
 
 def _output(o: QuantifiedOutput) -> tuple[Cell, ...]:
     means = freq(o.measured_mean_hz), freq(o.model_mean_hz)
-    return row(o.label, str(o.repeats), *means, short(o.measured_sd_hz), short(o.model_sd_hz))
+    robust = "–" if o.robust_sd_hz is None else short(o.robust_sd_hz)
+    return row(o.label, str(o.repeats), *means, short(o.measured_sd_hz), robust, short(o.model_sd_hz))
 
 
 def _pictures(source: ReportSource, found: QuantifyResults) -> list[Block]:

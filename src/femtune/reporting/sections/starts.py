@@ -109,7 +109,8 @@ _COST = (
 _COMPONENTS = (
     "DOFs: degrees of freedom that the component alone has, and those that it shares with others. Modes: with fixed "
     "interface, up to the stated frequency, at the first point. Coordinates: all that it has at the end, without the "
-    "interface: these modes, those at other points, and parts of modes of the full model. Points: values of the parameters at which its modes and static shapes were computed."
+    "interface: these modes, those at other points, and parts of modes of the full model. Points: values of the "
+    "parameters at which its modes and static shapes were computed."
 )
 
 
@@ -161,7 +162,12 @@ def _components(reduction: ReductionResults, of: str) -> list[Block]:
         for m in assembled
     )
     title = f"{of}components" if of else "Components"
-    return [Table(title, heads, rows, _COMPONENTS), Paragraph(f"{errors}. It is the effect of the omitted modes, before parts of modes of the full model were added.")]
+    return [
+        Table(title, heads, rows, _COMPONENTS),
+        Paragraph(
+            f"{errors}. It is the effect of the omitted modes, before parts of modes of the full model were added."
+        ),
+    ]
 
 
 def _verdict(reduction: ReductionResults) -> str:

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED, as_sentence
-from femtune.reporting.sections.quantify import output_table, parameter_table, variability_blocks
+from femtune.reporting.sections.quantify import (
+    check_tables,
+    entry_tables,
+    interval_blocks,
+    output_table,
+    parameter_table,
+    variability_blocks,
+)
 from femtune.reporting.sections.validation import (
     outcome_sentence,
     prediction_blocks,
@@ -26,13 +33,16 @@ if TYPE_CHECKING:
 def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
     """The verdict is the first sentence."""
     first, *_ = found.sentences
-    level: Level = "info" if found.ok and found.agrees else "warning"
+    failed = any(c.verdict == "fail" for c in found.checks)
+    level: Level = "info" if found.ok and found.agrees and not failed else "warning"
     words = tuple(b for b in variability_blocks(found)[1:] if isinstance(b, Listing))
-    how = variability_blocks(found)[-3]
+    how = next(b for b in variability_blocks(found)[1:] if isinstance(b, Paragraph))
     sections = (
         Section("words", "Reliability", words),
         Section("parameters", "Variability of the parameters", (how, parameter_table(found))),
-        Section("outputs", "Forward check", (output_table(found),)),
+        Section("outputs", "Forward check", (output_table(found), *entry_tables(found))),
+        *(Section("checks", "Tests of the repeats", (table,)) for table in check_tables(found)),
+        *([Section("intervals", "Intervals", tuple(interval_blocks(found)))] if found.intervals else []),
     )
     return subject.document(first, level, sections)
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femtune.errors import FemtuneError
+from femtune.files.deviations import deviations_text
 from femtune.files.uff import write_uff_modes
 from femtune.files.whole_file import write_whole
 from femtune.identification.choice import Limits, stable
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from femtune.study.identification.found import Found
     from femtune.study.identification.records import Identification
 
-RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE = (
-    "identified.json", "modes.uff", "modes.csv", "poles.csv", "system.npz",
+RECORD_FILE, MODES_FILE, TABLE_FILE, POLES_FILE, SYSTEM_FILE, DEVIATIONS_FILE = (
+    "identified.json", "modes.uff", "modes.csv", "poles.csv", "system.npz", "deviations.json",
 )  # fmt: skip
 
 
@@ -60,13 +61,17 @@ def _uff(folder: Path, found: Found, record: Identification) -> list[str]:
     of_structure = [i for i, mode in enumerate(record.modes) if not mode.of_input]
     modes = found.modes.select_modes(of_structure)
     test = ModalTest(name, unit_system(record.units), found.geometry, modes=_plain(modes))
+    text = deviations_text(modes)
     try:
         write_uff_modes(folder / MODES_FILE, test)
     except FemtuneError as error:
         if error.code != "uff.cannot-write" or error.where is not None:
             raise
         return []
-    return [MODES_FILE]
+    if text is None:
+        return [MODES_FILE]
+    write_whole(folder / DEVIATIONS_FILE, text.encode())
+    return [MODES_FILE, DEVIATIONS_FILE]
 
 
 def _plain(modes: ModeSet) -> ModeSet:

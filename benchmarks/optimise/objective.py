@@ -1,0 +1,242 @@
+"""One residual function of the parameters for all solvers, and a record of the solutions that a solver takes.
+
+A general solver needs residuals that depend on the parameters alone, not on the way by which they were reached. So the
+test modes are paired afresh at every point, without gates, by the assignment of model modes with the least sum of
+squares. All test modes are paired everywhere: the number of residuals is constant. Test modes that are close to each
+other are compared as a subspace, everywhere the same ones: there the residuals are smooth where model modes cross,
+while single modes that cross have no derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.modal.subspace import RANK_TOLERANCE
+from femtune.residuals import CaseState, ComparedCase, Evaluation, FrequencyResidual, ShapeResidual, UpdateProblem
+from femtune.residuals.case import Group
+from femtune.residuals.weights import as_weights
+
+CLOSE_MODES = 0.1
+"""Relative distance of test frequencies below which modes are compared as a subspace."""
+FAR = 1e6
+"""Value of all residuals for general solvers at a point where the model cannot be solved."""
+
+
+@dataclass(eq=False)
+class Trace:
+    """Objective ½ rᵀr of every solution in turn; infinite where the model could not be solved."""
+
+    objectives: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class BestPairing(UpdateProblem):
+    """An update problem in which every point is paired by the least sum of squares; see the text of the module."""
+
+    trace: Trace = field(default_factory=Trace)
+
+    @property
+    def size(self) -> int:
+        """Number of residuals, the same everywhere."""
+        parts = [(case, r) for case in self.cases for r in self._residuals(case)]
+        return sum(len(case.test) * _length(case, r) for case, r in parts)
+
+    def start(self, x: Reals) -> Evaluation:
+        """One solution, with derivatives."""
+        return self.at(x, derivatives=True)
+
+    def follow(self, x: Reals, before: Evaluation, derivatives: bool = True) -> Evaluation:
+        """One solution; `before` has no effect."""
+        return self.at(x, derivatives)
+
+    def pair_again(self, at: Evaluation) -> Evaluation:
+        """The same point with derivatives."""
+        return at if at.has_derivatives else self.assess(at.x, at.states)
+
+    def at(self, x: Reals, derivatives: bool) -> Evaluation:
+        """One solution, counted."""
+        self.trace.objectives.append(np.inf)
+        found = self.assess(x, [_paired(case, x, self._residuals(case)) for case in self.cases], derivatives)
+        self.check_compared(found)
+        self.trace.objectives[-1] = found.objective
+        return found
+
+    def _residuals(self, case: ComparedCase) -> tuple[FrequencyResidual | ShapeResidual, ...]:
+        found = (*self.residuals, *case.residuals)
+        # a residual of another kind would need squares of its own below
+        assert all(isinstance(r, (FrequencyResidual, ShapeResidual)) for r in found)
+        return tuple(r for r in found if isinstance(r, (FrequencyResidual, ShapeResidual)))
+
+    def counted(self) -> BestPairing:
+        """The same problem with a new record."""
+        return replace(self, trace=Trace())
+
+
+def _length(case: ComparedCase, residual: FrequencyResidual | ShapeResidual) -> int:
+    """Residuals of a mode."""
+    if isinstance(residual, FrequencyResidual):
+        return 1
+    return len(case.test.dofs) - (residual.scaling == "largest-entry")
+
+
+def _paired(case: ComparedCase, x: Reals, residuals: Sequence[FrequencyResidual | ShapeResidual]) -> CaseState:
+    bare = CaseState(case, case.configured.at(x))
+    modes = bare.solution
+    values, shapes = modes.eigenvalues[: modes.wanted], np.asarray(case.sensors @ modes.shapes[:, : modes.wanted])
+    single = pair_squares(case, range(len(case.test)), values, shapes, residuals)
+    tests, models = linear_sum_assignment(single)
+    if len(tests) < len(case.test):
+        raise FemtuneError("correlate.no-pairs")
+    partner = dict(zip(tests.tolist(), models.tolist()))
+    groups = [(close, tuple(sorted(partner[i] for i in close))) for close in close_modes(case.test.freq_hz)]
+    found = _Exchange(case, values, shapes, tuple(residuals), single).least(groups)
+    return CaseState(case, bare.point, tuple(found), modes)
+
+
+@dataclass(eq=False)
+class _Exchange:
+    """Model modes exchanged between groups, and with modes that no group has, as long as the sum of squares falls.
+
+    The assignment above compares single modes. Without exchanges the sum of squares would jump where it changes.
+    """
+
+    case: ComparedCase
+    values: Reals
+    shapes: Reals
+    residuals: tuple[FrequencyResidual | ShapeResidual, ...]
+    single: Reals
+    known: dict[Group, float] = field(default_factory=dict)
+
+    def least(self, groups: list[Group]) -> list[Group]:
+        """The groups after the best exchange, repeated until there is none."""
+        while True:
+            found = min(self._exchanges(groups), key=lambda pair: pair[0], default=(0.0, groups))
+            if found[0] >= 0.0:
+                return groups
+            groups = found[1]
+
+    def _exchanges(self, groups: list[Group]) -> Iterator[tuple[float, list[Group]]]:
+        taken = {j for _, models in groups for j in models}
+        free = [j for j in range(len(self.values)) if j not in taken]
+        for a, (tests, models) in enumerate(groups):
+            for j in models:
+                rest = [m for m in models if m != j]
+                for k in free:
+                    yield self._changed(groups, {a: (tests, tuple(sorted([*rest, k])))})
+                for b, (others, theirs) in enumerate(groups[a + 1 :], start=a + 1):
+                    for k in theirs:
+                        left = [m for m in theirs if m != k]
+                        new = {a: (tests, tuple(sorted([*rest, k]))), b: (others, tuple(sorted([*left, j])))}
+                        yield self._changed(groups, new)
+
+    def _changed(self, groups: list[Group], new: dict[int, Group]) -> tuple[float, list[Group]]:
+        change = sum(self._squares(group) - self._squares(groups[a]) for a, group in new.items())
+        return change, [new.get(a, group) for a, group in enumerate(groups)]
+
+    def _squares(self, group: Group) -> float:
+        """Sum of squares of a group, its model modes turned to the test modes."""
+        if group not in self.known:
+            self.known[group] = self._of(list(group[0]), list(group[1]))
+        return self.known[group]
+
+    def _of(self, tests: list[int], models: list[int]) -> float:
+        if len(tests) == 1:
+            return float(self.single[tests[0], models[0]])
+        A = self.shapes[:, models]
+        turned = np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ self.case.test.shapes[:, tests]
+        u, _, vt = np.linalg.svd(turned / np.linalg.norm(turned, axis=0), full_matrices=False)
+        Q = u @ vt
+        values = np.einsum("ai,a,ai->i", Q, self.values[models], Q)
+        return float(np.trace(pair_squares(self.case, tests, values, A @ Q, self.residuals)))
+
+
+def close_modes(freq_hz: Reals) -> list[tuple[int, ...]]:
+    """Positions of test modes in chains of neighbours that are closer than CLOSE_MODES."""
+    order = np.argsort(freq_hz).tolist()
+    chains = [[order[0]]]
+    for before, i in pairwise(order):
+        if freq_hz[i] <= freq_hz[before] * (1.0 + CLOSE_MODES):
+            chains[-1].append(i)
+        else:
+            chains.append([i])
+    return sorted(tuple(sorted(chain)) for chain in chains)
+
+
+def pair_squares(
+    case: ComparedCase,
+    tests: Sequence[int],
+    eigenvalues: Reals,
+    shapes: Reals,
+    residuals: Sequence[FrequencyResidual | ShapeResidual],
+) -> Reals:
+    """(t, m) sum of squares of some test modes, each compared with each model mode."""
+    out = np.zeros((len(tests), len(eigenvalues)))
+    for residual in residuals:
+        if isinstance(residual, FrequencyResidual):
+            out += _frequency(residual, case, list(tests), eigenvalues)
+        else:
+            out += [_shape(residual, case.test.shapes[:, i], shapes) for i in tests]
+    # a model mode without motion at the sensors has no shape to compare
+    return np.nan_to_num(out, nan=1e30, posinf=1e30)
+
+
+def _frequency(residual: FrequencyResidual, case: ComparedCase, tests: list[int], eigenvalues: Reals) -> Reals:
+    test, stated = case.test.freq_hz[tests][:, None], case.test.freq_sd_hz
+    sd = residual.sd if residual.sd != "test" or stated is None else stated[tests][:, None] / test
+    ratio = np.sqrt(np.maximum(eigenvalues, 0.0)) / (2.0 * np.pi * test)
+    return np.asarray(((ratio - 1.0) / sd) ** 2)
+
+
+def _shape(residual: ShapeResidual, test: Reals, shapes: Reals) -> Reals:
+    sd = np.broadcast_to(np.asarray(as_weights(residual.weights).sd, dtype=float), (len(shapes),))
+    with np.errstate(all="ignore"):
+        if residual.scaling == "largest-entry":
+            top = int(np.argmax(np.abs(test)))
+            model, reference = shapes / shapes[top], test / test[top]
+        else:
+            side = np.where(test @ shapes < 0.0, -1.0, 1.0)
+            model, reference = side * shapes / np.linalg.norm(shapes, axis=0), test / np.linalg.norm(test)
+        return np.asarray((((model - reference[:, None]) / sd[:, None]) ** 2).sum(axis=0))
+
+
+@dataclass(eq=False)
+class Residuals:
+    """Residuals and Jacobian as functions for general solvers; the Jacobian at the last point is no new solution."""
+
+    problem: BestPairing
+    size: int
+    best: tuple[float, Reals] | None = None
+    _last: tuple[bytes, Evaluation | None] = (b"", None)
+
+    def _at(self, x: Reals, derivatives: bool) -> Evaluation | None:
+        lower, upper = self.problem.parameters.bounds
+        inside = np.clip(x, lower, upper)
+        key, found = inside.tobytes(), self._last[1]
+        try:
+            if key != self._last[0]:
+                found = self.problem.at(inside, derivatives=False)
+            if derivatives and found is not None:
+                found = self.problem.pair_again(found)
+        except FemtuneError:
+            found = None
+        self._last = key, found
+        if found is not None and (self.best is None or found.objective < self.best[0]):
+            self.best = found.objective, inside
+        return found
+
+    def values(self, x: Reals) -> Reals:
+        """(n,) residuals."""
+        found = self._at(x, derivatives=False)
+        return np.full(self.size, FAR) if found is None else found.residuals
+
+    def jacobian(self, x: Reals) -> Reals:
+        """(n, k)."""
+        found = self._at(x, derivatives=True)
+        return np.zeros((self.size, len(x))) if found is None else found.jacobian

@@ -1,0 +1,141 @@
+"""Standard deviations of identified modes in a file of their own, because Universal Files hold none."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from femtune.arrays import Reals
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError, Where
+from femtune.modal import ModeSet
+
+_SAME_FREQUENCY = 1e-4
+_LARGEST = 50_000_000
+_NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_SdOrNone = _NotNegative | None
+
+
+class _File(BaseModel):
+    """One entry a mode; of shapes one row a mode with an entry each DOF, in units of the shape's largest entry."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    freq_hz: list[_NotNegative]
+    dofs: list[str]
+    freq_sd_hz: list[_SdOrNone] | None = None
+    damping_sd: list[_SdOrNone] | None = None
+    shape_sd: list[list[_SdOrNone]] | None = None
+    covariance: list[list[_Finite]] | None = None
+
+
+def deviations_text(modes: ModeSet) -> str | None:
+    """The file's text; None where the modes have no standard deviations."""
+    if modes.freq_sd_hz is None and modes.shapes_sd is None:
+        return None
+    largest = np.nanmax(np.abs(modes.shapes), axis=0)
+    shapes = None if modes.shapes_sd is None else [_listed(sd) for sd in (modes.shapes_sd / largest).T]
+    known = modes.covariance is not None and bool(np.isfinite(modes.covariance).all())
+    content = {
+        "freq_hz": modes.freq_hz.tolist(),
+        "dofs": [str(dof) for dof in modes.dofs],
+        "freq_sd_hz": None if modes.freq_sd_hz is None else _listed(modes.freq_sd_hz),
+        "damping_sd": None if modes.damping_sd is None else _listed(modes.damping_sd),
+        "shape_sd": shapes,
+        "covariance": modes.covariance.tolist() if known and modes.covariance is not None else None,
+    }
+    return json.dumps(content, indent=1, allow_nan=False)
+
+
+def _listed(values: Reals) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def with_deviations(modes: ModeSet, path: Path) -> ModeSet:
+    """The modes of a test with the standard deviations of a file.
+
+    Raises
+    ------
+    FemtuneError : ``test.deviations`` for a file that cannot be read, has another form, or is of other modes
+    """
+    found = _read(path)
+    m, n = len(found.freq_hz), len(found.dofs)
+    if m != len(modes) or not np.allclose(found.freq_hz, modes.freq_hz, rtol=_SAME_FREQUENCY, atol=0.0):
+        raise _other(path, "frequencies in Hz", found.freq_hz, modes.freq_hz)
+    shapes_sd = None
+    if found.shape_sd is not None:
+        if any(len(row) != n for row in found.shape_sd) or len(found.shape_sd) != m:
+            raise _bad(path, f"shape_sd must have {m} rows of {n} entries")
+        at = _positions(path, found.dofs, modes.dofs)
+        largest = np.nanmax(np.abs(modes.shapes), axis=0)
+        shapes_sd = np.array([_numbers(row) for row in found.shape_sd]).T[at] * largest
+    for key in ("freq_sd_hz", "damping_sd"):
+        values = getattr(found, key)
+        if values is not None and len(values) != m:
+            raise _bad(path, f"{key} must have {m} entries")
+    covariance = found.covariance
+    if covariance is not None and (len(covariance) != 2 * m or any(len(row) != 2 * m for row in covariance)):
+        raise _bad(path, f"covariance must have {2 * m} rows of {2 * m} entries")
+    try:
+        return replace(
+            modes,
+            freq_sd_hz=None if found.freq_sd_hz is None else _numbers(found.freq_sd_hz),
+            damping_sd=None if found.damping_sd is None else _numbers(found.damping_sd),
+            shapes_sd=shapes_sd,
+            covariance=None if covariance is None else np.array(covariance),
+        )
+    except FemtuneError as error:
+        raise _bad(path, error.what) from error
+
+
+def _numbers(values: list[float | None]) -> Reals:
+    return np.array([np.nan if v is None else v for v in values])
+
+
+def _positions(path: Path, labels: list[str], dofs: DofSet) -> list[int]:
+    """Of the DOFs of the modes in the file; the sign of a DOF does not matter to a standard deviation."""
+    try:
+        given = {(d.node, d.direction): i for i, d in enumerate(DofSet.parse(labels))}
+    except FemtuneError as error:
+        raise _bad(path, error.what) from error
+    missing = [str(d) for d in dofs if (d.node, d.direction) not in given]
+    if missing:
+        raise _other(path, "sensors", labels[:8], missing[:8])
+    return [given[d.node, d.direction] for d in dofs]
+
+
+def _read(path: Path) -> _File:
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise _bad(path, f"it is larger than {_LARGEST // 1_000_000} MB")
+        return _File.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise FemtuneError("test.deviations/unreadable", where=Where(str(path)), reason=error.strerror or "") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise _bad(path, f"{place}: {first['msg']}") from error
+
+
+def _bad(path: Path, reason: str) -> FemtuneError:
+    return FemtuneError("test.deviations", where=Where(str(path)), reason=reason)
+
+
+def _other(path: Path, what: str, of_file: object, of_test: object) -> FemtuneError:
+    return FemtuneError(
+        "test.deviations/other-test",
+        where=Where(str(path)),
+        values={f"{what} of the file": _shown(of_file), f"{what} of the test": _shown(of_test)},
+    )
+
+
+def _shown(values: object) -> str:
+    found = list(values)  # type: ignore[call-overload]
+    text = ", ".join(v if isinstance(v, str) else f"{v:.5g}" for v in found[:8])
+    return text + (" …" if len(found) > 8 else "")

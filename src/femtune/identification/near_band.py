@@ -1,0 +1,96 @@
+"""Modes just outside the band, which bend the functions inside it: fitted with the others, and not reported.
+
+The real terms for what lies outside are right far from the band only. Beside a mode that is near, they leave a
+systematic error, which moves the residues by more than their standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from femtune.arrays import Complexes, Reals
+from femtune.identification.modal_fit import ModalFit, fit_modes
+from femtune.modal import FrfSet, freq_and_damping, pole_of
+
+GAPS = (0.003, 0.01, 0.03, 0.1, 0.25)
+"""Relative distances from the band at which a mode is looked for first."""
+CHANCE = 1e-4
+"""A mode outside the band is taken where noise lowers the errors as much with a smaller probability."""
+_LEAST_DAMPING = 1e-3
+_FARTHEST = 2.0
+
+
+def fit_with_neighbours(frfs: FrfSet, start: Complexes, sd: Reals | None, terms: tuple[str, ...]) -> ModalFit:
+    """The modal fit, with one further mode below the band, above it, or both, where these explain more than chance.
+
+    Parameters
+    ----------
+    frfs, start, sd, terms : as for `fit_modes`
+
+    Returns
+    -------
+    with the modes outside the band marked as `outside`
+
+    Raises
+    ------
+    FemtuneError : as `fit_modes`
+    """
+    search = _Search(frfs, np.asarray(start, complex), sd, terms)
+    fit, sides = fit_modes(frfs, start, sd, terms), {False, True}
+    while sides:
+        trials = [(above, search.refined(fit, above=above)) for above in sorted(sides)]
+        found = [(_gain(trial, fit), above, trial) for above, trial in trials if trial is not None]
+        if not found:
+            break
+        # the side that explains more first: what it leaves hides what the other side does
+        _, above, fit = max(found, key=lambda one: one[0])
+        sides.remove(above)
+    return fit
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    frfs: FrfSet
+    start: Complexes
+    sd: Reals | None
+    terms: tuple[str, ...]
+
+    def fit(self, neighbours: Complexes, **steps: int) -> ModalFit:
+        """From the start again: without the neighbours a weak mode may have left the band in their place."""
+        return fit_modes(self.frfs, self.start, self.sd, self.terms, neighbours=neighbours, **steps)
+
+    def refined(self, fit: ModalFit, *, above: bool) -> ModalFit | None:
+        """The fit with a mode on one side of the band; None where it explains no more than noise does."""
+        lines, known = fit.measured.freq_hz, fit.poles[fit.outside]
+        if 2 * len(lines) <= 2 * (len(fit.poles) + 1) + len(self.terms):
+            return None
+        gaps = np.array(GAPS)
+        at = lines[-1] * (1.0 + gaps) if above else lines[0] * (1.0 - gaps)
+        typical = max(float(np.median(freq_and_damping(self.start)[1])), _LEAST_DAMPING)
+        grid = pole_of(np.repeat(at, 2), np.tile([typical, 4.0 * typical], len(at)))
+        best = min(grid, key=lambda pole: self.fit(np.append(known, pole), most_steps=0).deviance)
+        trial = self.fit(np.append(known, best))
+        return trial if _stays_outside(trial) and _explains(trial, fit) else None
+
+
+def _stays_outside(fit: ModalFit) -> bool:
+    """Whether the neighbours are outside the band, though not far from it."""
+    lines, freq = fit.measured.freq_hz, freq_and_damping(fit.poles)[0][fit.outside]
+    below = (freq < lines[0]) & (freq > lines[0] / _FARTHEST)
+    above = (freq > lines[-1]) & (freq < lines[-1] * _FARTHEST)
+    return fit.converged and bool((below | above).all())
+
+
+def _explains(trial: ModalFit, fit: ModalFit) -> bool:
+    """Whether two further numbers of the pole and two of each function lower the errors by more than chance."""
+    n, u, _ = fit.measured.values.shape
+    return _gain(trial, fit) > float(chdtri(2 + 2 * n * u, CHANCE))
+
+
+def _gain(trial: ModalFit, fit: ModalFit) -> float:
+    """Decrease of −2 log likelihood, of noise that is as large as the errors that are left."""
+    raised = max(trial.misfit, 1.0) if np.isfinite(trial.misfit) else 1.0
+    return (fit.deviance - trial.deviance) / raised

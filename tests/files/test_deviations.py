@@ -1,0 +1,86 @@
+"""Standard deviations of identified modes in a file, written and read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.files.deviations import deviations_text, with_deviations
+from femtune.modal import ModeSet
+
+
+def identified() -> ModeSet:
+    shapes = np.array([[1.0, 0.5], [-2.0, 1.0], [0.4, np.nan]])
+    sd = np.array([[0.01, 0.02], [0.03, 0.04], [0.05, np.nan]])
+    root = np.tril(np.arange(1.0, 17.0).reshape(4, 4)) * 1e-3
+    covariance = root @ root.T
+    spread = np.sqrt(np.diag(covariance))
+    return ModeSet(
+        np.array([10.0, 25.0]), shapes, DofSet.parse(["1X+", "2X+", "3Z-"]), freq_sd_hz=spread[:2], shapes_sd=sd,
+        damping_sd=spread[2:], covariance=covariance,
+    )  # fmt: skip
+
+
+def bare(scale: float = 1.0) -> ModeSet:
+    """The same modes as a Universal File has them: other order and scale, without deviations."""
+    modes = identified().select_dofs(DofSet.parse(["3Z+", "1X+", "2X+"]))
+    return ModeSet(modes.freq_hz, scale * modes.shapes, modes.dofs)
+
+
+def test_deviations_come_back_in_the_order_and_scale_of_the_test(tmp_path: Path) -> None:
+    path, modes = tmp_path / "deviations.json", identified()
+    path.write_text(str(deviations_text(modes)))
+    found = with_deviations(bare(100.0), path)
+    np.testing.assert_allclose(found.freq_sd_hz, modes.freq_sd_hz)
+    np.testing.assert_allclose(found.damping_sd, modes.damping_sd)
+    np.testing.assert_allclose(found.covariance, modes.covariance)
+    np.testing.assert_allclose(found.shapes_sd, 100.0 * modes.shapes_sd[[2, 0, 1]])
+
+
+def test_modes_without_deviations_need_no_file() -> None:
+    assert deviations_text(bare()) is None
+
+
+GOOD = json.loads(str(deviations_text(identified())))
+BAD = {
+    "another form": ({**GOOD, "more": 1}, "test.deviations"),
+    "a text": ({**GOOD, "freq_sd_hz": ["a", "b"]}, "test.deviations"),
+    "a negative deviation": ({**GOOD, "freq_sd_hz": [-1.0, 1.0]}, "test.deviations"),
+    "too few rows": ({**GOOD, "shape_sd": GOOD["shape_sd"][:1]}, "test.deviations"),
+    "too few deviations": ({**GOOD, "damping_sd": [0.1]}, "test.deviations"),
+    "a covariance of another size": ({**GOOD, "covariance": [[1.0]]}, "test.deviations"),
+    "a covariance that is not symmetric": (
+        {**GOOD, "covariance": [[1.0, 2.0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]]}, "test.deviations",
+    ),
+    "a label that is none": ({**GOOD, "dofs": ["a", "b", "c"]}, "test.deviations"),
+    "other frequencies": ({**GOOD, "freq_hz": [10.0, 26.0]}, "test.deviations/other-test"),
+    "other sensors": ({**GOOD, "dofs": ["1X+", "2X+", "4Z+"]}, "test.deviations/other-test"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_does_not_fit_is_refused(tmp_path: Path, name: str) -> None:
+    content, code = BAD[name]
+    path = tmp_path / "deviations.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(FemtuneError) as error:
+        with_deviations(bare(), path)
+    assert error.value.code == code.partition("/")[0]
+    if name in ("another form", "other frequencies"):
+        check_shown(f"{error.value.code}, {name}", str(error.value).replace(str(path), "/home/anna/deviations.json"))
+
+
+def test_no_json_and_no_file_are_refused(tmp_path: Path) -> None:
+    for content in (None, b"{", b"[1, 2]", b'{"freq_hz": [NaN, 1.0], "dofs": []}'):
+        path = tmp_path / "deviations.json"
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(FemtuneError) as error:
+            with_deviations(bare(), path)
+        assert error.value.code == "test.deviations"

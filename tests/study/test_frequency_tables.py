@@ -1,0 +1,196 @@
+"""[[frequency_table]] through whole runs: a beam on rubber, whose modulus and loss factor depend on frequency."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from tests.messages.shown import check_shown
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.fem import FieldRef
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.files.uff import write_uff_frfs
+from femtune.model import (
+    Configuration,
+    ConfiguredModel,
+    configure,
+    frequency_table,
+    modes_at_own_frequency,
+    parametric_model,
+)
+from femtune.model.response import complex_modes_at_own_frequency, frf, make_ports
+from femtune.parameters import ParameterSet
+from femtune.results.step_results import RunResult
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import SI
+
+from .conftest import CANTILEVER, LABELS, Bench
+
+RUBBER = "CELAS2  21      2.0+4   3       2                       0.15\n"
+DECK = CANTILEVER.replace("CONM2 ", f"{RUBBER}CONM2 ")
+TRUE_RUBBER = "CELAS2  21      2.6+4   3       2                       0.12\n"
+TABLES = """
+[[frequency_table]]
+fields = ["CELAS2 21 K"]
+freq_hz = [0.0, 50.0, 200.0, 1000.0]
+factor = [0.8, 1.0, 1.6, 2.2]
+
+[[frequency_table]]
+fields = ["CELAS2 21 GE"]
+freq_hz = [0.0, 100.0, 1000.0]
+factor = [0.5, 1.0, 1.8]
+"""
+PARAMETERS = """
+[[parameter]]
+name = "stiffness"
+fields = ["CELAS2 21 K"]
+lower = 0.5
+upper = 2.0
+
+[[parameter]]
+name = "loss"
+fields = ["CELAS2 21 GE"]
+lower = 0.5
+upper = 2.0
+"""
+
+
+def true_model(bench: Bench) -> ConfiguredModel:
+    path = bench.write("truth/true.bdf", DECK.replace(RUBBER, TRUE_RUBBER))
+    tables = (
+        frequency_table([FieldRef("CELAS2", 21, "K")], [0.0, 50.0, 200.0, 1000.0], [0.8, 1.0, 1.6, 2.2]),
+        frequency_table([FieldRef("CELAS2", 21, "GE")], [0.0, 100.0, 1000.0], [0.5, 1.0, 1.8]),
+    )
+    return configure(
+        parametric_model(build_structure(read_deck(path)).structure, ParameterSet(()), (), tables), Configuration()
+    )
+
+
+@pytest.fixture
+def rubber(bench: Bench) -> Bench:
+    bench.write("beam.bdf", DECK)
+    return bench
+
+
+def measured_modes(bench: Bench) -> Path:
+    """Frequencies and damping ratios of the true poles, shapes of the real modes."""
+    model = true_model(bench)
+    point = model.at(np.zeros(0))
+    real, poles = modes_at_own_frequency(point, 4), complex_modes_at_own_frequency(point, 4)
+    test = bench.measure(bench.folder / "truth" / "true.bdf")
+    assert test.modes is not None
+    structure = model.model.structure
+    rows = [structure.nodes.dof(d.node, d.component) for d in test.modes.dofs]
+    shapes = model.transformation.tocsr()[rows] @ np.stack([m.shape for m in real], axis=1)
+    values = np.array([m.eigenvalue for m in poles])
+    modes = replace(
+        test.modes, freq_hz=np.abs(values) / (2 * np.pi), shapes=shapes, damping_ratio=-values.real / np.abs(values)
+    )
+    return bench.uff(replace(test, modes=modes))
+
+
+def measured_frfs(bench: Bench) -> Path:
+    """FRFs of the true beam, in its bending plane with the rubber."""
+    model = true_model(bench)
+    outputs = [label for label in LABELS if "Y" in label]
+    ports = make_ports(model, ["3Y+", "5Y+"], outputs)
+    found = frf(model.at(np.zeros(0)), ports, np.arange(5.0, 300.0, 5.0), "accelerance", "direct")
+    nodes = np.array([1, 2, 3, 4, 5])
+    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
+    return write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=found))
+
+
+def told_of_first_table(found: RunResult) -> str:
+    first = next(a for a in found.results.alerts if a.code == "table.acts")
+    return f"[{first.code}] {first.sentence}"
+
+
+def test_poles_find_modulus_and_loss_factor(rubber: Bench):
+    measured_modes(rubber)
+    tail = f'{PARAMETERS}{TABLES}[[residual]]\nkind = "complex-eigenvalue"\nsd = 0.001\nmodes = ["1", "3"]\n'
+    found = steps.run(rubber.study(tail))
+    update = found.results.update
+    assert update is not None
+    assert update.ok
+    values = {p.name: p.value for p in update.parameters}
+    assert values == pytest.approx({"stiffness": 1.3, "loss": 0.8}, rel=5e-4)
+    assert [a.sentence for a in found.results.alerts if a.level == "problem"] == []
+    check_shown("table.acts", told_of_first_table(found))
+    told = [a.sentence for a in found.results.alerts if a.code == "table.acts"]
+    assert told[0] == "CELAS2 21 K depends on frequency: factor 0.8 to 2.2 between 0 and 1000 Hz, constant outside"
+    assert found.report is not None
+    html = found.report.read_text(encoding="utf-8")
+    assert "CELAS2 21 GE" in html
+
+
+def test_direct_frfs_find_modulus_and_loss_factor(rubber: Bench):
+    """The updated deck, read back, gives the measured FRFs with the same tables; [response] compares them."""
+    measured_frfs(rubber)
+    tail = '[[residual]]\nkind = "frf"\nmethod = "direct"\nsd = 0.01\n[response]\nmethod = "direct"\n'
+    found = steps.run(rubber.study(f"{PARAMETERS}{TABLES}{tail}", test="frfs.uff"))
+    update = found.results.update
+    assert update is not None
+    assert update.ok
+    values = {p.name: p.value for p in update.parameters}
+    assert values == pytest.approx({"stiffness": 1.3, "loss": 0.8}, rel=1e-4)
+    assert [a.sentence for a in found.results.alerts if a.level == "problem"] == []
+    last = found.results.responses[-1]
+    assert last.configuration == "as the deck"
+
+
+def test_modes_of_a_study_are_those_of_their_own_frequency(rubber: Bench):
+    rubber.write("beam.bdf", DECK.replace(RUBBER, TRUE_RUBBER))
+    found = steps.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))
+    expected = [m.freq_hz for m in modes_at_own_frequency(true_model(rubber).at(np.zeros(0)), 6)]
+    assert list(found.freq_hz) == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_modulus_of_the_whole_beam(bench: Bench):
+    """All stiffness follows E, and G with it: f = f₀√t(f) with the frequencies f₀ of the deck."""
+    deck = bench.folder / "beam.bdf"
+    lines, factor = [0.0, 100.0, 1000.0, 5000.0], [0.7, 1.0, 1.4, 2.0]
+    table = f'[[frequency_table]]\nfields = ["MAT1 1 E"]\nfreq_hz = {lines}\nfactor = {factor}\n'
+    found = steps.modes(bench.study(table, test=None)).freq_hz
+    expected = [
+        brentq(lambda f, plain=plain: f - plain * np.sqrt(np.interp(f, lines, factor)), 0.0, 1e5, xtol=1e-12)
+        for plain in bench.modes(deck)
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_table_holds_for_all_regions_of_a_field(bench: Bench):
+    region = '[[parameter]]\nname = "a"\nfields = ["PBAR 1 I1"]\nelements = "1"\nlower = 0.5\nupper = 2.0\n'
+    table = '[[frequency_table]]\nfields = ["PBAR 1 I1"]\nfreq_hz = [0.0, 100.0]\nfactor = [1.0, 2.0]\n'
+    found = [steps.modes(bench.study(text, test=None)).freq_hz for text in (table, region + table)]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
+    assert found[0][2] > 1.05 * bench.modes(bench.folder / "beam.bdf")[2]
+
+
+BAD = {
+    "an unknown field": (TABLES.replace("21 K", "22 K"), "table.fields", "CELAS2 22 K"),
+    "lists of two lengths": (TABLES.replace("[0.8, 1.0, 1.6, 2.2]", "[0.8, 1.0]"), "table.values", "4 frequencies"),
+    "descending frequencies": (TABLES.replace("[0.0, 100.0,", "[200.0, 100.0,"), "table.values", "ascending"),
+    "mass": (TABLES.replace("CELAS2 21 GE", "CONM2 9 M"), "table.fields", "changes the mass"),
+    "a factor of zero": (TABLES.replace("[0.5,", "[0.0,"), "study", "greater than 0"),
+    "a reduction": (f"{TABLES}[reduction]\n", "study.frequency-table", "reduction"),
+    "FRFs of modes": (
+        f'{TABLES}[response]\ninputs = ["5Y+"]\nfrom_hz = 1.0\nto_hz = 100.0\nlines = 10\n',
+        "table.direct",
+        "direct",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input(name: str, rubber: Bench):
+    tail, code, word = BAD[name]
+    with pytest.raises(FemtuneError) as caught:
+        steps.respond(rubber.study(f"{PARAMETERS}{tail}", test=None))
+    assert code in str(caught.value)
+    assert word in str(caught.value)
