@@ -180,3 +180,11 @@ def test_components_without_connection_are_named(spans: Path, tmp_path: Path) ->
         steps.update(path)
     assert "component left is not connected to any other component" in str(caught.value)
     assert "configuration whole" in str(caught.value)
+
+
+def test_a_stage_that_is_not_certified_is_a_problem(spans: Path, tmp_path: Path) -> None:
+    path = _changed(spans, tmp_path, ("tolerance = 1e-5", "tolerance = 1e-16\nfull_solutions = 4"))
+    found = steps.update(path)
+    alerts = [a for a in found.results.alerts if a.code == "update.not-certified"]
+    assert any("stage joint, stiffness: the result on reduced models is not confirmed" in a.sentence for a in alerts)
+    assert {a.level for a in alerts} == {"problem"}
