@@ -28,6 +28,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[[variable]]`": study_file.VariableEntry,
     "## `[modes]`": study_file.ModesTable,
     "## `[[configuration]]`": study_file.ConfigurationEntry,
+    "## `[[component]]`": study_file.ComponentEntry,
     "### `masses`": study_file.MassEntry,
     "### `leave_out`": study_file.LeaveOutEntry,
     "### `pairs`": study_file.PairEntry,
