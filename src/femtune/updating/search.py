@@ -88,6 +88,13 @@ class LocalModel:
         rows = np.asarray(np.linalg.qr(np.column_stack([self.jacobian, self.residuals]), mode="r"))[:k]
         return rows[:, -1], rows[:, :-1]
 
+    def without_leading(self, number: int) -> LocalModel:
+        """The model without the combinations of parameters that have the largest effect, in `scale`."""
+        residuals, jacobian = self.compressed
+        u, s, vt = np.linalg.svd(jacobian * self.scale, full_matrices=False)
+        s[:number] = 0.0
+        return replace(self, residuals=residuals, jacobian=(u * s) @ vt / self.scale)
+
     def step(self, damping: float = LEAST) -> Reals:
         """The damped step, see `bounded_step`."""
         return bounded_step(*self.compressed, damping, self.lower, self.upper, self.scale, self.held)
