@@ -32,7 +32,7 @@ from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_row
 # The facts that stay the same while an update goes on, and what they make of a point.
 
 
-_ROUNDING, _FAR_ABOVE, _NEAR = 1e-7, 1e4, 1e-9
+_ROUNDING, _FAR_ABOVE, _TINY_PART, _NEAR = 1e-7, 1e4, 1e-10, 1e-9
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class Point:
 class Walk:
     """A problem, the parameters that move, the side constraint, and the rows of the smallest change where it is sought.
 
+    `first` is the objective of the problem where the update starts.
+
     The sum of squares of residuals and side constraint is χ²; the objective is half of it, with the rows of the
     smallest change added.
     """
@@ -66,6 +68,7 @@ class Walk:
     moving: Flags
     side: SideConstraint
     change: SideConstraint | None = None
+    first: float = 0.0
 
     def point(self, evaluation: Evaluation) -> Point:
         """The evaluation with the side constraints."""
@@ -154,12 +157,14 @@ class Walk:
     def rounding(self, point: Point) -> float:
         """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step.
 
-        Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding.
+        Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding,
+        unless the objective has fallen to a tiny part of its first value.
         """
         jacobian = self.of_result(point.evaluation).jacobian
         changes = np.linalg.norm(jacobian * self.scale(point.x) * self.moving, axis=1)
         usual = np.quantile(changes[changes > 0.0], 0.25) if changes.any() else 0.0
-        return 0.5 * float(np.sum((_ROUNDING * np.minimum(changes, _FAR_ABOVE * usual)) ** 2))
+        whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, _FAR_ABOVE * usual)))
+        return min(whole, max(without, _TINY_PART * self.first))
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -199,7 +204,6 @@ _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
 _WORTH_A_JUMP, _MOST_JUMPS, _MOST_FAILED_JUMPS, _DAMPING_OF_JUMP = 1e-7, 8, 3, 1e-2
 _CRAWL, _LITTLE, _MUCH = 20, 1e-4, 1e-3
-_JUMP = "long step, since short ones no longer reduced the objective"
 _MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
 
 
@@ -219,7 +223,7 @@ class SensitivityMethod:
         units of the variance that the residuals show where that is smaller than stated, or where none is stated
     """
 
-    max_iterations: int = 50
+    max_iterations: int = 250
     tolerance: float = 1e-8
     regularisation: Regularisation = field(default_factory=NoRegularisation)
     search: Search = field(default_factory=LevenbergMarquardt)
@@ -250,7 +254,7 @@ def update(
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     moving = moving_parameters(problem, active)
     side = method.regularisation.settle(linear_model(problem, before, moving))
-    return _Update(Walk(problem, moving, side), method, report).go(before)
+    return _Update(Walk(problem, moving, side, first=before.objective), method, report).go(before)
 
 
 @dataclass(frozen=True)
@@ -272,7 +276,7 @@ class _Update:
 
     def go(self, before: Evaluation) -> UpdateResult:
         """The minimum inside the bounds, and the smallest change near it where it is asked for."""
-        self._record(self.walk.point(before), 0.0, 0.0, ())
+        self._record(self.walk.point(before), 0.0, 0.0)
         end = self._minimum(before)
         small = None
         if end.status.ok and self._needs_smallest_change(end.point):
@@ -296,7 +300,8 @@ class _Update:
             failed += 1
             beyond = self._beyond(end.point, failed)
             if beyond is not None:
-                self._record(beyond, float(np.abs(beyond.x - end.point.x).max()), self.method.search.start, (_JUMP,))
+                moved = float(np.abs(beyond.x - end.point.x).max())
+                self._record(beyond, moved, self.method.search.start, long_step=True)
                 other = self._iterate(beyond.evaluation)
                 if self._better(other.point.evaluation, end.point.evaluation):
                     end, failed = other, 0
@@ -330,9 +335,12 @@ class _Update:
                 status = self._finished(point, first)
         return _End(point, status, len(self.history) - 1)
 
-    def _record(self, point: Point, moved: float, state: float, events: tuple[str, ...]) -> None:
+    def _record(
+        self, point: Point, moved: float, state: float, events: tuple[str, ...] = (), long_step: bool = False
+    ) -> None:
         """Add a point to the history; it is the best if χ² is lower over what the best one compares."""
-        self.history.append(_iteration(self.walk, len(self.history), point, moved, state, events))
+        made = _iteration(self.walk, len(self.history), point, moved, state, events)
+        self.history.append(replace(made, long_step=long_step))
         self.report(self.history[-1])
         if self.best is None or self._better(point.evaluation, self.best[1]):
             self.best = len(self.history) - 1, point.evaluation
@@ -468,6 +476,8 @@ class _Update:
             gain = -np.inf if trial is None else self._gain(local, d, point, trial)
             if trial is not None and not search.accepts(gain):
                 trial, gain = self._corrected(local, d, state, point, trial) or (trial, gain)
+            elif trial is not None:
+                trial = self._lengthened(d, gain, point, trial)
             paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
             if trial is not None and paired is not None:
                 return (trial, paired), search.longer(state, gain), None
@@ -476,6 +486,14 @@ class _Update:
             trying = search.shorter(state, gain, rejected)
             rejected += 1
         return None, state, self._end(point, failed)
+
+    def _lengthened(self, d: Reals, gain: float, point: Point, trial: Evaluation) -> Evaluation:
+        """The trial of a longer step in the same direction where that is better, otherwise the trial."""
+        factor = self.method.search.further(gain)
+        longer = self._try(point, factor * d) if factor > 1.0 else None
+        if longer is None or longer.squares.keys() != trial.squares.keys():
+            return trial
+        return longer if self.walk.objective(longer) < self.walk.objective(trial) else trial
 
     def _corrected(
         self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
