@@ -9,9 +9,9 @@ while single modes that cross have no derivative.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -90,71 +90,71 @@ def _paired(case: ComparedCase, x: Reals, residuals: Sequence[FrequencyResidual 
     bare = CaseState(case, case.configured.at(x))
     modes = bare.solution
     values, shapes = modes.eigenvalues[: modes.wanted], np.asarray(case.sensors @ modes.shapes[:, : modes.wanted])
-    single = pair_squares(case, range(len(case.test)), values, shapes, residuals)
-    tests, models = linear_sum_assignment(single)
-    if len(tests) < len(case.test):
+    if len(values) < len(case.test):
         raise FemtuneError("correlate.no-pairs")
-    partner = dict(zip(tests.tolist(), models.tolist()))
-    groups = [(close, tuple(sorted(partner[i] for i in close))) for close in close_modes(case.test.freq_hz)]
-    found = _Exchange(case, values, shapes, tuple(residuals), single).least(groups)
+    found = _LeastPairing(case, values, shapes, tuple(residuals)).groups()
     return CaseState(case, bare.point, tuple(found), modes)
 
 
 @dataclass(eq=False)
-class _Exchange:
-    """Model modes exchanged between groups, and with modes that no group has, as long as the sum of squares falls.
+class _LeastPairing:
+    """The pairing with the least sum of squares of all.
 
-    The assignment above compares single modes. Without exchanges the sum of squares would jump where it changes.
+    A pairing that is only locally the best would jump, and the objective with it: close test modes are compared with
+    every set of as many model modes, and the sets are then chosen together.
     """
 
     case: ComparedCase
     values: Reals
     shapes: Reals
     residuals: tuple[FrequencyResidual | ShapeResidual, ...]
-    single: Reals
-    known: dict[Group, float] = field(default_factory=dict)
+    best: tuple[float, dict[int, int], list[Group]] = (np.inf, {}, [])
 
-    def least(self, groups: list[Group]) -> list[Group]:
-        """The groups after the best exchange, repeated until there is none."""
-        while True:
-            found = min(self._exchanges(groups), key=lambda pair: pair[0], default=(0.0, groups))
-            if found[0] >= 0.0:
-                return groups
-            groups = found[1]
+    def groups(self) -> list[Group]:
+        """The groups of test modes with their model modes."""
+        close = close_modes(self.case.test.freq_hz)
+        self.single = pair_squares(self.case, range(len(self.case.test)), self.values, self.shapes, self.residuals)
+        self.alone = [tests[0] for tests in close if len(tests) == 1]
+        self.sets = [(tests, self._sets(tests)) for tests in close if len(tests) > 1]
+        # of the groups that are not chosen yet, and of single modes, at least
+        least = [float(self.single[self.alone].min(axis=1).sum())]
+        for _, squares in reversed(self.sets):
+            least.append(least[-1] + squares[0][0])
+        self.least = least[::-1]
+        self._choose(0, 0.0, [])
+        _, partner, found = self.best
+        return [*found, *(((test,), (model,)) for test, model in partner.items())]
 
-    def _exchanges(self, groups: list[Group]) -> Iterator[tuple[float, list[Group]]]:
-        taken = {j for _, models in groups for j in models}
-        free = [j for j in range(len(self.values)) if j not in taken]
-        for a, (tests, models) in enumerate(groups):
-            for j in models:
-                rest = [m for m in models if m != j]
-                for k in free:
-                    yield self._changed(groups, {a: (tests, tuple(sorted([*rest, k])))})
-                for b, (others, theirs) in enumerate(groups[a + 1 :], start=a + 1):
-                    for k in theirs:
-                        left = [m for m in theirs if m != k]
-                        new = {a: (tests, tuple(sorted([*rest, k]))), b: (others, tuple(sorted([*left, j])))}
-                        yield self._changed(groups, new)
-
-    def _changed(self, groups: list[Group], new: dict[int, Group]) -> tuple[float, list[Group]]:
-        change = sum(self._squares(group) - self._squares(groups[a]) for a, group in new.items())
-        return change, [new.get(a, group) for a, group in enumerate(groups)]
-
-    def _squares(self, group: Group) -> float:
-        """Sum of squares of a group, its model modes turned to the test modes."""
-        if group not in self.known:
-            self.known[group] = self._of(list(group[0]), list(group[1]))
-        return self.known[group]
-
-    def _of(self, tests: list[int], models: list[int]) -> float:
-        if len(tests) == 1:
-            return float(self.single[tests[0], models[0]])
-        A = self.shapes[:, models]
-        turned = np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ self.case.test.shapes[:, tests]
-        u, _, vt = np.linalg.svd(turned / np.linalg.norm(turned, axis=0), full_matrices=False)
+    def _sets(self, tests: tuple[int, ...]) -> list[tuple[float, tuple[int, ...]]]:
+        """Sums of squares of close test modes with every set of model modes turned to them, the least first."""
+        every = list(combinations(range(len(self.values)), len(tests)))
+        A = np.moveaxis(self.shapes[:, every], 1, 0)
+        turned = np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ self.case.test.shapes[:, list(tests)]
+        u, _, vt = np.linalg.svd(turned / np.linalg.norm(turned, axis=1, keepdims=True), full_matrices=False)
         Q = u @ vt
-        values = np.einsum("ai,a,ai->i", Q, self.values[models], Q)
-        return float(np.trace(pair_squares(self.case, tests, values, A @ Q, self.residuals)))
+        values, shapes = np.einsum("sai,sa,sai->is", Q, self.values[every], Q), np.moveaxis(A @ Q, 0, -1)
+        squares = sum(
+            pair_squares(self.case, [test], values[i], shapes[:, i], self.residuals)[0] for i, test in enumerate(tests)
+        )
+        return sorted(zip(np.asarray(squares).tolist(), every))
+
+    def _choose(self, position: int, so_far: float, groups: list[Group]) -> None:
+        """All choices of sets without common modes that can be better than the best one so far."""
+        taken = {j for _, models in groups for j in models}
+        if position == len(self.sets):
+            free = [j for j in range(len(self.values)) if j not in taken]
+            rows, columns = linear_sum_assignment(self.single[np.ix_(self.alone, free)])
+            tests, models = [self.alone[i] for i in rows], [free[j] for j in columns]
+            total = so_far + float(self.single[tests, models].sum())
+            if total < self.best[0]:
+                self.best = total, dict(zip(tests, models)), groups
+            return
+        tests, squares = self.sets[position]
+        for value, models in squares:
+            if so_far + value + self.least[position + 1] >= self.best[0]:
+                return
+            if taken.isdisjoint(models):
+                self._choose(position + 1, so_far + value, [*groups, (tests, models)])
 
 
 def close_modes(freq_hz: Reals) -> list[tuple[int, ...]]:

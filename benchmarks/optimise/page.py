@@ -199,7 +199,7 @@ def _head(rows: Sequence[Measured]) -> list[str]:
         "- Cost. One solution is one solve for the modes at one point; rejected trials count. The Jacobian at a point "
         "that is solved is no further solution.",
         f"- Settings. femtune: defaults with `smallest_change` 0, which is the minimum inside the bounds, at most "
-        f"{METHOD.max_iterations} iterations (50 by default). Rivals: ftol = xtol = gtol = "
+        f"{METHOD.max_iterations} iterations (the default). Rivals: ftol = xtol = gtol = "
         f"{TIGHT:g}, at most {MOST} solutions, and "
         f"{MOST_AGAIN} from the end of femtune; trf with x_scale 1 (the parameters are normalised; "
         "with `jac` it took as many solutions on five problems), dogbox with `jac`; SLSQP "

@@ -20,7 +20,7 @@ TIGHT = 1e-12
 MOST, MOST_AGAIN = 250, 80
 """Solutions at most for a rival from a start, and from the end of femtune."""
 OURS = "femtune"
-METHOD = SensitivityMethod(max_iterations=250, smallest_change=0.0)
+METHOD = SensitivityMethod(smallest_change=0.0)
 """The minimum inside the bounds."""
 
 

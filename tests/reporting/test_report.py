@@ -119,6 +119,15 @@ def test_the_report_says_which_point_the_result_is(data: dict[str, Any], arrays:
     assert "where Icx2 would be at a bound" in text
 
 
+def test_the_report_tells_long_steps(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    def text() -> str:
+        return " ".join(_texts(_section(build_report(Results.model_validate(data), arrays), "convergence")).split())
+
+    assert "long step" not in text()
+    data["update"]["history"][1]["long_step"] = True
+    assert "1 long step followed, at iteration 1; the objective function may have increased there" in text()
+
+
 def test_a_failed_update_is_a_problem(data: dict[str, Any]) -> None:
     message = "stopped because no step of any length reduces the objective; the best point is kept"
     data["update"] |= {"ok": False, "status": "STALLED", "message": message}

@@ -167,7 +167,7 @@ def test_iteration_limit():
 
 
 def test_stalled(monkeypatch: pytest.MonkeyPatch):
-    """A Jacobian of the wrong sign: no step lowers the objective, and that is not called convergence."""
+    """A Jacobian of the wrong sign: no short step lowers the objective, and that is not called convergence."""
     problem = problem_of(simulated_case(chain(), TRUTH, range(4), 4))  # type: ignore[arg-type]
     right = Walk.point
 
@@ -178,7 +178,7 @@ def test_stalled(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Walk, "point", wrong)
     result = update(problem)
     assert result.status is Status.STALLED
-    np.testing.assert_allclose(result.x, 0.0)
+    assert result.objective <= result.history[0].objective
 
 
 def test_solve_failed(monkeypatch: pytest.MonkeyPatch):

@@ -186,6 +186,8 @@ class IterationRecord(Record):
     """Changes of pairing that followed, in words."""
     to_smallest_change: bool = False
     """True on the way from the minimum within the bounds to the smallest change."""
+    long_step: bool = False
+    """True for a long step, taken since no short one reduced the objective function."""
 
 
 class WrittenValue(Record):
@@ -708,6 +710,7 @@ def _iteration(result: UpdateResult, number: int) -> IterationRecord:
         active_bounds=i.at_bound,
         events=i.events,
         to_smallest_change=i.to_smallest_change,
+        long_step=i.long_step,
     )
 
 

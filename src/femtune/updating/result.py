@@ -32,6 +32,7 @@ class Iteration:
     at_bound : names of parameters at a bound
     events : pairing changes that followed
     to_smallest_change : whether the step belongs to the way from the minimum to the smallest change
+    long_step : whether it is a long step, taken since no short one reduced the objective
     """
 
     number: int
@@ -43,6 +44,7 @@ class Iteration:
     at_bound: tuple[str, ...]
     events: tuple[str, ...] = ()
     to_smallest_change: bool = False
+    long_step: bool = False
 
 
 @dataclass(frozen=True)

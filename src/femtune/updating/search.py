@@ -88,6 +88,13 @@ class LocalModel:
         rows = np.asarray(np.linalg.qr(np.column_stack([self.jacobian, self.residuals]), mode="r"))[:k]
         return rows[:, -1], rows[:, :-1]
 
+    def without_leading(self, number: int) -> LocalModel:
+        """The model without the combinations of parameters that have the largest effect, in `scale`."""
+        residuals, jacobian = self.compressed
+        u, s, vt = np.linalg.svd(jacobian * self.scale, full_matrices=False)
+        s[:number] = 0.0
+        return replace(self, residuals=residuals, jacobian=(u * s) @ vt / self.scale)
+
     def step(self, damping: float = LEAST) -> Reals:
         """The damped step, see `bounded_step`."""
         return bounded_step(*self.compressed, damping, self.lower, self.upper, self.scale, self.held)
@@ -130,12 +137,28 @@ class Search(Protocol):
         """
         ...
 
+    def further(self, gain: float) -> float:
+        """By how much an accepted step is lengthened for one more trial; one for none."""
+        ...
+
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
         """The step to try after d was rejected, which does without another state; None for none.
 
         `error` (n,) are the residuals at d less the linear ones.
         """
         ...
+
+
+_MUCH_BETTER, _MOST_LENGTHENED = 1.5, 10.0
+
+
+def lengthened(gain: float) -> float:
+    """Length of the best step along a line on which the curvature shows, relative to the step; one for small gains.
+
+    With large residuals the true curvature can be much less than that of the linear model. The decrease then is up to
+    twice the predicted one, and many steps of the same length would follow each other.
+    """
+    return min(1.0 / max(2.0 - gain, 1e-3), _MOST_LENGTHENED) if gain > _MUCH_BETTER else 1.0
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -164,6 +187,10 @@ class GaussNewton:
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
         """There is none."""
         return None
+
+    def further(self, gain: float) -> float:
+        """The step is taken as it is."""
+        return 1.0
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
         """There is none."""
@@ -206,6 +233,10 @@ class LevenbergMarquardt:
         factor = min(max(_factor(gain), 2.0), 10.0) * 4.0 ** max(rejected - 2, 0)
         more = max(factor * state, _LEAST_AFTER_REJECTION)
         return more if more <= _MOST else None
+
+    def further(self, gain: float) -> float:
+        """See `lengthened`."""
+        return lengthened(gain)
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
         """The damped step again, from residuals that contain the error of the linear ones at d.
@@ -260,6 +291,10 @@ class LineSearch:
     def shorter(self, state: float, gain: float, rejected: int) -> float | None:
         """Half of it."""
         return 0.5 * state if state > _LEAST else None
+
+    def further(self, gain: float) -> float:
+        """See `lengthened`."""
+        return lengthened(gain)
 
     def corrected(self, local: LocalModel, d: Reals, state: float, error: Reals) -> Reals | None:
         """There is none."""

@@ -32,7 +32,7 @@ from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_row
 # The facts that stay the same while an update goes on, and what they make of a point.
 
 
-_ROUNDING, _NEAR = 1e-7, 1e-9
+_ROUNDING, _FAR_ABOVE, _TINY_PART, _NEAR = 1e-7, 1e4, 1e-10, 1e-9
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class Point:
 class Walk:
     """A problem, the parameters that move, the side constraint, and the rows of the smallest change where it is sought.
 
+    `first` is the objective of the problem where the update starts.
+
     The sum of squares of residuals and side constraint is χ²; the objective is half of it, with the rows of the
     smallest change added.
     """
@@ -66,6 +68,7 @@ class Walk:
     moving: Flags
     side: SideConstraint
     change: SideConstraint | None = None
+    first: float = 0.0
 
     def point(self, evaluation: Evaluation) -> Point:
         """The evaluation with the side constraints."""
@@ -152,9 +155,16 @@ class Walk:
         return local.gain(local.step())
 
     def rounding(self, point: Point) -> float:
-        """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step."""
+        """Objective below which residuals are rounding: 1e-7 of their change by a whole length of step.
+
+        Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding,
+        unless the objective has fallen to a tiny part of its first value.
+        """
         jacobian = self.of_result(point.evaluation).jacobian
-        return 0.5 * float(np.sum((_ROUNDING * jacobian * self.scale(point.x) * self.moving) ** 2))
+        changes = np.linalg.norm(jacobian * self.scale(point.x) * self.moving, axis=1)
+        usual = np.quantile(changes[changes > 0.0], 0.25) if changes.any() else 0.0
+        whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, _FAR_ABOVE * usual)))
+        return min(whole, max(without, _TINY_PART * self.first))
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -192,6 +202,8 @@ Report = Callable[[Iteration], None]
 
 _SAME_OBJECTIVE, _NEARLY_SAME, _ZERO_OBJECTIVE = 1e-10, 1e-6, 1e-24
 _MANY_PAIRING_CHANGES = 6
+_WORTH_A_JUMP, _MOST_JUMPS, _MOST_FAILED_JUMPS, _DAMPING_OF_JUMP = 1e-7, 8, 3, 1e-2
+_CRAWL, _LITTLE, _MUCH = 20, 1e-4, 1e-3
 _MOST_WEIGHTS, _AIM, _CLOSE, _OF_MARGIN = 12, 0.9, 0.75, 0.05
 
 
@@ -211,7 +223,7 @@ class SensitivityMethod:
         units of the variance that the residuals show where that is smaller than stated, or where none is stated
     """
 
-    max_iterations: int = 50
+    max_iterations: int = 250
     tolerance: float = 1e-8
     regularisation: Regularisation = field(default_factory=NoRegularisation)
     search: Search = field(default_factory=LevenbergMarquardt)
@@ -242,7 +254,7 @@ def update(
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
     moving = moving_parameters(problem, active)
     side = method.regularisation.settle(linear_model(problem, before, moving))
-    return _Update(Walk(problem, moving, side), method, report).go(before)
+    return _Update(Walk(problem, moving, side, first=before.objective), method, report).go(before)
 
 
 @dataclass(frozen=True)
@@ -264,8 +276,8 @@ class _Update:
 
     def go(self, before: Evaluation) -> UpdateResult:
         """The minimum inside the bounds, and the smallest change near it where it is asked for."""
-        self._record(self.walk.point(before), 0.0, 0.0, ())
-        end = self._iterate(before)
+        self._record(self.walk.point(before), 0.0, 0.0)
+        end = self._minimum(before)
         small = None
         if end.status.ok and self._needs_smallest_change(end.point):
             end, small = self._smallest_change(end)
@@ -273,6 +285,41 @@ class _Update:
             number, evaluation = self.best
             end = _End(self.walk.point(evaluation), end.status, number)
         return _result(self.walk, before, end, self.history, small)
+
+    def _minimum(self, at: Evaluation) -> _End:
+        """Where the iterations from a point end, and from beyond the places that block them.
+
+        Where two modes of the model nearly cross, their shapes turn into each other within a tiny change of the
+        parameters. The objective has a wall or a narrow canyon there, in which only tiny steps reduce it. One long step
+        without the directions that turn the shapes leads out. The best end is taken.
+        """
+        end, failed = self._iterate(at), 0
+        for _ in range(_MOST_JUMPS):
+            if failed == _MOST_FAILED_JUMPS or not self._blocked(end):
+                break
+            failed += 1
+            beyond = self._beyond(end.point, failed)
+            if beyond is not None:
+                moved = float(np.abs(beyond.x - end.point.x).max())
+                self._record(beyond, moved, self.method.search.start, long_step=True)
+                other = self._iterate(beyond.evaluation)
+                if self._better(other.point.evaluation, end.point.evaluation):
+                    end, failed = other, 0
+        return end
+
+    def _blocked(self, end: _End) -> bool:
+        """True if no step was found where the linear model predicts a decrease."""
+        if self.walk.side.renewed or not (end.status.ok or end.status == Status.STALLED):
+            return False
+        point = end.point
+        enough = max(_WORTH_A_JUMP * point.objective, self._negligible(point), self.walk.rounding(point))
+        return point.objective >= _ZERO_OBJECTIVE and self.walk.best_gain(point) > enough
+
+    def _beyond(self, point: Point, left_out: int) -> Point | None:
+        """A point beyond the place that blocks the steps, whatever its objective; None where it cannot be solved."""
+        d = self.walk.local(point).without_leading(left_out).step(_DAMPING_OF_JUMP)
+        trial = self._try(point, d)
+        return None if trial is None else self._paired(trial)
 
     def _iterate(self, at: Evaluation) -> _End:
         """All iterations from a point, and how they end."""
@@ -288,9 +335,12 @@ class _Update:
                 status = self._finished(point, first)
         return _End(point, status, len(self.history) - 1)
 
-    def _record(self, point: Point, moved: float, state: float, events: tuple[str, ...]) -> None:
+    def _record(
+        self, point: Point, moved: float, state: float, events: tuple[str, ...] = (), long_step: bool = False
+    ) -> None:
         """Add a point to the history; it is the best if χ² is lower over what the best one compares."""
-        self.history.append(_iteration(self.walk, len(self.history), point, moved, state, events))
+        made = _iteration(self.walk, len(self.history), point, moved, state, events)
+        self.history.append(replace(made, long_step=long_step))
         self.report(self.history[-1])
         if self.best is None or self._better(point.evaluation, self.best[1]):
             self.best = len(self.history) - 1, point.evaluation
@@ -366,13 +416,24 @@ class _Update:
 
     def _finished(self, point: Point, first: int) -> Status | None:
         """Status if the iteration that began with a point of the history ends at this one, otherwise None."""
-        gain = self._best_gain(point)
+        gain, changes = self._best_step(point)
         if gain <= _SAME_OBJECTIVE * point.objective or gain <= self._negligible(point):
             return self._optimum(point)
+        if not changes:
+            return self._end(point, failed=False)
         steps = self.history[first + 1 :]
         if sum(bool(i.events) for i in steps) > _MANY_PAIRING_CHANGES:
             return Status.PAIRING_CYCLES
+        if self._crawls(steps, gain):
+            return Status.STALLED
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
+
+    def _crawls(self, steps: list[Iteration], gain: float) -> bool:
+        """True if many steps have hardly reduced the objective, far less than the linear model predicts for one."""
+        if self.walk.change is not None or len(steps) < _CRAWL:
+            return False
+        before, now = steps[-_CRAWL].objective, steps[-1].objective
+        return before - now < _LITTLE * now and gain > _MUCH * now
 
     def _negligible(self, point: Point) -> float:
         """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
@@ -383,13 +444,13 @@ class _Update:
             return 0.0
         return 0.5 * _OF_MARGIN * self._allowed(point)
 
-    def _best_gain(self, point: Point) -> float:
-        """Predicted decrease of the objective within the bounds; zero without a step."""
+    def _best_step(self, point: Point) -> tuple[float, bool]:
+        """Predicted decrease of the objective within the bounds, and whether the step for it changes anything."""
         if point.objective < _ZERO_OBJECTIVE:
-            return 0.0
+            return 0.0, False
         local = self.walk.local(point)
         d = local.step()
-        return 0.0 if self._none(local, d) else local.gain(d)
+        return local.gain(d), not self._none(local, d)
 
     def _optimum(self, point: Point) -> Status:
         """The status where steps end: those that a side constraint shortens may end before the optimum."""
@@ -415,6 +476,8 @@ class _Update:
             gain = -np.inf if trial is None else self._gain(local, d, point, trial)
             if trial is not None and not search.accepts(gain):
                 trial, gain = self._corrected(local, d, state, point, trial) or (trial, gain)
+            elif trial is not None:
+                trial = self._lengthened(d, gain, point, trial)
             paired = None if trial is None or not search.accepts(gain) else self._paired(trial)
             if trial is not None and paired is not None:
                 return (trial, paired), search.longer(state, gain), None
@@ -423,6 +486,14 @@ class _Update:
             trying = search.shorter(state, gain, rejected)
             rejected += 1
         return None, state, self._end(point, failed)
+
+    def _lengthened(self, d: Reals, gain: float, point: Point, trial: Evaluation) -> Evaluation:
+        """The trial of a longer step in the same direction where that is better, otherwise the trial."""
+        factor = self.method.search.further(gain)
+        longer = self._try(point, factor * d) if factor > 1.0 else None
+        if longer is None or longer.squares.keys() != trial.squares.keys():
+            return trial
+        return longer if self.walk.objective(longer) < self.walk.objective(trial) else trial
 
     def _corrected(
         self, local: LocalModel, d: Reals, state: float, point: Point, rejected: Evaluation
@@ -441,7 +512,7 @@ class _Update:
     def _end(self, point: Point, failed: bool) -> Status:
         """The status if no step was accepted: rounding at an optimum, trial points that cannot be solved, or
         stalled."""
-        if self._best_gain(point) <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
+        if self._best_step(point)[0] <= max(_NEARLY_SAME * point.objective, self.walk.rounding(point)):
             return self._optimum(point)
         return Status.SOLVE_FAILED if failed else Status.STALLED
 

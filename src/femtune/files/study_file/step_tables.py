@@ -120,7 +120,7 @@ class CorrelationEntry(TomlTable):
 class UpdateTable(TomlTable):
     """[update]: search, convergence and regularisation."""
 
-    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 50
+    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 250
     regularisation: Literal["none", "minimum-change", "distance", "link", "prior", "identical", "truncated"] = "none"
     weight: Weight = 0.0
     weight_on: Literal["whole-change", "each-step"] = "whole-change"

@@ -117,6 +117,7 @@ def convergence(source: ReportSource) -> list[Block]:
         Paragraph(f"Outcome: {update.message} ({update.status})."),
         *([_figure(update, source.results.parameters)] if len(update.history) > 1 else []),
         *_optimality(update),
+        *_long_steps(update),
         _events(update),
         *goodness(source),
         *residual_kinds(update),
@@ -143,6 +144,18 @@ def _optimality(update: UpdateResults) -> list[Block]:
         which = f"The result is the minimum within the bounds: χ² = {value(update.chi_square)}."
         return [Paragraph(f"{which} {conditions}")]
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
+
+
+def _long_steps(update: UpdateResults) -> list[Block]:
+    numbers = [i.iteration for i in update.history if i.long_step]
+    if not numbers:
+        return []
+    text = (
+        "No short step reduced the objective function any more, although the linear model predicted a decrease, as "
+        f"where modes nearly cross. {counted(len(numbers), 'long step')} followed, at iteration "
+        f"{', '.join(map(str, numbers))}; the objective function may have increased there. The best end is the result."
+    )
+    return [Paragraph(text)]
 
 
 def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str:
