@@ -160,11 +160,29 @@ class Walk:
         Where modes cross, the derivatives of their shapes are far above all others and tell nothing about rounding,
         unless the objective has fallen to a tiny part of its first value.
         """
-        jacobian = self.of_result(point.evaluation).jacobian
-        changes = np.linalg.norm(jacobian * self.scale(point.x) * self.moving, axis=1)
-        usual = np.quantile(changes[changes > 0.0], 0.25) if changes.any() else 0.0
-        whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, _FAR_ABOVE * usual)))
+        changes, most = self._changes(point)
+        whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, most)))
         return min(whole, max(without, _TINY_PART * self.first))
+
+    def modes_cross(self, point: Point) -> bool:
+        """True if some residuals and one combination of parameters are far more sensitive than all others.
+
+        The shapes of two modes that nearly cross turn into each other by a tiny change of this combination.
+        """
+        changes, most = self._changes(point)
+        if not (changes > most).any() or point.objective < _TINY_PART * self.first:
+            return False
+        s = np.linalg.svd(self._scaled(point), compute_uv=False)
+        return len(s) > 1 and bool(s[0] > _FAR_ABOVE * s[1])
+
+    def _scaled(self, point: Point) -> Reals:
+        """(n, k) changes of the residuals of the result by a whole length of step of each parameter that moves."""
+        return np.asarray(self.of_result(point.evaluation).jacobian * self.scale(point.x) * self.moving)
+
+    def _changes(self, point: Point) -> tuple[Reals, float]:
+        """(n,) changes of the residuals by a whole length of step, and the largest one of modes that do not cross."""
+        changes = np.linalg.norm(self._scaled(point), axis=1)
+        return changes, _FAR_ABOVE * float(np.quantile(changes[changes > 0.0], 0.25)) if changes.any() else 0.0
 
     def determined(self, point: Point, which: Flags) -> bool:
         """True if the data determine all combinations of some parameters."""
@@ -308,12 +326,14 @@ class _Update:
         return end
 
     def _blocked(self, end: _End) -> bool:
-        """True if no step was found where the linear model predicts a decrease."""
+        """True if no step was found where the linear model predicts a decrease, or the end lies where modes cross."""
         if self.walk.side.renewed or not (end.status.ok or end.status == Status.STALLED):
             return False
         point = end.point
         enough = max(_WORTH_A_JUMP * point.objective, self._negligible(point), self.walk.rounding(point))
-        return point.objective >= _ZERO_OBJECTIVE and self.walk.best_gain(point) > enough
+        if point.objective < _ZERO_OBJECTIVE:
+            return False
+        return self.walk.best_gain(point) > enough or self.walk.modes_cross(point)
 
     def _beyond(self, point: Point, left_out: int) -> Point | None:
         """A point beyond the place that blocks the steps, whatever its objective; None where it cannot be solved."""
