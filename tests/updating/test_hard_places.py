@@ -40,6 +40,7 @@ def problem_of(k: int, values: Callable[[Reals], Reals], slopes: Callable[[Reals
 
 
 WIDTH, DEPTH = 1e-6, 0.3
+WIDTHS = np.array([1e-6, 2e-6, 4e-6])
 
 
 def canyon_values(x: Reals) -> Reals:
@@ -61,6 +62,38 @@ def test_a_narrow_canyon_is_left_by_one_long_step():
     assert [i.long_step for i in result.history].count(True) == 1
     assert result.certificate is not None
     assert result.certificate.predicted_decrease < 1e-8
+
+
+def test_three_canyons_that_cross_are_left_together():
+    """A long step that leaves out fewer of them goes on in the others, and hardly reduces the objective."""
+    centre = np.array([1.0, 1.0, 1.0, 0.5])
+
+    def values(x: Reals) -> Reals:
+        return np.concatenate([x - centre, DEPTH * np.tanh((x[:3] - x[3] ** 2) / WIDTHS)])
+
+    def slopes(x: Reals) -> Reals:
+        steep = DEPTH / WIDTHS / np.cosh(np.minimum(np.abs(x[:3] - x[3] ** 2) / WIDTHS, 300.0)) ** 2
+        return np.vstack([np.eye(4), np.column_stack([np.diag(steep), -2.0 * x[3] * steep])])
+
+    result = update(problem_of(4, values, slopes), MINIMUM)
+    assert result.status is Status.CONVERGED
+    np.testing.assert_allclose(result.x, centre, atol=1e-6)
+    assert [i.long_step for i in result.history].count(True) == 3
+
+
+def test_the_last_part_of_a_curved_valley_is_not_followed_to_its_end():
+    """A residual of 10 cannot be reduced; along the valley x₁ = x₀²/2 a part of 2.5e-7 of the objective can."""
+
+    def values(x: Reals) -> Reals:
+        return np.array([10.0, 1e3 * (x[1] - 0.5 * x[0] ** 2), 5e-3 * (x[0] - 1.0)])
+
+    def slopes(x: Reals) -> Reals:
+        return np.array([[0.0, 0.0], [-1e3 * x[0], 1e3], [5e-3, 0.0]])
+
+    result = update(problem_of(2, values, slopes), MINIMUM)
+    assert result.status is Status.UNDETERMINED
+    assert len(result.history) <= 60
+    assert result.objective < 50.0 * (1.0 + 1e-7)
 
 
 def test_a_place_that_cannot_be_left_is_not_called_a_minimum():

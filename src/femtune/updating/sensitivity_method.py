@@ -322,7 +322,8 @@ class _Update:
                 self._record(beyond, moved, self.method.search.start, long_step=True)
                 other = self._iterate(beyond.evaluation)
                 if self._better(other.point.evaluation, end.point.evaluation):
-                    end, failed = other, 0
+                    out = other.point.objective < (1.0 - _LITTLE) * end.point.objective
+                    end, failed = other, 0 if out else failed
         return end
 
     def _blocked(self, end: _End) -> bool:
@@ -446,6 +447,8 @@ class _Update:
             return Status.PAIRING_CYCLES
         if self._crawls(steps, gain):
             return Status.STALLED
+        if self._settled(point, steps, gain):
+            return self._optimum(point)
         return Status.MAX_ITERATIONS if len(steps) >= self.method.max_iterations else None
 
     def _crawls(self, steps: list[Iteration], gain: float) -> bool:
@@ -454,6 +457,16 @@ class _Update:
             return False
         before, now = steps[-_CRAWL].objective, steps[-1].objective
         return before - now < _LITTLE * now and gain > _MUCH * now
+
+    def _settled(self, point: Point, steps: list[Iteration], gain: float) -> bool:
+        """True if many steps and the linear model agree that no more than a tiny part of the objective is left.
+
+        Along a flat, curved valley the steps would go on for hundreds of iterations.
+        """
+        if self.walk.change is not None or len(steps) < _CRAWL:
+            return False
+        enough = _NEARLY_SAME * point.objective
+        return gain < enough and steps[-_CRAWL].objective - steps[-1].objective < 0.1 * enough
 
     def _negligible(self, point: Point) -> float:
         """A decrease of the objective that does not matter: before the smallest change, a small part of its margin.
