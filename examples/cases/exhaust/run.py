@@ -197,13 +197,18 @@ def check(found: Found) -> None:
             assert c.pairs, c.configuration
             assert max(abs(p.freq_error_percent) for p in c.pairs) < 3.0, c.configuration
             assert min(p.mac for p in c.pairs if p.mac is not None) > 0.9, c.configuration
-    assert max(map(abs, found.errors.values())) < 3.0, found.errors
+    # chance exceeds this in one of 16,000 values
+    assert max(map(abs, found.errors.values())) < 4.0, found.errors
 
 
 def check_all(runs: Sequence[Found]) -> None:
-    """Nine values of ten lie within two standard deviations."""
+    """Nine values of ten lie within two standard deviations, and all but one within three.
+
+    Of 70 values of a right model one or more are beyond three with a probability of 17 %, two or more of 2 %.
+    """
     errors = np.abs([list(found.errors.values()) for found in runs])
     assert np.mean(errors < 2.0) >= 0.9, errors
+    assert np.sum(errors > 3.0) <= 1, errors
 
 
 def text(runs: Sequence[Found], size: Size) -> str:
@@ -240,7 +245,7 @@ def _shares(runs: Sequence[Found]) -> str:
     errors = np.abs([list(found.errors.values()) for found in runs])
     return (
         f"{100 * np.mean(errors < 2.0):.0f} % of the {errors.size} values are within 2 σ of the true value "
-        f"(required: 90 %), and the largest deviation is {errors.max():.2f} σ (required: 3)."
+        f"(required: 90 %), and the largest deviation is {errors.max():.2f} σ (required: one value beyond 3 at most, none beyond 4)."
     )
 
 
