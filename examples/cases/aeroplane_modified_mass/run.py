@@ -232,7 +232,10 @@ def _verdicts(found: Mapping[str, Found]) -> list[str]:
 
 
 def _cell(v) -> str:  # type: ignore[no-untyped-def]
-    return "not tested" if v is None else f"{v.measured:.3g} {v.unit}".strip() + f", {v.verdict}"
+    if v is None:
+        return "not tested"
+    unpaired = " (a test mode has no partner)" if "without a partner" in v.remark else ""
+    return f"{v.measured:.3g} {v.unit}".strip() + f", {v.verdict}{unpaired}"
 
 
 def main() -> None:
