@@ -245,8 +245,8 @@ def _shares(runs: Sequence[Found]) -> str:
     errors = np.abs([list(found.errors.values()) for found in runs])
     return (
         f"{100 * np.mean(errors < 2.0):.0f} % of the {errors.size} values are within 2 σ of the true value "
-        f"(required: 90 %), and the largest deviation is {errors.max():.2f} σ (required: one value beyond 3 at most, none "
-        "beyond 4)."
+        f"(required: 90 %), and the largest deviation is {errors.max():.2f} σ (required: one value beyond "
+        "3 at most, none beyond 4)."
     )
 
 
