@@ -100,22 +100,50 @@ def test_patch(name: str):
 
 
 @pytest.mark.parametrize("aspect", [0.1, 1.0, 20.0])
-def test_in_plane_bending_of_a_rectangle_is_exact(aspect: float):
-    """u = κxy, v = −κx²/2 with the turn −κx: the beam's energy E t b³/12 · κ² a, whatever the aspect and K6ROT."""
+def test_in_plane_bending_of_a_rectangle(aspect: float):
+    """u = κxy, v = −κx²/2, turn −κx: the beam's energy E t b³/12 · κ² a, and that of four springs turned by ¼κa.
+
+    The sides of a corner turn half as much as the beam's sections: the bilinear displacements have no curved sides.
+    """
     a, b, t = aspect, 1.0, 0.1
     xyz = np.array([[-a, -b, 0], [a, -b, 0], [a, b, 0], [-a, b, 0]]) / 2
     u = np.zeros((4, 6))
     u[:, 0], u[:, 1], u[:, 5] = xyz[:, 0] * xyz[:, 1], -0.5 * xyz[:, 0] ** 2, -xyz[:, 0]
-    for drilling in (100.0, 1e6):
+    for drilling in (0.0, 100.0, 1e6):
         K = assemble(structure_of(xyz, [ShellPart(ONE, Section(ISO, t))], drilling=drilling), "stiffness")
-        assert u.ravel() @ (K @ u.ravel()) == pytest.approx(200.0 * t * b**3 / 12 * a, rel=1e-10)
+        springs = 4 * 1e-6 * drilling * G * t * a * b * (a / 4) ** 2
+        assert u.ravel() @ (K @ u.ravel()) == pytest.approx(200.0 * t * b**3 / 12 * a + springs, rel=1e-10)
 
 
-def test_drilling_is_what_k6rot_says():
-    xyz = shell_mesh(rectangle(2.0, 1.0), 1, 1).xyz[[0, 2, 3, 1]]
-    turn = np.tile([0, 0, 0, 0, 0, 1.0], 4)
-    K = assemble(structure_of(xyz, [ShellPart(ONE, Section(ISO, 0.1))], drilling=100.0), "stiffness")
-    assert turn @ (K @ turn) == pytest.approx(1e-4 * G * 0.1 * 2.0, rel=1e-12)
+@pytest.mark.parametrize("n", [3, 4])
+def test_drilling_is_a_spring_at_each_corner(n: int):
+    """1e-6 K6ROT G t times the area of the parallelogram of the corner's sides, about their normal, warped or not."""
+    xyz = np.array([[0, 0, 0.1], [2.0, 0.2, -0.1], [1.6, 1.1, 0.1], [-0.1, 0.9, -0.1]])[:n]
+    sides = [(xyz[(i + 1) % n] - xyz[i], xyz[i - 1] - xyz[i]) for i in range(n)]
+    crosses = np.array([np.cross(a, b) for a, b in sides])
+    cells = np.arange(n)[None]
+    bare, K = (
+        assemble(structure_of(xyz, [ShellPart(cells, Section(ISO, 0.1))], drilling=k), "stiffness").toarray()
+        for k in (0.0, 1e6)
+    )
+    springs = K - bare
+    for i in range(n):
+        area, turn = np.linalg.norm(crosses[i]), np.zeros((n, 6))
+        turn[i, 3:] = crosses[i] / area
+        assert turn.ravel() @ springs @ turn.ravel() == pytest.approx(G * 0.1 * area, rel=1e-10)
+
+
+def test_drilling_follows_any_linear_displacement():
+    """The rotation of a linear field is that of the sides of every corner, whatever the shape."""
+    xyz = np.array([[0, 0, 0], [2.0, 0.2, 0], [1.6, 1.1, 0], [-0.1, 0.9, 0]])
+    u = np.zeros((4, 6))
+    slope = np.array([[0.3, -0.7], [1.9, 0.4]])
+    u[:, :2], u[:, 5] = xyz[:, :2] @ slope.T, 0.5 * (slope[1, 0] - slope[0, 1])
+    forces = [
+        assemble(structure_of(xyz, [ShellPart(ONE, Section(ISO, 0.1))], drilling=k), "stiffness") @ u.ravel()
+        for k in (0.0, 1e6)
+    ]
+    np.testing.assert_allclose(forces[1], forces[0], atol=1e-11 * np.abs(forces[0]).max())
 
 
 def test_an_offset_bends_and_stretches_together():

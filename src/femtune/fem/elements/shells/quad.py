@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femtune.arrays import Reals
+from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane
 from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
 
@@ -211,30 +212,19 @@ def uniaxial_rows(shape: QuadShape) -> tuple[Reals, Reals]:
     return np.einsum("mk,mki,miac->mkac", weight, along, hourglass(shape)), along
 
 
-def drilling_rows(shape: QuadShape) -> Reals:
-    """(m, 4, 4, 6) turn about the normal less the membrane's rotation at 2 × 2 points, times the root of the weight.
-
-    In pure bending the rotation of the sides varies twice as much as that of the bilinear displacements.
-    """
-    q, out = hourglass(shape), np.zeros((len(shape.area), 4, 4, 6))
-    for k, point in enumerate(GAUSS):
-        varying = 2.0 * (gradients(shape, point) - shape.mean_gradient) @ HOURGLASS
-        rotation = varying[:, 0, None, None] * q[:, 1] - varying[:, 1, None, None] * q[:, 0]
-        rotation[:, :, 1] += shape.mean_gradient[:, 0]
-        rotation[:, :, 0] -= shape.mean_gradient[:, 1]
-        out[:, k] = -0.5 * rotation
-        out[:, k, :, 5] += functions(point)
-        out[:, k] *= np.sqrt(shape.jacobian(point))[:, None, None]
-    return out
-
-
 def quad_strains(plane: ShellPlane) -> ShellStrains:
     """Strain rows of quadrilaterals."""
     shape = quad_shape(plane)
     uniaxial, along = uniaxial_rows(shape)
     roots = np.sqrt(np.stack([shape.jacobian(point) for point in GAUSS], axis=1))
     return ShellStrains(
-        membrane_rows(shape), uniaxial, along, drilling_rows(shape), bending_rows(shape), shear_rows(shape), roots
+        membrane_rows(shape),
+        uniaxial,
+        along,
+        drilling_rows(shape.corners, shape.normals),
+        bending_rows(shape),
+        shear_rows(shape),
+        roots,
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.fem.contribution import Coefficient
 from femtune.fem.elements.placement import cross_matrix, nominal
+from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane
 from femtune.fem.elements.shells.quad import inverse
 from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
@@ -55,20 +56,6 @@ def membrane_rows(corners: Reals) -> Reals:
     zero = np.zeros_like(bx)
     pairs = [[bx, zero], [zero, by], [by, bx]]
     return np.stack([np.stack(pair, axis=-1) for pair in pairs], axis=1)[:, None]
-
-
-def drilling_rows(corners: Reals, normals: Reals) -> Reals:
-    """(m, 3, 3, 6) turn about the shared normal less that of the triangle, at the middles of the sides.
-
-    The triangle turns by w,y about x, by −w,x about y, and by ½(v,x − u,y) about z.
-    """
-    bx, by = np.moveaxis(tri_gradient(corners)[:, :, None], 1, 0)
-    n = MIDDLES @ normals
-    x, y, z = np.moveaxis(n[:, :, None], 3, 0)
-    out = np.empty((len(corners), 3, 3, 6))
-    out[..., 0], out[..., 1], out[..., 2] = 0.5 * z * by, -0.5 * z * bx, y * bx - x * by
-    out[..., 3:] = MIDDLES[:, :, None] * n[:, :, None]
-    return np.asarray(out * (np.sqrt(tri_area(corners)) / ROOT_3)[:, None, None, None])
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -139,7 +126,7 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
         placed(membrane_rows(corners), IN_PLANE),
         np.zeros((len(corners), 0, 3, 6)),
         np.zeros((len(corners), 0, 2)),
-        drilling_rows(corners, normals),
+        drilling_rows(np.concatenate([corners, plane.heights[:, :, None]], axis=2), normals),
         bending_rows(corners, normals),
         shear_rows(corners, normals),
         np.sqrt(tri_area(corners))[:, None],
