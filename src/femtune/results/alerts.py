@@ -47,6 +47,7 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_quantify(results),
         *_of_writing(results),
         *_of_model(results),
+        *_of_modes(results),
         *_of_correlation(results),
         *_of_held_masses(study),
         *_of_silent_modes(study),
@@ -213,6 +214,12 @@ def _of_correlation(results: Results) -> Iterable[Alert]:
         if stages and c.stage == stages[-1]:
             yield from _of_unpaired(c)
             yield from c.alerts
+
+
+def _of_modes(results: Results) -> Iterable[Alert]:
+    for m in results.modes:
+        if m.stage == results.modes[-1].stage:
+            yield from m.alerts
 
 
 def _of_unpaired(c: CorrelationResults) -> Iterable[Alert]:

@@ -20,9 +20,10 @@ from femtune.files.nastran.control import UNDERSTOOD_PARAMS
 from femtune.files.nastran.inventory import READ
 from femtune.model import grid_matrix
 from femtune.model.configuration import held_dofs
+from femtune.model.drilling import drilling_modes
 from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
-from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord
+from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord, alert
 from femtune.results.checks import ModelCheck, mass_checks
 
 if TYPE_CHECKING:
@@ -296,6 +297,8 @@ class ModelModes(Record):
     solver: str = ""
     """Eigen-solver and sparse solver that found them: "block Lanczos, sparse factors by PARDISO"; "" in results of
     before it was kept."""
+    alerts: tuple[Alert, ...] = ()
+    """Remarks on these modes: which of them depend on the drilling stiffness of shells."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -640,7 +643,25 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         sturm_sentence="; ".join([sentence if counted else _NOT_TESTED, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
         solver=solution.method,
+        alerts=tuple(_of_drilling(name, solution)),
     )
+
+
+_MOST_DRILLING = 6
+_MOST_GRIDS = 8
+
+
+def _of_drilling(name: str, solution: EigenSolution) -> Iterable[Alert]:
+    """That K6ROT, a number without physical meaning, determines some of the modes."""
+    found = list(drilling_modes(solution))
+    if not found:
+        return
+    shown = [f"mode {m.number} ({m.freq_hz:.5g} Hz, {100.0 * m.share:.2g} %)" for m in found[:_MOST_DRILLING]]
+    more = f" and {len(found) - _MOST_DRILLING} more" if len(found) > _MOST_DRILLING else ""
+    grids = list(dict.fromkeys(grid for m in found for grid in m.grids))
+    places = ", ".join(map(str, grids[:_MOST_GRIDS])) + (" …" if len(grids) > _MOST_GRIDS else "")
+    facts = {"configuration": name, "modes": ", ".join(shown) + more, "grids": places}
+    yield alert("warning", "model.drilling", **facts)
 
 
 def _effective_masses(solution: EigenSolution) -> EffectiveMasses:

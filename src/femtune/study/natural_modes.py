@@ -135,6 +135,7 @@ def _whole(
         model=model,
         modes=records,
         mode_shapes=shapes,
+        alerts=tuple(a for record in records for a in record.alerts),
     )
     return found, arrays
 

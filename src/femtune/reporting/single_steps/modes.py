@@ -26,7 +26,8 @@ def modes_document(subject: Subject, modes: Sequence[ModelModes]) -> Document:
     """One table of frequencies and a sentence each configuration that says whether a mode was missed."""
     verdict, level = sturm_verdict(modes)
     counts = Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))
-    blocks: list[Block] = [*_tables(modes), counts, *solved_by(modes)]
+    alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for m in modes for a in m.alerts]
+    blocks: list[Block] = [*alerts, *_tables(modes), counts, *solved_by(modes)]
     return subject.document(verdict, level, [Section("modes", "Natural frequencies, Hz", tuple(blocks))])
 
 
