@@ -146,3 +146,28 @@ def _part(offset_m: float) -> Part:
 
 def _with(part: Part, **values: float) -> Part:
     return Part(part.kind, part.card, part.connection, {**part.values, **values}, part.facts)
+
+
+# ----------------------------------------------------------------------------------------------------
+# A structure of bars whose modes, all that there are, commercial Nastran lists.
+
+
+def solar_array() -> tuple[Structure, list[int]]:
+    """A mast of four bars with a cross bar at its end, consistent mass, and its held DOFs.
+
+    Superelements 300 and 400 of ``with_se.dat``, a deck of pyYeti, on their fixed interface; commercial Nastran lists
+    all of their modes, `SOLAR_ARRAY` (Hz).
+    """
+    xyz = [[150.0, -30.0, 150.0], *([150.0, -y, 150.0] for y in (330.0, 630.0, 930.0, 1230.0))]
+    xyz += [[-150.0, -1230.0, 150.0], [450.0, -1230.0, 150.0]]
+    section = {"E": 6.894e7, "G": 2.62e7, "A": 28.274, "I1": 63.617, "I2": 63.617, "J": 127.23, "rho": 2.74e-6}
+    pairs = [[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [4, 6]]
+    part = bars(pairs, section, orientation=(0.0, 0.0, 1.0))
+    return make_structure(xyz, [part], consistent_mass=True), list(range(6))
+
+
+SOLAR_ARRAY = [
+    1.651802, 1.676309, 7.026223, 10.92276, 14.00951, 25.15967, 42.26025, 46.96917, 53.66366, 68.26115, 93.78841,
+    101.0555, 171.3940, 182.3487, 235.4550, 254.2636, 276.0296, 339.3789, 435.3642, 453.0683, 516.0363, 557.4849,
+    663.5831, 823.3283, 934.7117, 948.3007, 2783.779, 4122.540, 4547.438, 5953.975, 6123.915,
+]  # fmt: skip
