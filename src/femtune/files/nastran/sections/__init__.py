@@ -10,8 +10,9 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.files.nastran.sections.catalogue import SHAPES
-    from femtune.files.nastran.sections.shape import SECTION_ROLES, Shape, box_torsion, rectangle_torsion
+    from femtune.files.nastran.sections.shape import SECTION_ROLES, Shape
+    from femtune.files.nastran.sections.torsion import rectangle_torsion
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["SECTION_ROLES", "SHAPES", "Shape", "box_torsion", "rectangle_torsion"]
+__all__ = ["SECTION_ROLES", "SHAPES", "Shape", "rectangle_torsion"]

@@ -1,6 +1,6 @@
 """Closed sections: BOX, BOX1.
 
-Torsion after Bredt; shear factors and shear centres by thin-wall theory.
+Torsion after Bredt, with the corners' own part; shear factors and shear centres by thin-wall theory.
 """
 
 from __future__ import annotations
@@ -13,15 +13,12 @@ from femtune.files.nastran.sections.shape import (
     Properties,
     Rectangle,
     Shape,
-    box_torsion,
-    closed_cell,
     composite,
-    rectangle_torsion,
     shear_areas,
     symmetric,
-    thin_walls,
     total,
 )
+from femtune.files.nastran.sections.torsion import arm, box_torsion, crossing, rectangle_torsion, tee, wall
 
 Walls = tuple[tuple[Any, Any], ...]
 
@@ -31,7 +28,8 @@ def _box(w: Any, h: Any, t: Any, s: Any) -> Properties:
     area = w * h - inner_w * inner_h
     I1, I2 = (w * h**3 - inner_w * inner_h**3) / 12.0, (h * w**3 - inner_h * inner_w**3) / 12.0
     upright, level = _ring(w - s, h - t, t, t, s, s)
-    return symmetric(area, I1, I2, box_torsion(w, h, t, s), upright / area, level / area)
+    torsion = box_torsion(inner_w, inner_h, t, t, s, s)
+    return symmetric(area, I1, I2, torsion, upright / area, level / area)
 
 
 def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Properties:
@@ -45,7 +43,7 @@ def _box1(w: Any, h: Any, top: Any, bottom: Any, right: Any, left: Any) -> Prope
         Rectangle(h - top / 2.0, middle, top, inner),
     ]
     b, c = w - (left + right) / 2.0, h - (top + bottom) / 2.0
-    torsion = closed_cell(b * c, (b, top), (b, bottom), (c, left), (c, right))
+    torsion = box_torsion(inner, h - top - bottom, bottom, top, left, right)
     y, z = cell_shear_centre(b, c, bottom, top, left, right)
     centre = bottom / 2.0 + y, left / 2.0 + z
     return composite(parts, torsion, *_ring(b, c, bottom, top, left, right), centre)
@@ -118,8 +116,8 @@ BOX_SHAPES: Mapping[str, Shape] = {
 # ----------------------------------------------------------------------------------------------------
 # Solid sections: BAR, HEXA, CROSS, H.
 #
-# A cross and an H resist torsion as rows of walls. Shear factors: 5/6 of the part that stands in the direction of the
-# shear; a bar across the shear of a CROSS carries none of it.
+# A cross and an H resist torsion as arms and their junctions. Shear factors: 5/6 of the part that stands in the
+# direction of the shear; a bar across the shear of a CROSS carries none of it.
 
 
 SHEAR = 5 / 6
@@ -142,11 +140,13 @@ def _hexagon(wedge: Any, w: Any, h: Any) -> Properties:
 
 def _cross(arms: Any, upright: Any, h: Any, level: Any) -> Properties:
     """`arms` is the length of both arms beyond the upright, `upright` and `level` are thicknesses."""
-    arm = arms / 2.0
-    zero, away = 0.0 * h, (upright + arm) / 2.0
-    parts = [Rectangle(zero, zero, h, upright), Rectangle(zero, away, level, arm), Rectangle(zero, -away, level, arm)]
+    arm_length = arms / 2.0
+    zero, away = 0.0 * h, (upright + arm_length) / 2.0
+    sides = (Rectangle(zero, z, level, arm_length) for z in (away, -away))
+    parts = [Rectangle(zero, zero, h, upright), *sides]
     across = level * (arms + upright)
-    return composite(parts, thin_walls((h, upright), (arms, level)), SHEAR * h * upright, SHEAR * across)
+    torsion = 2.0 * (arm((h - level) / 2.0, upright) + arm(arm_length, level)) + crossing(upright, level)
+    return composite(parts, torsion, SHEAR * h * upright, SHEAR * across)
 
 
 def _h(inner: Any, sides: Any, h: Any, level: Any) -> Properties:
@@ -154,7 +154,7 @@ def _h(inner: Any, sides: Any, h: Any, level: Any) -> Properties:
     side = sides / 2.0
     zero, away = 0.0 * h, (inner + side) / 2.0
     parts = [Rectangle(zero, away, h, side), Rectangle(zero, -away, h, side), Rectangle(zero, zero, level, inner)]
-    torsion = thin_walls((h, side), (h, side), (inner + side, level))
+    torsion = 4.0 * arm((h - level) / 2.0, side) + wall(inner, level) + 2.0 * tee(level, side)
     return composite(parts, torsion, SHEAR * h * sides, level * (inner + side))
 
 

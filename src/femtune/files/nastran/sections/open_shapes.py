@@ -1,6 +1,6 @@
 """Open sections with two flanges: I, I1, CHAN, CHAN1, CHAN2, Z, HAT.
 
-Torsion as thin walls over their middle lines; shear factors and shear centres by thin-wall theory.
+Torsion by walls and their junctions; shear factors and shear centres by thin-wall theory.
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from femtune.files.nastran.sections.shape import Properties, Rectangle, Shape, composite, shear_areas, thin_walls
+from femtune.files.nastran.sections.shape import Properties, Rectangle, Shape, composite, shear_areas
+from femtune.files.nastran.sections.torsion import arm, corner, tee, wall
 
 
 def _i(h: Any, bottom: Any, top: Any, web: Any, bottom_t: Any, top_t: Any) -> Properties:
@@ -19,7 +20,8 @@ def _i(h: Any, bottom: Any, top: Any, web: Any, bottom_t: Any, top_t: Any) -> Pr
         Rectangle(h - top_t / 2.0, zero, top_t, top),
         Rectangle(bottom_t + clear / 2.0, zero, clear, web),
     ]
-    torsion = thin_walls((bottom, bottom_t), (top, top_t), (between, web))
+    torsion = wall(clear, web) + tee(web, bottom_t) + tee(web, top_t)
+    torsion = torsion + 2.0 * (arm((bottom - web) / 2.0, bottom_t) + arm((top - web) / 2.0, top_t))
     stiff_bottom, stiff_top = bottom_t * bottom**3, top_t * top**3
     centre = bottom_t / 2.0 + between * stiff_top / (stiff_top + stiff_bottom), zero
     points = {"low": (zero, zero), "high": (between, zero)}
@@ -45,7 +47,7 @@ def _chan(w: Any, h: Any, web: Any, flange: Any) -> Properties:
         Rectangle(between / 2.0, web + free / 2.0, flange, free),
         Rectangle(-between / 2.0, web + free / 2.0, flange, free),
     ]
-    torsion = thin_walls((between, web), (away, flange), (away, flange))
+    torsion = wall(h - 2.0 * flange, web) + 2.0 * (arm(free, flange) + corner(web, flange))
     behind = 3.0 * away**2 * flange / (6.0 * away * flange + between * web)
     points = {"tip": (-between / 2.0, away), "low": (-between / 2.0, zero), "high": (between / 2.0, zero),
               "end": (between / 2.0, away)}  # fmt: skip
@@ -75,7 +77,7 @@ def _z(free: Any, web: Any, clear: Any, h: Any) -> Properties:
         Rectangle(-y, z, flange, width),
     ]
     length = free + web / 2.0
-    torsion = thin_walls((clear + flange, web), (length, flange), (length, flange))
+    torsion = wall(clear, web) + 2.0 * (arm(free, flange) + corner(web, flange))
     points = {"tip": (y, -length), "high": (y, zero), "low": (-y, zero), "end": (-y, length)}
     walls = [("tip", "high", length, flange), ("high", "low", 2.0 * y, web), ("low", "end", length, flange)]
     upright, level = shear_areas(points, walls)
@@ -91,7 +93,7 @@ def _hat(h: Any, t: Any, w: Any, brim: Any) -> Properties:
         *(Rectangle(-(t + webs) / 2.0, side * half, webs, t) for side in (1.0, -1.0)),
         *(Rectangle(-deep, side * edge, t, brim + t) for side in (1.0, -1.0)),
     ]
-    torsion = thin_walls((2.0 * (half + deep + out), t))
+    torsion = wall(w - 2.0 * t + 2.0 * webs, t) + 2.0 * arm(brim, t) + 4.0 * corner(t, t)
     points = {"tip": (-deep, -half - out), "low": (-deep, -half), "left": (zero, -half), "right": (zero, half),
               "foot": (-deep, half), "end": (-deep, half + out)}  # fmt: skip
     lengths = (out, deep, 2.0 * half, deep, out)
@@ -153,15 +155,15 @@ OPEN_SHAPES: Mapping[str, Shape] = {
 # ----------------------------------------------------------------------------------------------------
 # Open sections of two walls: T, T1, T2, L.
 #
-# Torsion as thin walls over their middle lines, shear factors by thin-wall theory; the shear centre is where the
-# middle lines meet, since the shear flows of all walls pass through it.
+# Torsion by arms and their junction, shear factors by thin-wall theory; the shear centre is where the middle lines
+# meet, since the shear flows of all walls pass through it.
 
 
 def _t(w: Any, h: Any, flange: Any, web: Any, up: float = 1.0) -> Properties:
     """Flange at the top (up = 1) or at the bottom (up = −1); y from the flange's middle line."""
     zero, stem = 0.0 * h, h - flange
     parts = [Rectangle(zero, zero, flange, w), Rectangle(-up * h / 2.0, zero, stem, web)]
-    torsion = thin_walls((w, flange), (h - flange / 2.0, web))
+    torsion = 2.0 * arm((w - web) / 2.0, flange) + arm(stem, web) + tee(web, flange)
     points = {"left": (zero, -w / 2.0), "right": (zero, w / 2.0), "joint": (zero, zero),
               "foot": (-up * (h - flange / 2.0), zero)}  # fmt: skip
     walls = [("left", "joint", w / 2.0, flange), ("right", "joint", w / 2.0, flange),
@@ -184,7 +186,7 @@ def _l(w: Any, h: Any, level: Any, upright: Any) -> Properties:
         Rectangle((h - level) / 2.0, zero, h, upright),
         Rectangle(zero, w / 2.0, level, free),
     ]
-    torsion = thin_walls((w - upright / 2.0, level), (h - level / 2.0, upright))
+    torsion = arm(free, level) + arm(h - level, upright) + corner(level, upright)
     across, along = w - upright / 2.0, h - level / 2.0
     points = {"right": (zero, across), "corner": (zero, zero), "top": (along, zero)}
     areas = shear_areas(points, [("right", "corner", across, level), ("corner", "top", along, upright)])

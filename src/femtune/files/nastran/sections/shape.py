@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
+from femtune.files.nastran.sections.torsion import larger, rectangle_torsion
 from femtune.parameters.jet import Jet
 
 # area, moments of inertia about the neutral axis, torsion, shear factors, neutral axis from the shear centre
@@ -98,7 +100,7 @@ def composite(
     Parameters
     ----------
     parts : the rectangles
-    torsion : torsion constant
+    torsion : torsion constant; not below that of the rectangles alone, nor above that of a rectangle around them
     upright, level : areas that carry the shear along y and along z; the shear factors are their shares
     centre : shear centre (y, z) in the drawing; None where it is the centroid
     """
@@ -111,7 +113,19 @@ def composite(
     I12 = total([a * ((p.y - y) * (p.z - z)) for a, p in zip(areas, parts)])
     ys, zs = (y, z) if centre is None else centre
     offset = {"N1": y - ys + 0.0 * A, "N2": z - zs + 0.0 * A}
+    torsion = larger(torsion, total([rectangle_torsion(p.width, p.height) for p in parts]))
+    torsion = -larger(-torsion, -rectangle_torsion(*_extents(parts)))
     return {"A": A, "I1": I1, "I2": I2, "I12": I12, "J": torsion, "K1": upright / A, "K2": level / A, **offset}
+
+
+def _extents(parts: Sequence[Rectangle]) -> tuple[Any, Any]:
+    """Height and width of all rectangles together."""
+    ends = ([(p.y, p.height) for p in parts], [(p.z, p.width) for p in parts])
+    height, width = (
+        reduce(larger, [c + e / 2.0 for c, e in along]) + reduce(larger, [e / 2.0 - c for c, e in along])
+        for along in ends
+    )
+    return height, width
 
 
 def total(terms: Sequence[Any]) -> Any:
@@ -120,35 +134,6 @@ def total(terms: Sequence[Any]) -> Any:
     for term in terms[1:]:
         out = out + term
     return out
-
-
-# ----------------------------------------------------------------------------------------------------
-# Torsion constants: a solid rectangle, thin walls in a row, closed boxes.
-#
-# Sources: Roark's Formulas for Stress and Strain, table 10.7 (rectangle); Bredt's formula (closed cells); thin walls
-# resist as Σ b t³/3 over their middle lines (Timoshenko and Goodier, Theory of Elasticity, section 109).
-
-
-def rectangle_torsion(w: Any, h: Any) -> Any:
-    """Torsion constant of a solid rectangle, a b³ (1/3 − 0.21 b/a (1 − b⁴/12a⁴)) with a ≥ b (Roark, table 10.7)."""
-    wide = getattr(w, "value", w).real >= getattr(h, "value", h).real
-    a, b = (w, h) if wide else (h, w)
-    return a * b**3 * (1 / 3 - 0.21 * b / a * (1.0 - b**4 / (12.0 * a**4)))
-
-
-def thin_walls(*walls: tuple[Any, Any]) -> Any:
-    """Torsion constant Σ b t³/3 of an open section from lengths b and thicknesses t of its walls."""
-    return total([length * thickness**3 for length, thickness in walls]) / 3.0
-
-
-def closed_cell(area: Any, *walls: tuple[Any, Any]) -> Any:
-    """Torsion constant 4 A² / Σ b/t of a closed cell from the area inside its middle line (Bredt)."""
-    return 4.0 * area**2 / total([length / thickness for length, thickness in walls])
-
-
-def box_torsion(w: Any, h: Any, t: Any, s: Any) -> Any:
-    """Torsion constant of a thin-walled box (Bredt): t at top and bottom, s at the sides."""
-    return 2.0 * s * t * (w - s) ** 2 * (h - t) ** 2 / (w * s + h * t - s**2 - t**2)
 
 
 # ----------------------------------------------------------------------------------------------------
