@@ -123,6 +123,33 @@ def test_neutral_axis_beside_the_shear_centre_is_a_rigid_arm():
         np.testing.assert_allclose(M[1], M[0], rtol=0, atol=1e-13 * np.abs(M[0]).max())
 
 
+@pytest.mark.parametrize(("consistent", "tolerance"), [(False, 4e-3), (True, 2e-3)])
+def test_neutral_axis_beside_the_shear_centre_couples_bending_and_torsion(consistent: bool, tolerance: float):
+    """Forks at both ends: v and θ are sines, and bending of the shear centre and torsion meet by the mass alone.
+
+    With the mass at n from the shear centre v − nθ moves it: [[EI k⁴, 0], [0, GJ k²]] against
+    [[m, −mn], [−mn, ρ(I1 + I2) + mn²]], k = iπ/L (Timoshenko, Vibration Problems in Engineering, coupled vibrations).
+    """
+    L, n, elements = 2.0, 0.04, 40
+    section = SECTION | {"N2": n, "NSM": 0.0, "K1": 0.0, "K2": 0.0}
+    points = [[L * i / elements, 0.0, 0.0] for i in range(elements + 1)]
+    part = tapered([[i, i + 1] for i in range(elements)], MATERIAL, [0.0, 1.0], one_value(section))
+    across = {6 * i + c for i in range(elements + 1) for c in (2, 4)}
+    forks = {0, *(6 * i + c for i in (0, elements) for c in (1, 3))}
+    found = dense_modes(make_structure(points, [part], consistent_mass=consistent), across | forks)
+
+    def sines(n: float) -> np.ndarray:
+        k, mass = np.pi * np.arange(1, 6) / L, MATERIAL["rho"] * section["A"]
+        inertia = MATERIAL["rho"] * (section["I1"] + section["I2"]) + mass * n**2
+        stiffness = MATERIAL["E"] * section["I1"] * k**4, MATERIAL["G"] * section["J"] * k**2
+        M = np.array([[mass, -mass * n], [-mass * n, inertia]])
+        pairs = [np.linalg.eigvals(np.linalg.solve(M, np.diag(pair))) for pair in zip(*stiffness)]
+        return np.sort(np.sqrt(np.concatenate(pairs)))[:5] / (2 * np.pi)
+
+    assert np.abs(sines(n) / sines(0.0) - 1.0).max() > 0.1
+    np.testing.assert_allclose(found[:5], sines(n), rtol=tolerance)
+
+
 @pytest.mark.parametrize("consistent", [False, True])
 def test_mass_and_rigid_motion(consistent: bool):
     """Mass, first moments and rotary inertia of linear densities on arms; no rigid motion strains the beam."""

@@ -203,3 +203,11 @@ def test_many_errors_are_cut_to_twenty(deck_of: DeckOf) -> None:
         build_structure(deck_of(text))
     assert "30 more problems are not shown" in str(error.value)
     assert str(error.value).count("deck.unknown-grid") == 20
+
+
+@pytest.mark.parametrize(("value", "level"), [("0", "info"), ("1", "warning")])
+def test_inertia_of_bars_that_is_asked_for_is_told(deck_of: DeckOf, value: str, level: str):
+    model = build_structure(deck_of(f"SOL 103\nCEND\nBEGIN BULK\nPARAM,BARMASS,{value}\nGRID,1,,0.,0.,0.\nENDDATA\n"))
+    (notice,) = [n for n in model.notices if n.code == "deck.ignored-param"]
+    assert notice.level == level
+    assert "no torsional and rotary inertia" in notice.what

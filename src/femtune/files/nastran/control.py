@@ -17,6 +17,7 @@ UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W
 _PROPORTIONAL = ": damping proportional to mass and stiffness is not modelled"
 _WHY_IGNORED = {
     "SNORM": ": the angle up to which shells share a normal is fixed",
+    "BARMASS": ": CBAR has no torsional and rotary inertia here, as with BARMASS 0; CBEAM has torsional inertia",
     **dict.fromkeys(("ALPHA1", "ALPHA2"), _PROPORTIONAL),
 }
 
@@ -146,12 +147,12 @@ def _bad_param(name: str, given: DeckParameter, expected: str) -> FemtuneError:
 
 
 def ignored_params(deck: Deck) -> list[Notice]:
-    """PARAM cards that have no meaning here."""
+    """PARAM cards that have no meaning here; a warning where one would change the modes of the deck."""
     return [
         Notice(
             "deck.ignored-param",
             where=given.card.where(),
-            level="info",
+            level="warning" if name == "BARMASS" and given.value not in ("", "0") else "info",
             name=name,
             given_value=given.value,
             reason=_WHY_IGNORED.get(name, ""),
