@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from femtune.reporting import build_report, print_terminal
-from femtune.reporting.document import Document, Figure
+from femtune.reporting.document import Document, Figure, Table
 from femtune.reporting.sections.identifiability import joined_rows
 from femtune.results.results import Results
 
@@ -32,6 +32,27 @@ def test_it_fits_two_screens_and_says_each_reason_once(document: Document) -> No
     assert text.count("braces vibrate on their own") == 1
     assert "Left out, BC, NC, SC: 4a, 4b:" in text
     assert "NASA-STD-5002" not in text
+
+
+def test_the_ratio_of_standard_deviations_is_that_of_the_two_in_the_report(
+    document: Document, data: dict[str, Any]
+) -> None:
+    table = next(
+        b
+        for s in document.short
+        for b in s.blocks
+        if isinstance(b, Table) and "σ / prior σ" in [c.title for c in b.columns]
+    )
+    at = [c.title for c in table.columns].index("σ / prior σ")
+    prior = {p["name"]: p["prior_sd"] for p in data["parameters"]}
+    spread = {p["name"]: p["sd"] for p in data["update"]["parameters"]}
+    shown = {r[0].text: r[at].text for r in table.rows}
+    assert any(text != "–" for text in shown.values())
+    for name, text in shown.items():
+        if spread[name] is None or prior[name] is None:
+            assert text == "–"
+        else:
+            assert float(text) == pytest.approx(spread[name] / prior[name], abs=0.006)
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,20 @@ def test_a_parameter_is_tested_by_the_independent_residuals_of_shapes(bench: Ben
     assert stats.f.sf(gain * (len(r) - 1) / (r @ r - gain), 1, len(r) - 1) < 0.9 * p
 
 
+def test_relative_weights_mean_the_same_in_any_unit(bench: Bench):
+    """With estimated variance only ratios of the standard deviations count: 1 and 5 say what .01 and .05 say."""
+    bench.uff(bench.measure(bench.truth()))
+
+    def ratios(frequency: float, shape: float, scatter: str) -> list[float]:
+        stated = f'frequency_sd = {frequency}\nshape_sd = {shape}\nscatter = "{scatter}"\n'
+        found = steps.select(bench.study(f"{EI}[residuals]\n{stated}")).record
+        return [p.sd_ratio or 0.0 for p in found.parameters]
+
+    assert ratios(1.0, 5.0, "estimated") == pytest.approx(ratios(0.01, 0.05, "estimated"), rel=1e-6)
+    assert max(ratios(1.0, 5.0, "estimated")) < 0.2
+    assert min(ratios(1.0, 5.0, "stated")) > 0.9
+
+
 def test_parameters_that_do_the_same_are_told(beam: Bench):
     """Frequencies of one plane: E and both I1 together do the same."""
     out = ", ".join(f'{{ mode = "{m}", reason = "other plane" }}' for m in (2, 4))
