@@ -21,6 +21,7 @@ from femtune.modal.assignment import linear_sum_assignment
 from femtune.modal.subspace import RANK_TOLERANCE
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrequencyResidual, ShapeResidual, UpdateProblem
 from femtune.residuals.case import Group
+from femtune.residuals.pairing import Joined
 from femtune.residuals.weights import as_weights
 
 CLOSE_MODES = 0.1
@@ -56,8 +57,9 @@ class BestPairing(UpdateProblem):
         """One solution; `before` has no effect."""
         return self.at(x, derivatives)
 
-    def pair_again(self, at: Evaluation) -> Evaluation:
-        """The same point with derivatives."""
+    def pair_again(self, at: Evaluation, joined: Sequence[Joined] = ()) -> Evaluation:
+        """The same point with derivatives; the pairing here never alternates."""
+        del joined
         return at if at.has_derivatives else self.assess(at.x, at.states)
 
     def at(self, x: Reals, derivatives: bool) -> Evaluation:

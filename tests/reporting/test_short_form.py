@@ -10,9 +10,13 @@ import pytest
 from rich.console import Console
 
 from femtune.reporting import build_report, print_terminal
-from femtune.reporting.document import Document, Figure
+from femtune.reporting.document import Document, Figure, Paragraph, Table
 from femtune.reporting.sections.identifiability import joined_rows
+from femtune.reporting.sections.parameters import interval_remarks
+from femtune.reporting.sections.validation import outcome_sentence
 from femtune.results.results import Results
+from femtune.results.update import ParameterResult
+from femtune.results.validation import ValidationResults
 
 
 def _printed(document: Document) -> str:
@@ -32,6 +36,90 @@ def test_it_fits_two_screens_and_says_each_reason_once(document: Document) -> No
     assert text.count("braces vibrate on their own") == 1
     assert "Left out, BC, NC, SC: 4a, 4b:" in text
     assert "NASA-STD-5002" not in text
+
+
+def test_the_ratio_of_standard_deviations_is_that_of_the_two_in_the_report(
+    document: Document, data: dict[str, Any]
+) -> None:
+    table = next(
+        b
+        for s in document.short
+        for b in s.blocks
+        if isinstance(b, Table) and "σ / prior σ" in [c.title for c in b.columns]
+    )
+    at = [c.title for c in table.columns].index("σ / prior σ")
+    prior = {p["name"]: p["prior_sd"] for p in data["parameters"]}
+    spread = {p["name"]: p["sd"] for p in data["update"]["parameters"]}
+    shown = {r[0].text: r[at].text for r in table.rows}
+    assert any(text != "–" for text in shown.values())
+    for name, text in shown.items():
+        if spread[name] is None or prior[name] is None:
+            assert text == "–"
+        else:
+            assert float(text) == pytest.approx(spread[name] / prior[name], abs=0.006)
+
+
+def _conditions(multipliers: dict[str, float]) -> dict[str, Any]:
+    signs = [{"parameter": name, "value": v} for name, v in multipliers.items()]
+    return {"projected_gradient": 2e-6, "predicted_decrease": 1e-12, "multipliers": signs}
+
+
+def test_it_says_which_point_the_result_is(data: dict[str, Any], arrays: dict[str, Any]) -> None:
+    update = data["update"]
+    update |= {"chi_square": 12.5, "certificate": _conditions({"a": 0.3, "b": 0.1}), "smallest_change": None}
+
+    def said() -> str:
+        return " ".join(_printed(build_report(Results.model_validate(data), arrays)).split())
+
+    assert "the minimum within the bounds, χ² = 12.5 (projected gradient 2e−6, 0 of 2 multipliers negative)" in said()
+    update["smallest_change"] = {
+        "chi_square": 12.3, "allowed": 0.25, "increase": 0.2, "weight": 0.1, "size": 3.0, "optimum_size": 4.0,
+        "optimum": [], "optimum_at_bound": [],
+    }  # fmt: skip
+    assert "the smallest change whose χ² is at most 0.25 above the minimum within the bounds, 12.3; it is 0.2" in said()
+    update["certificate"] = None
+    assert "within the bounds, 12.3" not in said()
+
+
+def _parameter(name: str, at_bound: str = "", kind: str = "truncated") -> ParameterResult:
+    found = {"name": name, "value": 1.0, "sd": 0.2, "sd_reason": "", "change_percent": 0.0, "written": ()}
+    ends = {"interval_95": (1.1, 1.5), "interval_kind": kind, "at_bound": at_bound}
+    return ParameterResult.model_validate({**found, **ends})
+
+
+def test_values_off_the_bounds_and_outside_their_intervals_are_named() -> None:
+    (one,) = interval_remarks([_parameter("a", "lower"), _parameter("b")])
+    assert isinstance(one, Paragraph)
+    assert "A value on its bound is at an end of this distribution" in one.text
+    assert "The value of b lies outside its interval: bounds cut off" in one.text
+    (two,) = interval_remarks([_parameter("a"), _parameter("b", kind="bounds")])
+    assert isinstance(two, Paragraph)
+    assert "The values of a and b lie outside their intervals" in two.text
+    assert "hardly narrow b: its interval is nearly as wide as the bounds allow" in two.text
+
+
+def test_criteria_that_were_not_tested_are_counted_beside_those_that_passed() -> None:
+    one = {
+        "configuration": "c",
+        "data": "d",
+        "criterion": "e",
+        "sense": "at most",
+        "required": 5.0,
+        "unit": "%",
+        "sentence": "",
+    }
+    passed = {**one, "measured": 1.0, "verdict": "pass", "remark": "", "noise": ""}
+    not_tested = {**one, "measured": None, "verdict": "not tested", "remark": "one DOF", "noise": ""}
+
+    def sentence(*verdicts: dict[str, Any]) -> str:
+        empty = {"predictions": (), "not_tested": (), "profile": "all standards", "held_out_sensors": (), "shapes": ()}
+        return outcome_sentence(ValidationResults.model_validate({**empty, "verdicts": verdicts}))
+
+    assert sentence(passed, not_tested, not_tested).endswith(
+        "1 of 1 criterion passed (all standards), 2 were not tested"
+    )
+    assert sentence(passed).endswith("1 of 1 criterion passed (all standards)")
+    assert sentence(not_tested) == ""
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from femtune.residuals import (
 )
 from femtune.residuals.frequency import frequency_residual
 from femtune.residuals.mac import mac_residual
-from femtune.residuals.pairing import keep_paired, track
+from femtune.residuals.pairing import alternating, join, keep_paired, track
 from femtune.residuals.shape import shape_difference
 from femtune.testing import ResidualDerivativeChecks, check_residual
 from structures.springs import factor_model, sensor_rows, simulated_case, spring_structure
@@ -200,3 +200,21 @@ def test_mean_error_of_equal_misfits_is_their_size():
     assert found.mean_error == pytest.approx(0.03, rel=1e-9)
     assert [b.error for b in found.blocks] == pytest.approx([0.03] * 3)
     assert found.blocks[0].label == "as the deck mode 1 frequency"
+
+
+def test_modes_that_alternate_are_those_that_share_a_group_or_a_partner():
+    single = (((0,), (0,)), ((1,), (1,)), ((2,), (2,)), ((3,), (3,)), ((4,), (4,)))
+    swapped = (((0,), (1,)), ((1,), (0,)), ((2,), (2,)), ((3,), (3,)), ((4,), (4,)))
+    grouped = (((0,), (0,)), ((1,), (1,)), ((2, 3), (2, 3)), ((4,), (4,)))
+    assert alternating([(single, swapped)]) == (frozenset({0, 1}),)
+    assert alternating([(single, grouped)]) == (frozenset({2, 3}),)
+    assert set(alternating([(single, swapped), (grouped, single)])) == {frozenset({0, 1}), frozenset({2, 3})}
+    assert alternating([(single, single[:4])]) == ()
+    assert alternating([]) == ()
+
+
+def test_joined_test_modes_are_one_group_with_all_their_partners():
+    single = (((0,), (1,)), ((1,), (0,)), ((2,), (2,)))
+    assert join(single, (frozenset({0, 1}),)) == (((0, 1), (0, 1)), ((2,), (2,)))
+    assert join((((0, 1), (0, 1)), ((2,), (2,))), (frozenset({1, 2}),)) == (((0, 1, 2), (0, 1, 2)),)
+    assert join(single[2:], (frozenset({0, 1}),)) == single[2:]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femtune.selection
-from femtune.selection import combination_text, determined, identifiability, sentences, verdict
+from femtune.selection import combination_text, determined, estimated_size, identifiability, sentences, verdict
 from femtune.selection.combinations import sparse_basis
 
 NAMES = tuple("abcdef")
@@ -31,6 +31,23 @@ def test_orthogonal_columns_by_hand():
     np.testing.assert_allclose(found.sensitivity, [3.0, 0.5])
     assert found.rank == 2
     assert [c.reduction for c in found.weak] == pytest.approx([1 / np.sqrt(1.25)])
+
+
+def test_smaller_residuals_narrow_every_combination():
+    """Of half the stated standard deviation: d = 2 × (3, 0.5); what is undetermined is not changed by the size."""
+    J, spread = np.diag([30.0, 0.25, 1e-5]), np.array([0.1, 2.0, 1.0])
+    found = identifiability(J, spread, NAMES[:3], size=0.5)
+    np.testing.assert_allclose(found.reduction[:2], [1 / np.sqrt(37.0), 1 / np.sqrt(2.0)])
+    assert found.rank == identifiability(J, spread, NAMES[:3], size=1e-6).rank == 2
+
+
+def test_size_of_residuals_from_what_no_parameter_changes():
+    """One column along the first of five residuals, one combination lost: (1 + 4 + 4)/3 degrees of freedom."""
+    column = np.array([[2.0], [0.0], [0.0], [0.0], [0.0]])
+    r = np.array([7.0, 1.0, 2.0, -2.0, 0.0])
+    assert estimated_size(column, r, lost=1) == pytest.approx(np.sqrt(3.0))
+    assert estimated_size(column, r, lost=4) == 1.0
+    assert 0.0 < estimated_size(column, np.array([7.0, 0.0, 0.0, 0.0, 0.0]), lost=0) < 1e-7
 
 
 def test_two_parameters_that_act_alike():
@@ -121,7 +138,7 @@ def test_sentences():
 
 def test_verdicts():
     assert [verdict(r).split(":")[0] for r in (0.1, 0.5, 0.9)] == [
-        "determined by the data", "partly determined", "not determined by the data",
+        "determined by the data", "partly determined", "weakly determined",
     ]  # fmt: skip
 
 

@@ -9,12 +9,13 @@ import pytest
 from scipy import stats
 
 from femtune.arrays import Reals
-from femtune.selection import Subset, forward_selection, stepwise_selection
+from femtune.selection import Subset, collinearity, fisher_information, forward_selection, stepwise_selection
+from femtune.selection.information import measure_sentences
 
 SELECTIONS = (forward_selection, stepwise_selection)
 COUNTS = (1, 4, 8, 20, 40)
 
-Selection = Callable[[Reals, Reals, tuple[str, ...]], Subset]
+Selection = Callable[..., Subset]
 
 
 def _names(count: int) -> tuple[str, ...]:
@@ -96,6 +97,42 @@ def test_one_candidate_is_tested_by_f(select: Selection, amount: float) -> None:
         assert found.steps[0].f_value == pytest.approx(f)
         assert found.steps[0].p_value == pytest.approx(p, rel=1e-9)
         assert found.steps[0].candidates == 1
+
+
+SENSORS = 3
+
+
+def _of_unit_norm(shapes: int, count: int) -> tuple[Reals, Reals]:
+    """Projection that takes from residuals of shapes what unit norm takes from them, and columns of such residuals."""
+    v = np.random.default_rng(8).standard_normal((shapes, SENSORS))
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    blocks = [np.eye(SENSORS) - np.outer(w, w) for w in v]
+    P = np.zeros((shapes * SENSORS, shapes * SENSORS))
+    for i, block in enumerate(blocks):
+        P[i * SENSORS : (i + 1) * SENSORS, i * SENSORS : (i + 1) * SENSORS] = block
+    return P, P @ _columns(shapes * SENSORS, count)
+
+
+@pytest.mark.parametrize("select", SELECTIONS)
+def test_shapes_of_unit_norm_count_their_independent_residuals(select: Selection) -> None:
+    """Six shapes at three sensors, eight candidates: 4 degrees of freedom, not 10, with which noise chooses in 40 %."""
+    P, S = _of_unit_norm(6, 8)
+    rng, names = np.random.default_rng(9), _names(8)
+    found = [select(S, P @ rng.standard_normal(len(S)), names, lost=6).chosen for _ in range(300)]
+    assert 100.0 * np.mean([bool(chosen) for chosen in found]) == pytest.approx(5.0, abs=3.8)
+
+
+def test_relative_weights_without_freedom_choose_nothing() -> None:
+    """As many candidates as independent residuals: only stated deviations tell noise from effects."""
+    P, S = _of_unit_norm(2, 4)
+    r = P @ np.array([40.0, 1.0, 30.0, 2.0, 5.0, 20.0])
+    assert forward_selection(S, r, _names(4), lost=2).chosen
+    found = forward_selection(S, r, _names(4), lost=2, variance_stated=False)
+    assert found.chosen == ()
+    assert len(found.steps) == 4
+    assert np.isnan([s.p_value for s in found.steps]).all()
+    (said,) = measure_sentences(collinearity(S, _names(4)), fisher_information(S, _names(4)), found)[:1]
+    assert "Not tested" in said
 
 
 def test_one_candidate_without_freedom_is_tested_by_the_normal_distribution() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from femtune import steps
 from femtune.assembly.progress import silent
@@ -52,6 +53,37 @@ def test_the_parameters_that_are_wrong_explain_the_residual(beam: Bench):
     mass = '[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
     found = _measures(beam.study(EI + mass))
     assert "root" in [s.parameter for s in found.subset if s.chosen][:1]
+
+
+def test_a_parameter_is_tested_by_the_independent_residuals_of_shapes(bench: Bench):
+    """Each shape of unit norm has one independent value less than entries."""
+    bench.uff(bench.measure(bench.truth(), "3Y+", "5Y+", "3Z+"))
+    one = EI.split("[[parameter]]")[1]
+    study = load_study(bench.study(f"[[parameter]]{one}[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"), silent)
+    problem = study.problem()
+    at = problem.start(np.zeros(1))
+    r, column = at.residuals, at.jacobian[:, 0]
+    shapes = len({b.mode for b in at.blocks if b.kind == "shape"})
+    gain = (column @ r) ** 2 / (column @ column)
+    freedom = len(r) - shapes - 1
+    p = stats.f.sf(gain * freedom / (r @ r - gain), 1, freedom)
+    (step,) = _measures(study.file.path).subset
+    assert step.p_value == pytest.approx(p, rel=1e-6)
+    assert stats.f.sf(gain * (len(r) - 1) / (r @ r - gain), 1, len(r) - 1) < 0.9 * p
+
+
+def test_relative_weights_mean_the_same_in_any_unit(bench: Bench):
+    """With estimated variance only ratios of the standard deviations count: 1 and 5 say what .01 and .05 say."""
+    bench.uff(bench.measure(bench.truth()))
+
+    def ratios(frequency: float, shape: float, scatter: str) -> list[float]:
+        stated = f'frequency_sd = {frequency}\nshape_sd = {shape}\nscatter = "{scatter}"\n'
+        found = steps.select(bench.study(f"{EI}[residuals]\n{stated}")).record
+        return [p.sd_ratio or 0.0 for p in found.parameters]
+
+    assert ratios(1.0, 5.0, "estimated") == pytest.approx(ratios(0.01, 0.05, "estimated"), rel=1e-6)
+    assert max(ratios(1.0, 5.0, "estimated")) < 0.2
+    assert min(ratios(1.0, 5.0, "stated")) > 0.9
 
 
 def test_parameters_that_do_the_same_are_told(beam: Bench):

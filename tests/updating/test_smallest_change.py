@@ -84,6 +84,51 @@ def test_no_general_solver_ends_lower(seed: int, k: int):
     assert min(result.certificate.multipliers.values()) >= 0.0
 
 
+def tower(seed: int, gap: float, storeys: int = 5, modes: int = 6) -> UpdateProblem:
+    """Two chains of nearly equal stiffness, tied by soft springs, so that modes are close and turn into each other."""
+    rng = np.random.default_rng(seed)
+    one = [(max(i - 1, 0), i if i else -1, 1e6) for i in range(storeys)]
+    two = [(a + storeys, b + storeys if b >= 0 else -1, k * (1.0 - gap)) for a, b, k in one]
+    ties = [(i, storeys + i, 2e4) for i in range(storeys)]
+    groups = {f"k{i}": [i + 1] for i in range(2 * storeys)}
+    own = [Parameter(name, 1.0, 0.5, 1.8) for name in groups]
+    model = factor_model(spring_structure([*one, *two, *ties], np.ones(2 * storeys)), groups, more=own)
+    changed = [
+        (a, b, k * float(rng.uniform(0.7, 1.4) * np.exp(0.15 * rng.standard_normal()))) for a, b, k in [*one, *two]
+    ]
+    changed += [(a, b, k * float(np.exp(0.5 * rng.standard_normal()))) for a, b, k in ties]
+    there = factor_model(spring_structure(changed, np.exp(0.1 * rng.standard_normal(2 * storeys))), groups, more=own)
+    sensors = list(range(1, 2 * storeys, 2))
+    found = simulated_case(there, np.zeros(2 * storeys), sensors, modes).test
+    frequencies = found.freq_hz * (1.0 + 0.003 * rng.standard_normal(modes))
+    shapes = found.shapes * (1.0 + 0.03 * rng.standard_normal(found.shapes.shape))
+    case = simulated_case(model, np.zeros(2 * storeys), sensors, modes, count=modes + 3)
+    case = replace(case, test=ModeSet(frequencies, shapes, found.dofs, source="simulated"))
+    return UpdateProblem((case,), model.model.parameters, (FrequencyResidual(0.003), ShapeResidual(0.03)))
+
+
+@pytest.mark.parametrize(("seed", "gap"), [(21, 0.1), pytest.param(3, 0.05, marks=pytest.mark.slow)])
+def test_modes_whose_pairing_alternates_end_at_a_minimum_as_a_subspace(seed: int, gap: float):
+    """The objective with two single modes and with their subspace differ, and each leads to the other."""
+    problem = tower(seed, gap)
+    result = update(problem, MINIMUM)
+    assert result.status.ok
+    (said,) = [text for text in result.events if "alternated" in text]
+    (together,) = [tests for tests, _ in result.after.states[0].groups if len(tests) == 2]
+    labels = [problem.cases[0].test.labels[i] for i in together]
+    assert f"test modes {labels[0]} and {labels[1]} are compared as one subspace" in said
+    assert result.certificate is not None
+    assert result.certificate.predicted_decrease < 1e-9
+    lower, upper = problem.parameters.bounds
+    found = least_squares(
+        lambda v: problem.follow(v, result.after, derivatives=False).residuals,
+        np.clip(result.x, lower + 1e-9, upper - 1e-9),
+        lambda v: problem.follow(v, result.after).jacobian,
+        (lower, upper), ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=100,
+    )  # fmt: skip
+    assert found.cost >= result.objective * (1.0 - 1e-6)
+
+
 @pytest.mark.parametrize("search", [LineSearch(), GaussNewton()])
 def test_the_other_searches_end_there(search: LineSearch | GaussNewton):
     problem = lattice(1)

@@ -198,7 +198,7 @@ def test_pairing_cycles(monkeypatch: pytest.MonkeyPatch):
     """A pairing that changes after every step."""
     original = UpdateProblem.pair_again
 
-    def swaps(self: UpdateProblem, at: object) -> object:
+    def swaps(self: UpdateProblem, at: object, joined: object = ()) -> object:
         fresh = original(self, at)  # type: ignore[arg-type]
         (state,) = fresh.states
         rest = state.groups[:3] if len(state.groups) == 4 else (*state.groups, ((3,), (3,)))

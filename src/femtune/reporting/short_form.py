@@ -107,7 +107,6 @@ def _parameters(source: ReportSource) -> list[Block]:
     if update is None or not facts:
         return []
     results = {p.name: p for p in update.parameters}
-    ratios = {p.parameter: p.sd_ratio for p in source.results.selection.parameters} if source.results.selection else {}
     heads = columns("Parameter", "Unit", ">Nominal", ">Updated", ">± σ", ">95 %", ">Change %", ">σ / prior σ", "")
     rows = []
     for fact in facts[:_PARAMETERS]:
@@ -116,7 +115,7 @@ def _parameters(source: ReportSource) -> list[Block]:
             spread = short(result.sd) if result.sd is not None else NONE
             remark = _remark(fact, result.sd_reason if result.sd is None else "")
             change = signed_percent(result.change_percent)
-            ratio = percent(ratios.get(fact.name))
+            ratio = NONE if result.sd is None or not fact.prior_sd else percent(result.sd / fact.prior_sd)
             rows.append(
                 row(
                     fact.name,

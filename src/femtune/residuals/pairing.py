@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from numpy.typing import NDArray
 
 from femtune.correlation import Pairing, pair_modes
@@ -66,6 +68,34 @@ def keep_paired(before: tuple[Group, ...], fresh: tuple[Group, ...]) -> tuple[Gr
     return before if lost else found
 
 
+Joined = tuple[frozenset[int], ...]
+"""Sets of test modes of one case that are compared as one subspace each, however close they are."""
+
+
+def join(groups: tuple[Group, ...], joined: Joined) -> tuple[Group, ...]:
+    """Groups in which all that have a test mode of one of the sets are one group."""
+    for tests in joined:
+        inside = [g for g in groups if tests & set(g[0])]
+        one = tuple(sorted(i for g in inside for i in g[0])), tuple(sorted(j for g in inside for j in g[1]))
+        groups = tuple(sorted([*(g for g in groups if g not in inside), *([one] if inside else [])]))
+    return groups
+
+
+def alternating(changes: Sequence[tuple[tuple[Group, ...], tuple[Group, ...]]]) -> Joined:
+    """Sets of test modes whose partners or groups changed, from groups before and after each change at one point.
+
+    Test modes belong together if they were in one group, or had one partner.
+    """
+    found: list[set[int]] = []
+    for before, after in changes:
+        changed = set(before) ^ set(after)
+        for tests, models in changed:
+            near = {i for other, theirs in changed if set(models) & set(theirs) for i in other} | set(tests)
+            touched = [known for known in found if known & near]
+            found = [known for known in found if known not in touched] + [near.union(*touched)]
+    return tuple(frozenset(known) for known in found if len(known) > 1)
+
+
 def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[Group, ...]) -> list[str]:
     """Sentences on test modes whose partners changed."""
     old, new = ({i: models for tests, models in groups for i in tests} for groups in (before, after))
@@ -75,6 +105,15 @@ def describe_change(case: ComparedCase, before: tuple[Group, ...], after: tuple[
             partners = f"{_partner(old.get(i))} before, {_partner(new.get(i))} now"
             sentences.append(f"{case.name}: test mode {case.test.labels[i]} {partners}")
     return sentences
+
+
+def describe_joined(case: ComparedCase, joined: Joined) -> list[str]:
+    """Sentences on test modes that are compared as one subspace from here on."""
+    return [
+        f"{case.name}: test modes {' and '.join(case.test.labels[i] for i in sorted(tests))} are compared as one "
+        "subspace from here on, because their pairing alternated"
+        for tests in joined
+    ]
 
 
 def _partner(models: tuple[int, ...] | None) -> str:

@@ -16,7 +16,7 @@ from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
-from femtune.residuals.pairing import keep_paired, modes_at_sensors, pair_case
+from femtune.residuals.pairing import Joined, join, keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
 from femtune.residuals.weights import ResidualBlock, without_common_error
 
@@ -170,12 +170,14 @@ class UpdateProblem:
         """Solve at another point with the pairing frozen: each motion is tracked, whatever its new number."""
         return self.assess(x, [followed(state, x) for state in before.states], derivatives)
 
-    def pair_again(self, at: Evaluation) -> Evaluation:
+    def pair_again(self, at: Evaluation, joined: Sequence[Joined] = ()) -> Evaluation:
         """The same point, paired afresh; modes that were paired stay so unless something better claims the partner.
 
-        What comes back has its derivatives.
+        What comes back has its derivatives. `joined`: of each case, test modes that are compared as one subspace.
         """
         states = [_paired_again(s) for s in at.states]
+        if joined:
+            states = [replace(s, groups=join(s.groups, j)) for s, j in zip(states, joined, strict=True)]
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
         return at if same and at.has_derivatives else self.assess(at.x, states)
 

@@ -164,7 +164,13 @@ def selection_measures(
     """
     S, names = known.scaled_jacobian, known.names
     alike, information = collinearity(S, names), fisher_information(S, names)
-    subset = forward_selection(S, at.residuals, names)
+    subset = forward_selection(
+        at.jacobian * study.parameters.prior[1],
+        at.residuals,
+        names,
+        lost=sum(at.lost.values()),
+        variance_stated=study.file.residuals.scatter == "stated",
+    )
     said = [*(near.sentences if near is not None else ()), *remarks]
     groups = _groups(study)
     energies = tuple(_energies(study, at, groups, said)) if groups else ()

@@ -107,7 +107,7 @@ class IdentifiabilityResults(Record):
     sd_ratio: float | None
     """Posterior over prior standard deviation, 0 to 1 (no unit); None if not tested."""
     verdict: str
-    """In words: "determined by the data", "not determined by the data", "not tested"."""
+    """In words: "determined by the data", "partly determined …", "weakly determined …", "not tested"."""
     sentence: str = ""
     """Explanation in words."""
 
@@ -139,7 +139,8 @@ class SelectionResults(Record):
     rank: int
     """Number of combinations that the data determine."""
     rank_threshold: float
-    """Singular values below this are treated as zero (no unit)."""
+    """Singular values below this, in stated standard deviations, and below a thousandth of the largest are treated as
+    zero (no unit)."""
     undetermined: tuple[CombinationRecord, ...]
     """Combinations without effect on any residual."""
     weakly_determined: tuple[CombinationRecord, ...]

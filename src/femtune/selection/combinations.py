@@ -79,19 +79,20 @@ class Identifiability:
     sensitivity: Reals
 
 
-def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) -> Identifiability:
+def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0) -> Identifiability:
     """Singular values and vectors, posterior to prior ratios and correlations.
 
     Parameters
     ----------
-    jacobian : (n, k) ∂r/∂x of residuals in units of their standard deviation
+    jacobian : (n, k) ∂r/∂x of residuals in units of their stated standard deviation
     prior_sd : (k,) of x
     names : of the k parameters
+    size : actual over stated standard deviation of the residuals, see `estimated_size`
     """
-    S = jacobian * prior_sd
+    S = jacobian * prior_sd / size
     k = S.shape[1]
     _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
-    null = ~determined(s)
+    null = ~determined(s * size)
     covariance = (vt.T / (1.0 + s**2)) @ vt
     sd = np.sqrt(np.diag(covariance))
     undetermined = [_combination(S, v) for v in sparse_basis(vt[null])]
@@ -103,6 +104,26 @@ def identifiability(jacobian: Reals, prior_sd: Reals, names: tuple[str, ...]) ->
         names, S, s, int((~null).sum()), tuple(undetermined), tuple(weak), sd,
         covariance / np.outer(sd, sd), np.linalg.norm(S, axis=0),
     )  # fmt: skip
+
+
+def estimated_size(jacobian: Reals, r: Reals, lost: int) -> float:
+    """Standard deviation of residuals in units of the stated one, from what no parameter can change of them.
+
+    It is 1 where no degrees of freedom are left, and at least ROUNDING of the whole residual.
+
+    Parameters
+    ----------
+    jacobian, r : (n, k), (n,)
+    lost : combinations of residuals that are zero whatever the noise
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    U, s, _ = np.linalg.svd(jacobian[:, length > 0.0] / length[length > 0.0], full_matrices=False)
+    U = U[:, s > ROUNDING * s.max(initial=0.0)]
+    freedom = len(r) - U.shape[1] - lost
+    if freedom < 1 or not r.any():
+        return 1.0
+    left = np.linalg.norm(r - U @ (U.T @ r)) / np.sqrt(freedom)
+    return float(max(left, ROUNDING * np.linalg.norm(r)))
 
 
 def _combination(S: Reals, direction: Reals) -> Combination:
@@ -158,7 +179,7 @@ def verdict(reduction: float) -> str:
         return "determined by the data"
     if reduction < _PARTLY:
         return "partly determined: bounds or prior still affect it"
-    return "not determined by the data"
+    return "weakly determined: mostly bounds or prior"
 
 
 def combination_text(names: tuple[str, ...], combination: Combination) -> str:

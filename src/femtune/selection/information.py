@@ -212,6 +212,12 @@ def _of_subset(found: Subset) -> list[str]:
         return ["No parameter affects the residuals."]
     if not found.chosen:
         best = found.steps[0]
+        if np.isnan(best.p_value):
+            return [
+                f"{best.name} explains the residual best and leaves {100 * best.left:.0f} % of it. Not tested whether "
+                "this is more than noise: the standard deviations are relative weights, and all parameters together "
+                "leave no degrees of freedom to estimate their size."
+            ]
         return [
             f"No parameter reduces the residual significantly. The best is {best.name}, which leaves "
             f"{100 * best.left:.0f} % of it. {_against_noise(best)}"

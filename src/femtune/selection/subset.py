@@ -70,28 +70,38 @@ class Subset:
         return tuple(dict.fromkeys(s.name for s in self.steps if s.taken))
 
 
-def forward_selection(S: Reals, r: Reals, names: tuple[str, ...], significance: float = 0.05) -> Subset:
+def forward_selection(
+    S: Reals,
+    r: Reals,
+    names: tuple[str, ...],
+    significance: float = 0.05,
+    lost: int = 0,
+    variance_stated: bool = True,
+) -> Subset:
     """Order all parameters by what they add.
 
     Parameters
     ----------
     S, r : (n, k), (n,) scaled Jacobian and residuals; r + S d is to become small
     significance : of the test that ends the choice; the order goes on to the last independent column. r in units of
-        its standard deviation, which counts where there are as many columns as residuals
+        its standard deviation, which counts where there are as many columns as independent residuals
+    lost : combinations of residuals that are zero whatever the noise and the parameters: one of each shape of unit norm
+    variance_stated : False if the standard deviations are relative weights; then nothing is tested, or chosen, where
+        there are as many columns as independent residuals
     """
     taken: list[int] = []
     cosines: list[float] = []
     counts: list[int] = []
-    while (best := _best(S, r, taken)) is not None:
+    while len(taken) < len(r) - lost and (best := _best(S, r, taken)) is not None:
         j, cosine, count = best
         taken.append(j)
         cosines.append(cosine)
         counts.append(count)
     squares = np.array([_square(S, r, taken[:n]) for n in range(len(taken) + 1)])
-    values, freedom = _against_all(squares, r)
+    values, freedom = _against_all(squares, r, lost)
     chances = np.full(len(taken), np.nan)
     chosen = 0
-    for n, value in enumerate(values):
+    for n, value in enumerate(values if variance_stated or freedom else ()):
         chances[n] = _chance_of_gain(_candidates(S, taken[:n]), float(value), freedom)
         if not chances[n] < significance:
             break
@@ -103,20 +113,22 @@ def forward_selection(S: Reals, r: Reals, names: tuple[str, ...], significance: 
     return Subset(tuple(names[j] for j in taken[:chosen]), tuple(steps))
 
 
-def _against_all(squares: Reals, r: Reals) -> tuple[Reals, int]:
+def _against_all(squares: Reals, r: Reals, lost: int) -> tuple[Reals, int]:
     """Gain of each step by the mean square that all columns together leave, and the degrees of freedom of that.
 
     What a step leaves is no measure of chance as long as other parameters are wrong too. Where all together leave no
     freedom (0), the stated standard deviations are used instead: residuals are in these units.
     """
-    freedom, gains = len(r) - len(squares) + 1, squares[:-1] - squares[1:]
+    freedom, gains = len(r) - lost - len(squares) + 1, squares[:-1] - squares[1:]
     if freedom < 1:
         return gains, 0
     left = max(float(squares[-1]), _FULL * float(r @ r)) / freedom
     return (gains / left if left > 0.0 else np.zeros_like(gains)), freedom
 
 
-def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float = 0.05, leave: float = 0.10) -> Subset:
+def stepwise_selection(
+    S: Reals, r: Reals, names: tuple[str, ...], enter: float = 0.05, leave: float = 0.10, lost: int = 0
+) -> Subset:
     """Add and drop parameters until neither changes the fit significantly; arguments as of `forward_selection`.
 
     Parameters
@@ -131,23 +143,25 @@ def stepwise_selection(S: Reals, r: Reals, names: tuple[str, ...], enter: float 
         if best is None:
             break
         j, cosine, count = best
-        value = _f_value(S, r, taken, [*taken, j])
-        chance = _chance_of_ratio(_candidates(S, taken), value, len(r) - len(taken))
+        dimension = len(r) - lost - len(taken)
+        value = _f_value(S, r, taken, [*taken, j], dimension - 1)
+        chance = _chance_of_ratio(_candidates(S, taken), value, dimension)
         if not chance < enter:
             break
         taken.append(j)
         steps.append(SubsetStep(names[j], True, cosine, _left(S, r, taken), value, count, chance))
-        steps += _dropped(S, r, names, taken, leave)
+        steps += _dropped(S, r, names, taken, leave, lost)
     return Subset(tuple(names[j] for j in taken), tuple(steps))
 
 
-def _dropped(S: Reals, r: Reals, names: tuple[str, ...], taken: list[int], leave: float) -> list[SubsetStep]:
+def _dropped(S: Reals, r: Reals, names: tuple[str, ...], taken: list[int], leave: float, lost: int) -> list[SubsetStep]:
     """Drop parameters that have become superfluous, except the last one added; `taken` is changed."""
     out: list[SubsetStep] = []
     while len(taken) > 1:
-        values = [_f_value(S, r, [i for i in taken if i != j], taken) for j in taken[:-1]]
+        freedom = len(r) - lost - len(taken)
+        values = [_f_value(S, r, [i for i in taken if i != j], taken, freedom) for j in taken[:-1]]
         worst = int(np.argmin(values))
-        if _significant(values[worst], len(r) - len(taken), leave):
+        if _significant(values[worst], freedom, leave):
             break
         j = taken.pop(worst)
         out.append(SubsetStep(names[j], False, 0.0, _left(S, r, taken), values[worst], 0, float("nan")))
@@ -192,8 +206,7 @@ def _left(S: Reals, r: Reals, taken: list[int]) -> float:
     return float(np.sqrt(_square(S, r, taken) / whole)) if whole > 0.0 else 0.0
 
 
-def _f_value(S: Reals, r: Reals, fewer: list[int], more: list[int]) -> float:
-    freedom = len(r) - len(more)
+def _f_value(S: Reals, r: Reals, fewer: list[int], more: list[int], freedom: int) -> float:
     if freedom < 1:
         return float("nan")
     gain, left = _square(S, r, fewer) - _square(S, r, more), _square(S, r, more)

@@ -12,7 +12,7 @@ from femtune.results.checks import model_checks
 from femtune.results.selection import selection_measures
 from femtune.results.solved import solutions_of
 from femtune.results.update import selection_results
-from femtune.selection import identifiability
+from femtune.selection import estimated_size, identifiability
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -35,7 +35,9 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     """Which parameters, and which combinations of them, the data determine at an evaluation."""
     progress.step("sensitivities", 0, None)
     names = tuple(p.name for p in study.parameters.free)
-    known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names)
+    stated = study.file.residuals.scatter == "stated"
+    size = 1.0 if stated else estimated_size(at.jacobian, at.residuals, sum(at.lost.values()))
+    known = identifiability(at.jacobian, np.asarray(study.parameters.prior[1]), names, size)
     found = selection_results(study, known, at, arrays)
     progress.step("measures of the parameters", 0, None)
     near, remarks = _distances(study, at)

@@ -13,6 +13,7 @@ import numpy as np
 from femtune.arrays import Flags, Reals
 from femtune.errors import FemtuneError
 from femtune.residuals import Evaluation, UpdateProblem, describe_change
+from femtune.residuals.pairing import Joined, alternating, describe_joined
 from femtune.selection.combinations import determined_combinations
 from femtune.status import Status
 from femtune.updating.covariance import Box, ParameterCovariance, parameter_covariance
@@ -291,6 +292,8 @@ class _Update:
     report: Report
     history: list[Iteration] = field(default_factory=list)
     best: tuple[int, Evaluation] | None = None
+    changes: list[tuple[Evaluation, Evaluation]] = field(default_factory=list)
+    joined: tuple[Joined, ...] = ()
 
     def go(self, before: Evaluation) -> UpdateResult:
         """The minimum inside the bounds, and the smallest change near it where it is asked for."""
@@ -312,6 +315,8 @@ class _Update:
         without the directions that turn the shapes leads out. The best end is taken.
         """
         end, failed = self._iterate(at), 0
+        if end.status == Status.PAIRING_CYCLES:
+            end = self._with_joined(end)
         for _ in range(_MOST_JUMPS):
             if failed == _MOST_FAILED_JUMPS or not self._blocked(end):
                 break
@@ -325,6 +330,23 @@ class _Update:
                     out = other.point.objective < (1.0 - _LITTLE) * end.point.objective
                     end, failed = other, 0 if out else failed
         return end
+
+    def _with_joined(self, end: _End) -> _End:
+        """The iteration from its best point on, with test modes whose pairing alternates compared as one subspace.
+
+        Two modes of the model that are sometimes close enough for one subspace and sometimes not are different
+        comparisons, so that the objective jumps; as a subspace they can be compared anywhere.
+        """
+        changed = [[(a.groups, b.groups) for a, b in zip(one.states, other.states)] for one, other in self.changes]
+        joined = tuple(alternating(of_case) for of_case in zip(*changed))
+        if self.best is None or not any(joined):
+            return end
+        point = self.walk.point(self.walk.problem.pair_again(self.best[1], joined))
+        sentences = [describe_joined(s.case, j) for s, j in zip(point.evaluation.states, joined)]
+        self.joined, self.best = joined, None
+        moved = float(np.abs(point.x - end.point.x).max(initial=0.0))
+        self._record(point, moved, self.method.search.start, tuple(s for of_case in sentences for s in of_case))
+        return self._iterate(point.evaluation)
 
     def _blocked(self, end: _End) -> bool:
         """True if no step was found where the linear model predicts a decrease, or the end lies where modes cross."""
@@ -351,7 +373,9 @@ class _Update:
             if taken is not None:
                 trial, paired = taken
                 moved = float(np.abs(trial.x - point.x).max(initial=0.0))
-                self._record(paired, moved, state, _events(trial, paired.evaluation))
+                events = _events(trial, paired.evaluation)
+                self.changes += [(trial, paired.evaluation)] if events else []
+                self._record(paired, moved, state, events)
                 point = self._adapted(paired)
                 status = self._finished(point, first)
         return _End(point, status, len(self.history) - 1)
@@ -560,7 +584,7 @@ class _Update:
     def _paired(self, trial: Evaluation) -> Point | None:
         """An accepted point with its derivatives and new pairing; None if they cannot be computed."""
         try:
-            return self.walk.point(self.walk.problem.pair_again(trial))
+            return self.walk.point(self.walk.problem.pair_again(trial, self.joined))
         except FemtuneError:
             return None
 

@@ -146,6 +146,22 @@ def _optimality(update: UpdateResults) -> list[Block]:
     return [Paragraph(f"{_smallest_change(update, small)} {conditions}")]
 
 
+def which_point(update: UpdateResults) -> list[str]:
+    """A short sentence on which point the result is; none without an optimum."""
+    if not update.ok or update.certificate is None:
+        return []
+    found, small = update.certificate, update.smallest_change
+    negative = sum(m.value < 0.0 for m in found.multipliers)
+    signs = f", {negative} of {counted(len(found.multipliers), 'multiplier')} negative" if found.multipliers else ""
+    conditions = f"projected gradient {short(found.projected_gradient)}{signs}"
+    if small is None:
+        return [f"Result: the minimum within the bounds, χ² = {value(update.chi_square)} ({conditions})."]
+    return [
+        f"Result: the smallest change whose χ² is at most {short(small.allowed)} above the minimum within the bounds, "
+        f"{value(small.chi_square)}; it is {short(small.increase)} above ({conditions})."
+    ]
+
+
 def _long_steps(update: UpdateResults) -> list[Block]:
     numbers = [i.iteration for i in update.history if i.long_step]
     if not numbers:
@@ -162,8 +178,9 @@ def _smallest_change(update: UpdateResults, small: SmallestChangeResults) -> str
     last = [i.iteration for i in update.history if not i.to_smallest_change]
     at_bound = ", ".join(small.optimum_at_bound) or "no parameter"
     return (
-        "The data leave combinations of the parameters undetermined, so that noise decides where the minimum of χ² "
-        "lies. The result is the smallest change from the nominal values, in prior standard deviations, whose χ² "
+        "At the minimum of χ² within the bounds the data leave combinations of the parameters undetermined, those of "
+        "parameters at a bound included, so that noise decides where it lies. The result is the smallest "
+        "change from the nominal values, in prior standard deviations, whose χ² "
         f"exceeds the minimum within the bounds by at most {short(small.allowed)}: χ² is {value(small.chi_square)} at "
         f"the minimum, and {short(small.increase)} more in the result. The change is {short(small.size)} "
         f"prior standard deviations long, against {short(small.optimum_size)} at the minimum (iteration {last[-1]}), "

@@ -244,7 +244,10 @@ def _own_words(selection: SelectionResults) -> list[str]:
 def parameter_table(selection: SelectionResults) -> Table:
     """How much the data narrow each parameter."""
     heads = columns("Parameter", ">Posterior σ / prior σ", "Verdict")
-    note = "Ratio 0: determined by the data alone. Ratio 1: the data add no information to the prior."
+    note = (
+        "Ratio 0: determined by the data alone. Ratio 1: the data add no information to the prior. The prior is taken "
+        "as normal here; the standard deviation of an update also takes the bounds into account and can be smaller."
+    )
     return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
 
 
@@ -262,8 +265,10 @@ def _singular(selection: SelectionResults) -> list[Block]:
     draw = partial(singular_values_svg, selection.singular_values, selection.rank)
     last = value(selection.singular_values[0])
     caption = (
-        f"Singular values of the scaled Jacobian; the largest is {last}, "
-        f"values below {short(selection.rank_threshold)} are treated as zero."
+        f"Singular values of the scaled Jacobian; the largest is {last}. Those after the first {selection.rank} are "
+        "treated as zero."
+        if selection.rank < len(selection.singular_values)
+        else f"Singular values of the scaled Jacobian; the largest is {last}."
     )
     alt = f"Singular values of the scaled Jacobian: {listed(map(short, selection.singular_values))}"
     return [Figure(draw, caption, alt, wide=True)]

@@ -73,10 +73,23 @@ def interval_remarks(found: Sequence[ParameterResult]) -> list[Block]:
         )
         if any(p.at_bound for p in found):
             said.append("A value on its bound is at an end of this distribution, outside its interval.")
+        if outside := [p.name for p in found if _outside(p)]:
+            one = len(outside) == 1
+            said.append(
+                f"The {'value' if one else 'values'} of {listed(outside)} {'lies' if one else 'lie'} outside "
+                f"{'its interval' if one else 'their intervals'}: bounds cut off a part of the distribution, "
+                "which moves its mean and median (results.json) away from the updated values."
+            )
     if left_open:
-        these = "interval is that" if len(left_open) == 1 else "intervals are those"
-        said.append(f"The data hardly narrow {listed(left_open)}: the {these} of the bounds.")
+        these = "its interval is" if len(left_open) == 1 else "their intervals are"
+        said.append(f"The data hardly narrow {listed(left_open)}: {these} nearly as wide as the bounds allow.")
     return [Paragraph(" ".join(said))] if said else []
+
+
+def _outside(found: ParameterResult) -> bool:
+    """Whether a value that is not on a bound lies outside its interval."""
+    ends = found.interval_95
+    return ends is not None and not found.at_bound and not ends[0] <= found.value <= ends[1]
 
 
 _CAPTION = (

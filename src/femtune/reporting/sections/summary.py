@@ -19,6 +19,7 @@ from femtune.reporting.numbers import (
     with_unit,
 )
 from femtune.reporting.sections.checks import support_words
+from femtune.reporting.sections.convergence import which_point
 from femtune.reporting.sections.validation import goodness_sentence, outcome_sentence
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def summary(source: ReportSource) -> list[Block]:
         blocks = [KeyNumbers(_objective(source))]
     if update is not None:
         blocks.append(Paragraph(f"Outcome of the update: {update.message}."))
+        blocks += [Paragraph(text) for text in which_point(update)]
         # where it fails an alert says so
         failed = update.goodness is not None and update.goodness.verdict == "fail"
         blocks += [] if failed else goodness_sentence(source)
@@ -66,7 +68,7 @@ def _meaning(source: ReportSource, before: Scores, after: Scores | None) -> Para
     update = source.results.update
     counts = listed(counted(c.count, f"{c.kind} residual") for c in update.residual_counts) if update else ""
     fitted = (
-        f"The weighted mean error is the objective of the update, over all residuals{counts and f' ({counts})'}. "
+        f"The weighted mean error is that of all residuals that the update compares{counts and f' ({counts})'}. "
         if update
         else ""
     )

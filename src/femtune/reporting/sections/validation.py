@@ -90,9 +90,11 @@ def outcome_sentence(found: ValidationResults) -> str:
     if not tested:
         return ""
     count = f"{len(tested) - len(failed)} of {counted(len(tested), 'criterion', 'criteria')}"
+    untested = len(found.verdicts) - len(tested)
+    rest = f", {untested} {'was' if untested == 1 else 'were'} not tested" if untested else ""
     where = listed(dict.fromkeys(v.configuration for v in failed))
     tail = f"; {len(failed)} failed in {where}" if failed else ""
-    return f"on data that the update did not use {count} passed ({found.profile}){tail}"
+    return f"on data that the update did not use {count} passed ({found.profile}){rest}{tail}"
 
 
 def validation_verdicts(found: ValidationResults) -> list[Block]:

@@ -52,8 +52,9 @@ def _singular_values(selection: SelectionResults) -> Block:
     if not selection.singular_values:
         return Paragraph("Singular values: not tested.", "muted")
     words = ", ".join(map(short, selection.singular_values))
-    threshold = f"below {short(selection.rank_threshold)} is treated as undetermined"
-    return Paragraph(f"Singular values of the scaled Jacobian: {words}; {threshold}.")
+    open_ = len(selection.singular_values) - selection.rank
+    zero = f"; the last {open_} {'is' if open_ == 1 else 'are'} treated as zero" if open_ else ""
+    return Paragraph(f"Singular values of the scaled Jacobian: {words}{zero}.")
 
 
 def _combinations(selection: SelectionResults) -> list[Block]:
