@@ -33,6 +33,26 @@ def test_even_times_become_a_rate() -> None:
     np.testing.assert_allclose(record.time_s, 2.0 + np.arange(10) / 64.0, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("rate", "written"),
+    [(256.0, "{:.3f}"), (1000.0 / 3.0, "{:.3f}"), (51.2, "{:.2f}"), (2048.0, "{:.6g}"), (1024.0, "{:.4f}")],
+)
+def test_times_that_were_rounded_when_they_were_written_are_even(rate: float, written: str) -> None:
+    n = 20000
+    times = np.array([float(written.format(i / rate)) for i in range(n)])
+    record = TimeSeries(np.zeros((1, n)), (_FORCE,), times_s=times)
+    assert record.even_hz == pytest.approx(rate, rel=1e-6)
+    lost = np.delete(times, 700)
+    with pytest.raises(FemtuneError, match="not equally spaced"):
+        _ = TimeSeries(np.zeros((1, n - 1)), (_FORCE,), times_s=lost).even_hz
+
+
+def test_a_clock_that_jitters_by_more_than_its_digits_is_uneven() -> None:
+    times = np.round(np.arange(2000) / 100.0 + 0.001 * np.sin(np.arange(2000.0) ** 2), 5)
+    with pytest.raises(FemtuneError, match="not equally spaced"):
+        _ = TimeSeries(np.zeros((1, 2000)), (_FORCE,), times_s=times).even_hz
+
+
 def test_uneven_times_stay_and_have_no_rate() -> None:
     record = _record(sampling_hz=None, times_s=np.arange(10.0) ** 2)
     np.testing.assert_array_equal(record.select_samples(2, 5).time_s, [4.0, 9.0, 16.0])

@@ -91,6 +91,13 @@ def test_the_message(bench: Bench, name: str, values: tuple[float, float]) -> No
     check_shown(f"study.units-doubtful{name}", str(notice).replace(f"{bench.folder}/", ""))
 
 
+def test_info_shows_it(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text.replace(MATERIAL, _mat1(2.1e5, 7.85e-9)))
+    found = steps.info(bench.study("", test=None))
+    assert [n.level for n in found.notices if n.code == "study.units-doubtful"] == ["warning"]
+    assert "warning: MAT1 1 has the modulus" in repr(found)
+
+
 def test_weight_density_with_wtmass_is_right(bench: Bench) -> None:
     assert _notices(bench, _mat1(3.0e7, 0.283), "in-slinch-s", "PARAM,WTMASS,.00259\n") == []
 

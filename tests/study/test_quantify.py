@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,24 @@ def test_shapes_are_outputs_beside_frequencies(repeated):
     assert covariance.shape == (3 + len(found.entries),) * 2
     assert result.repeats.shape == (COUNT, 3)
     assert "Mode shapes in the forward check" in [getattr(b, "title", "") for b in variability_blocks(found)]
+
+
+def test_held_out_repeats_with_shapes_are_compared_by_frequencies(repeated):
+    """Entries of shapes that hardly vary in the prediction gave differences of 1e100 predicted standard deviations."""
+    bench, factors, _ = repeated
+    rng = np.random.default_rng(4)
+    names = []
+    for i, f in enumerate(factors):
+        test = bench.measure(_truth(bench, f), count=6)
+        shapes = test.modes.shapes + 0.01 * rng.standard_normal(test.modes.shapes.shape)
+        names.append(bench.uff(replace(test, modes=replace(test.modes, shapes=shapes)), f"r{i}.uff").name)
+    with np.errstate(all="raise"):
+        found = steps.quantify(_study(bench, "shapes = true\nhold_out = [2, 3, 5, 8, 11]\n", repeats=str(names))).record
+    said = found.checks[2].sentence
+    assert found.checks[2].verdict != "not tested"
+    assert " at " not in said
+    size = float(said.split(" predicted standard deviations")[0].split()[-1])
+    assert abs(size) < 20.0
 
 
 def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):

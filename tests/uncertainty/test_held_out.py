@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -85,3 +87,30 @@ def test_few_held_out_repeats_are_not_tested():
     z[0, 1] = np.nan
     assert _checked(z, np.arange(12) < 5) is None
     assert _checked(z, np.arange(12) < 6) is not None
+
+
+def test_outputs_without_predicted_variation_are_not_compared():
+    """A parameter that has no effect on an output predicts a standard deviation of rounding size."""
+    held, z = np.arange(30) >= 20, _tests(30, 3)
+    own = z[~held]
+    projection = np.diag([1.0, 1.0, 0.0])
+    predicted = projection @ np.cov(own.T) @ projection + np.diag([0.0, 0.0, 1e-40])
+    fit = Fit(len(own), own.mean(axis=0), predicted, projection, np.zeros((3, 3)))
+    with np.errstate(all="raise"):
+        found = check_held_out(z[held], fit)
+    assert found is not None
+    assert found.silent.tolist() == [False, False, True]
+    assert np.isnan(found.mean_difference[2])
+    assert np.abs(found.mean_difference[:2]).max() < 3.0
+    alone = Fit(len(own), own[:, :2].mean(axis=0), predicted[:2, :2], np.eye(2), np.zeros((2, 2)))
+    both = check_held_out(z[held][:, :2], alone)
+    assert found.p_values == pytest.approx(both.p_values, abs=0.05)
+    assert check_held_out(z[held], replace(fit, covariance=np.zeros((3, 3)))) is None
+
+
+def test_outputs_that_were_not_asked_for_are_not_compared():
+    held, z = np.arange(30) >= 20, _tests(30, 3)
+    own, shifted = z[~held], z[held] + [0.0, 0.0, 50.0]
+    fit = Fit(len(own), own.mean(axis=0), np.cov(own.T), np.eye(3), np.zeros((3, 3)), np.array([True, True, False]))
+    assert check_held_out(shifted, fit).agrees
+    assert not check_held_out(shifted, replace(fit, compared=None)).agrees

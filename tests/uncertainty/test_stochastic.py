@@ -9,6 +9,7 @@ import pytest
 
 from femtune.uncertainty import (
     CloudRules,
+    ForwardCheck,
     FunctionOutputs,
     StochasticRules,
     StochasticStatus,
@@ -185,3 +186,21 @@ def test_errors_larger_than_the_variability_leave_none():
     measured = replace(given_statistics(np.full(2, 11.0), np.diag([0.01, 0.04])), noise=np.diag([0.02, 0.01]))
     found = stochastic_update(outputs, measured, ("a", "b"), np.ones(2), np.ones(2))
     np.testing.assert_allclose(found.covariance, np.diag([0.0, 0.03]), atol=1e-12)
+
+
+@pytest.mark.parametrize(("outputs", "means", "spreads"), [(2, 2, 2), (9, 1, 1)])
+def test_differences_of_many_outputs_are_one_sentence(outputs, means, spreads):
+    """Of more than three outputs the number and the three largest differences are given."""
+    own = np.random.default_rng(0).standard_normal((40, outputs))
+    measured = statistics_of_repeats(10.0 + own, [f"mode {i + 1}" for i in range(outputs)])
+    z = 2.0 * own + 10.0 + np.arange(1.0, outputs + 1.0)
+    check = ForwardCheck(("k",), np.zeros((40, 1)), z, measured, 40)
+    said = check.sentences[1:]
+    assert len(said) == means + spreads
+    if outputs == 9:
+        assert said[0].startswith("The means of 9 of 9 outputs differ")
+        order = np.argsort(-np.abs(check.mean_error))
+        assert f"mode {order[0] + 1} ({check.mean_error[order[0]]:.2g} above), mode {order[1] + 1} (" in said[0]
+        assert said[0].count("mode") == said[1].count("mode") == 3
+        assert "The standard deviations of 9 of 9 outputs differ" in said[1]
+        assert "(+100 %)" in said[1]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,9 @@ QUANTITIES = ("displacement", "velocity", "acceleration", "force", "strain", "pr
 ROLES = ("response", "reference", "input")
 
 EVEN = 1e-3
-"""Steps that differ by less than this fraction of the mean step are one step, written with few digits."""
+"""Steps that differ by less than this fraction of the mean step are one step."""
+LEAST_ROUNDED, MOST_DIGITS = 50, 12
+"""Times are recognised as rounded from this number of samples, up to this number of decimals or digits."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,24 @@ def _even_rate(times: NDArray[np.float64]) -> float | None:
     if len(times) < 2:
         return None
     step = (times[-1] - times[0]) / (len(times) - 1)
-    return float(1.0 / step) if np.abs(np.diff(times) - step).max() <= EVEN * step else None
+    if np.abs(np.diff(times) - step).max() <= EVEN * step:
+        return float(1.0 / step)
+    if len(times) < LEAST_ROUNDED:
+        return None
+    step, first = np.polyfit(np.arange(len(times)), times, 1)
+    away = np.abs(times - (first + step * np.arange(len(times)))).max()
+    even = any(unit <= step and away <= 0.6 * unit for unit in _last_digits(times))
+    return float(1.0 / step) if even else None
+
+
+def _last_digits(times: NDArray[np.float64]) -> Iterator[float]:
+    """The largest unit of a last digit, if all times have one number of decimals, or one number of digits."""
+    ones = np.ones_like(times)
+    decades = np.floor(np.log10(np.where(times == 0.0, 1.0, np.abs(times))))
+    for powers in (lambda n: -n * ones, lambda n: decades - n + 1):
+        units = (10.0 ** powers(n) for n in range(MOST_DIGITS + 1))
+        rounded = (unit for unit in units if (np.abs(times - unit * np.round(times / unit)) <= 1e-4 * unit).all())
+        yield from (float(unit.max()) for unit in itertools.islice(rounded, 1))
 
 
 def _check_rate(said: float, found: float | None, times: NDArray[np.float64]) -> None:

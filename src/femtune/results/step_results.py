@@ -142,7 +142,7 @@ class InfoResult(StepResult):
 
     @property
     def notices(self) -> tuple[Alert, ...]:
-        """Notices of the deck reader."""
+        """Notices of the study (units, tests, sensors) and of the deck reader."""
         return self.record.notices
 
     def _sentences(self) -> list[str]:

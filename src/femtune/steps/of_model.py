@@ -11,7 +11,7 @@ from femtune.assembly.described import source_of, units_word
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
-from femtune.results.model import model_facts
+from femtune.results.model import alert_of, model_facts
 from femtune.results.step_results import InfoResult
 from femtune.steps.pages import checked_page, with_page
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @checked
 def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> InfoResult:
-    """Summary of the deck of a study, or of a deck: cards, mass, rigid-body check, supports.
+    """Summary of the deck of a study, or of a deck: cards, mass, rigid-body check, supports, warnings.
 
     Parameters
     ----------
@@ -47,7 +47,8 @@ def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> 
     """
     study = load_study(source_of(source), progress)
     progress.step("mass and rigid-body check", 0, None)
-    return InfoResult(model_facts(study))
+    facts = model_facts(study)
+    return InfoResult(facts.model_copy(update={"notices": (*map(alert_of, study.notices), *facts.notices)}))
 
 
 @checked

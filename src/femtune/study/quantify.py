@@ -172,6 +172,7 @@ def _tested(
     fit = Fit(
         len(measured.repeats), check.mean, check.covariance, found.G @ found.T,
         np.zeros_like(measured.covariance) if measured.noise is None else measured.noise,
+        np.arange(len(measured.mean)) < frequencies,
     )  # fmt: skip
     prediction = check_held_out(rows[held], fit) if held.any() else None
     checks = check_repeats(rows[:, :frequencies], measured.labels[:frequencies])
@@ -402,10 +403,16 @@ def _of_prediction(tested: _Tested) -> RepeatCheck:
     if not held:
         return _untested(HELD_OUT, "all repeats were used by the update; hold_out keeps some of them for this test")
     if found is None:
-        return _untested(HELD_OUT, "this test needs at least five held-out repeats without missing values")
-    worst = int(np.abs(found.mean_difference).argmax())
-    widest = int(np.abs(np.log(np.maximum(found.sd_ratio, 1e-12))).argmax())
+        return _untested(
+            HELD_OUT,
+            "this test needs at least five held-out repeats without missing values, and frequencies that vary in the "
+            "predicted distribution",
+        )
+    worst = int(np.nanargmax(np.abs(found.mean_difference)))
+    widest = int(np.nanargmax(np.abs(np.log(np.maximum(found.sd_ratio, 1e-12)))))
     labels = tested.found.measured.labels
+    still = ", ".join(labels[i] for i in np.flatnonzero(found.silent))
+    rest = f" Not compared, because the parameters do not change them: {still}." if still else ""
     p_values = ", ".join(f"{part} {p:.2g}" for part, p in found.p_values.items())
     outcome = "agree with" if found.agrees else "differ from"
     return RepeatCheck(
@@ -415,7 +422,7 @@ def _of_prediction(tested: _Tested) -> RepeatCheck:
             f"{p_values}). Largest difference of the means: {labels[worst]}, "
             f"{found.mean_difference[worst]:+.2g} predicted standard deviations. "
             f"Largest difference of the standard deviations: {labels[widest]}, "
-            f"{100 * found.sd_ratio[widest] - 100:+.0f} %."
+            f"{100 * found.sd_ratio[widest] - 100:+.0f} %.{rest}"
         ),
     )  # fmt: skip
 

@@ -14,6 +14,8 @@ from femtune.uncertainty.stochastic import StochasticResult, latin_hypercube, pr
 
 _BEYOND_CHANCE = 3.0
 _CURVED = 0.1
+_LISTED = 3
+"""Differences of up to this number of outputs have a sentence each."""
 
 
 @dataclass(frozen=True)
@@ -112,20 +114,34 @@ class ForwardCheck:
         )
 
     def _of_means(self) -> list[str]:
-        far = np.flatnonzero(np.abs(self.mean_error) > self._mean_limit)
+        size = np.abs(self.mean_error)
+        far = [i for i in np.argsort(-size, kind="stable") if size[i] > self._mean_limit]
+        labels, word = self.measured.labels, "measured standard deviations"
+        side = ["above" if error > 0 else "below" for error in self.mean_error]
+        if len(far) <= _LISTED:
+            return [f"The mean of {labels[i]} is {size[i]:.2g} {word} {side[i]} the measured mean." for i in far]
+        worst = ", ".join(f"{labels[i]} ({size[i]:.2g} {side[i]})" for i in far[:_LISTED])
         return [
-            f"The mean of {self.measured.labels[i]} is {abs(self.mean_error[i]):.2g} measured standard deviations "
-            f"{'above' if self.mean_error[i] > 0 else 'below'} the measured mean."
-            for i in far
+            f"The means of {len(far)} of {len(size)} outputs differ from the measured means by more than "
+            f"{self._mean_limit:.2g} {word}; the largest differences: {worst}."
         ]
 
     def _of_spreads(self) -> list[str]:
         n = len(self.measured.repeats)
         limit = max(_CURVED, _BEYOND_CHANCE / np.sqrt(2.0 * (n - 1))) if n > 1 else _CURVED
+        labels, percent = self.measured.labels, 100.0 * self.sd_error
+        # a standard deviation may be far too large or far too small
+        order = np.argsort(-np.abs(np.log(np.maximum(1.0 + self.sd_error, 1e-12))), kind="stable")
+        far = [i for i in order if abs(self.sd_error[i]) > limit]
+        if len(far) <= _LISTED:
+            return [
+                f"The standard deviation of {labels[i]} differs from the measured one by {percent[i]:+.0f} %."
+                for i in far
+            ]
+        worst = ", ".join(f"{labels[i]} ({percent[i]:+.0f} %)" for i in far[:_LISTED])
         return [
-            f"The standard deviation of {self.measured.labels[i]} differs from the measured one by "
-            f"{100 * self.sd_error[i]:+.0f} %."
-            for i in np.flatnonzero(np.abs(self.sd_error) > limit)
+            f"The standard deviations of {len(far)} of {len(percent)} outputs differ from the measured ones by more "
+            f"than {100.0 * limit:.0f} %; the largest differences: {worst}."
         ]
 
 

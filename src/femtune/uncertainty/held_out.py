@@ -22,6 +22,8 @@ from femtune.uncertainty.repeats import factor
 LEVEL = 0.05
 FEWEST = 5
 _BOOTSTRAP = 999
+_STILL = 1e-6
+"""Predicted standard deviations below this part of the measured one are rounding."""
 
 Part = Literal["means", "covariance"]
 
@@ -34,14 +36,17 @@ class HeldOutCheck:
     ----------
     repeats : number of repeats that were compared, those without missing values
     p_values : of the difference of the means and of the covariances, each corrected for two tests
-    mean_difference : (m,) mean of these repeats − predicted mean, in predicted standard deviations
-    sd_ratio : (m,) their standard deviations by the predicted ones
+    mean_difference : (m,) mean of these repeats − predicted mean, in predicted standard deviations; NaN for outputs
+        that were not compared
+    sd_ratio : (m,) their standard deviations by the predicted ones; likewise
+    silent : (m,) True for outputs that were to be compared, and whose prediction has no variation
     """
 
     repeats: int
     p_values: dict[Part, float]
     mean_difference: Reals
     sd_ratio: Reals
+    silent: Flags
 
     @property
     def p_value(self) -> float:
@@ -90,6 +95,7 @@ class Fit:
     mean, covariance : (m,), (m, m) predicted for single repeats
     projection : (m, m) G T, by which changes of measured outputs change predicted ones
     noise : (m, m) measurement covariance that the update has subtracted, zero for none
+    compared : (m,) True for the outputs that are compared; None for all
     """
 
     repeats: int
@@ -97,33 +103,42 @@ class Fit:
     covariance: Reals
     projection: Reals
     noise: Reals
+    compared: Flags | None = None
 
 
 def check_held_out(held: Reals, fit: Fit, seed: int = 0) -> HeldOutCheck | None:
-    """Compare held-out repeats (n, m) with the prediction of a fit; None for fewer than five without missing values.
+    """Compare held-out repeats (n, m) with the prediction of a fit.
+
+    None for fewer than five repeats without missing values, and if the prediction has no variation of any output: a
+    parameter that does not change an output predicts no standard deviation to measure a difference by.
 
     Source: Efron and Tibshirani (1993), An Introduction to the Bootstrap, chapter 16; Westfall and Young (1993) for the
     correction.
     """
-    held = held[np.isfinite(held).all(axis=1)]
+    asked = np.ones(len(fit.mean), dtype=bool) if fit.compared is None else fit.compared
+    held = held[np.isfinite(held[:, asked]).all(axis=1)]
     if len(held) < FEWEST:
         return None
-    measured = _differences(held, fit.mean, fit.covariance, fit.repeats)
+    sd, spread = np.sqrt(np.diag(fit.covariance)), held.std(axis=0, ddof=1)
+    used = asked & (sd > _STILL * np.nan_to_num(spread)) & (sd > 0.0)
+    if not used.any():
+        return None
+    measured = _differences(held[:, used], fit.mean[used], fit.covariance[np.ix_(used, used)], fit.repeats)
     rng, root = np.random.default_rng(seed), factor(fit.covariance)
-    by_chance = [_repeated(fit, root, len(held), rng) for _ in range(_BOOTSTRAP)]
+    by_chance = [_repeated(fit, root, used, len(held), rng) for _ in range(_BOOTSTRAP)]
     parts: tuple[Part, ...] = ("means", "covariance")
     p = dict(zip(parts, corrected(np.array([measured, *by_chance]).T)))
-    sd = np.sqrt(np.maximum(np.diag(fit.covariance), np.finfo(float).tiny))
-    return HeldOutCheck(len(held), p, (held.mean(axis=0) - fit.mean) / sd, held.std(axis=0, ddof=1) / sd)
+    sd = np.where(used, sd, np.nan)
+    return HeldOutCheck(len(held), p, (held.mean(axis=0) - fit.mean) / sd, spread / sd, asked & ~used)
 
 
-def _repeated(fit: Fit, root: Reals, count: int, rng: np.random.Generator) -> tuple[float, float]:
+def _repeated(fit: Fit, root: Reals, used: Flags, count: int, rng: np.random.Generator) -> tuple[float, float]:
     """The differences of repeats for fit and check that are drawn from the predicted distribution."""
     drawn = fit.mean + rng.standard_normal((fit.repeats + count, len(fit.mean))) @ root.T
     own, held = drawn[: fit.repeats], drawn[fit.repeats :]
     mean = fit.mean + fit.projection @ (own.mean(axis=0) - fit.mean)
     covariance = fit.projection @ (np.atleast_2d(np.cov(own.T)) - fit.noise) @ fit.projection.T + fit.noise
-    return _differences(held, mean, covariance, fit.repeats)
+    return _differences(held[:, used], mean[used], covariance[np.ix_(used, used)], fit.repeats)
 
 
 def _differences(held: Reals, mean: Reals, covariance: Reals, repeats: int) -> tuple[float, float]:

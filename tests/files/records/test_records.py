@@ -50,6 +50,13 @@ def test_a_column_of_times_gives_the_rate_and_names_find_columns(tmp_path):
     assert str(found.channels[1].dof) == "8Z-"
 
 
+def test_a_line_of_units_below_the_names_is_no_line_of_names(tmp_path):
+    header = "Messung;12\nZeit;acc top;acc base;temp\n s;m/s2;m/s2;V\n"
+    found = read_record(written(tmp_path, header + rows(";", time=True, comma=True)))
+    assert found.sampling_hz == pytest.approx(100.0)
+    assert [c.name for c in found.channels] == ["acc top", "acc base", "temp"]
+
+
 def test_missing_samples_are_lost_samples(tmp_path):
     found = read_record(written(tmp_path, "1,2\n,4\n5,nan\n6,7\n"), sampling_hz=10.0)
     assert np.isnan(found.values).tolist() == [[False, True, False, False], [False, False, True, False]]

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError, Where
 
+TIMES = ("t", "time", "zeit", "temps", "tiempo", "tempo")
+"""Names of a column of times, without a unit in brackets and in small letters."""
+
 
 @dataclass(frozen=True, eq=False)
 class RecordTable:
@@ -60,10 +63,15 @@ def as_columns(array: NDArray, path: object) -> Reals:
     return columns if columns.shape[1] >= columns.shape[0] else np.ascontiguousarray(columns.T)
 
 
+def is_time(name: str) -> bool:
+    """Whether a column of this name has the times of the samples."""
+    return name.strip().lower().split("(")[0].split("[")[0].strip() in TIMES
+
+
 def split_times(values: Reals, names: tuple[str, ...]) -> tuple[Reals, tuple[str, ...], Reals | None]:
     """Columns and names without the first column that is called time, and that column."""
     for i, name in enumerate(names):
-        if name.strip().lower().split("(")[0].split("[")[0].strip() in ("t", "time", "zeit", "temps"):
+        if is_time(name):
             rest = [j for j in range(len(names)) if j != i]
             return values[rest], tuple(names[j] for j in rest), values[i]
     return values, names, None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 
 import numpy as np
 
-from femtune.files.records.table import RecordTable, problem, split_times
+from femtune.files.records.table import RecordTable, is_time, problem, split_times
 
 _MISSING = {"": "nan", "na": "nan", "n/a": "nan", "nan": "nan"}
 _MOST_HEADER_LINES = 200
@@ -115,10 +116,12 @@ def _strict(lines: list[str], first: int, separator: str | None, comma: bool, wi
 
 
 def _names(lines: list[str], first: int, separator: str | None, width: int) -> tuple[str, ...]:
-    """Names from the last line before the numbers, where it has as many of them as there are columns."""
+    """Names from the lines before the numbers that have as many of them as there are columns.
+
+    It is the line that names a column of times, as a line of units may follow; otherwise the last one.
+    """
     before = [line for line in lines[:first] if line.strip()]
-    if before:
-        fields = [f.strip().strip('"') for f in _fields(before[-1].lstrip("#% "), separator)]
-        if len(fields) == width:
-            return tuple(fields)
-    return ("",) * width
+    rows = [tuple(f.strip().strip('"') for f in _fields(line.lstrip("#% "), separator)) for line in reversed(before)]
+    rows = list(itertools.takewhile(lambda row: len(row) == width, rows))
+    with_times = (row for row in rows if any(map(is_time, row)))
+    return next(with_times, rows[0] if rows else ("",) * width)
