@@ -48,6 +48,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[quantify]`": study_file.QuantifyTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
+    "## `[plan]`": study_file.PlanTable,
     "## `[response]`": study_file.ResponseTable,
     "## `[[load]]`": study_file.LoadEntry,
     "## `[checks]`": study_file.ChecksTable,
