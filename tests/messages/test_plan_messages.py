@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,11 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ("plan.too-many-sensors, uniaxial", '[plan]\nmodes = [1, 2]\nuniaxial = 8\n'),
         ("plan.too-many-sensors, visualisation", '[plan]\nmodes = [1, 2]\nuniaxial = 3\nvisualisation = 3\n'),
         ("plan.dependent", '[plan]\nmodes = [1, 2, 3]\nnodes = [4]\ntriaxial = 1\ndirections = ["Z"]\n'),
+        ("plan.exciters, too many", '[plan]\nmodes = [1, 2]\nexciters = 9\n'),
+        ("plan.exciters, no candidate", '[plan]\nmodes = [1, 2]\nexciters = 1\nexciter_nodes = [1]\n'),
+        ("plan.exciters, rotation", '[plan]\nmodes = [1, 2]\nexciters_placed = ["2RX+"]\n'),
+        ("plan.exciters, still", '[plan]\nmodes = [1, 2]\nexciters_placed = ["1X+"]\n'),
+        ("plan.suspension", '[plan]\nmodes = [1, 2]\n[[plan.suspension]]\nnodes = [2]\nstiffness = [1.0, 1.0, 1.0]\n'),
     ],
 )  # fmt: skip
 def test_what_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str) -> None:
@@ -97,6 +103,10 @@ def test_rigid_body_modes_alone(tmp_path: Path) -> None:
         ({"elements": [99]}, "parameter.region"),
         ({"region": {"set": 5}}, "parameter.region"),
         ({"directions": ["RX"]}, "study.value"),
+        ({"modes": [1, 2], "exciter_nodes": [77], "exciters": 1}, "model.unknown-node"),
+        ({"modes": [1, 2], "exciters_placed": ["77Z+"]}, "model.unknown-node"),
+        ({"damping_ratio": 0.0}, "study.value"),
+        ({"suspension": [{"nodes": [2], "stiffness": (1.0, -1.0, 0.0)}]}, "study.value"),
         ({"configuration": "free"}, "study.unknown-configuration"),
     ],
 )
@@ -127,6 +137,19 @@ def test_alerts(tmp_path: Path) -> None:
     for one in found.record.alerts:
         check_shown(f"{one.code}", f"[{one.code}] {one.sentence}")
     assert {a.code for a in found.record.alerts} >= {"plan.rejected", "plan.still"}
+
+
+def test_alerts_of_the_setup(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate_deck())
+    found = steps.plan(
+        tmp_path / "plate.bdf", modes=[7, 8, 9], uniaxial=5, uniaxial_mass=0.1, exciters_placed=["32Z+"],
+        suspension=[{"nodes": [1, 9, 55, 63], "stiffness": (0.0, 0.0, 1e4)}],
+    )  # fmt: skip
+    told = {a.code for a in found.record.alerts}
+    assert told >= {"plan.not-excited", "plan.no-driving-point", "plan.mass-loading", "plan.stiff-suspension"}
+    for one in found.record.alerts:
+        words = re.sub(r"[0-9]+\.[0-9]+", "1.00", one.sentence)
+        check_shown(one.code, f"[{one.code}] {words}")
 
 
 def test_modes_that_look_alike_at_the_sensors(tmp_path: Path) -> None:

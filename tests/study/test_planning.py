@@ -11,7 +11,7 @@ import pytest
 import pyuff
 from click.testing import CliRunner
 
-from femtune import steps
+from femtune import Study, steps
 from femtune.cli import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import scan_uff
@@ -276,3 +276,106 @@ def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> 
     assert [m.freq_hz for m in found.record.modes] == pytest.approx(heavy[6:8])
     with pytest.raises(FemtuneError, match="light"):
         steps.plan(study, configuration="light")
+
+
+def test_exciters_excite_every_target_mode(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
+    assert [e.name for e in found.record.exciters] == ["E1", "E2"]
+    shapes = steps.modes(free).mode_sets["as the deck"]
+    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, _at(_NX, _NY) + 1))).shapes[:, 6:12]
+    levels = (z**2 / (z**2).max(axis=0))[[e.node - 1 for e in found.record.exciters]]
+    assert [m.level for m in found.record.excitation] == pytest.approx(levels.max(axis=0), rel=1e-6)
+    # no pair of points is much better
+    every = z**2 / (z**2).max(axis=0)
+    best = max(np.maximum(every[i], every[j]).min() for i in range(len(z)) for j in range(i))
+    assert levels.max(axis=0).min() > 0.8 * best
+    assert all(0.0 <= m.indicator < 0.1 for m in found.record.excitation)
+    assert found.exciters[0].dof == found.record.exciters[0].dof
+
+
+def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None:
+    # on the axis of symmetry: antisymmetric modes are not excited
+    middle = f"{_at(4, 3)}Z+"
+    found = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle])
+    (exciter,) = found.record.exciters
+    assert exciter.given
+    assert exciter.sensor == "U1"
+    low = [m.number for m in found.record.excitation if m.level < 0.1]
+    assert low
+    (alert,) = [a for a in found.record.alerts if a.code == "plan.not-excited"]
+    assert ", ".join(map(str, low)) in alert.sentence
+    both = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle], exciters=1)
+    assert min(m.level for m in both.record.excitation) > 0.3
+    only = steps.plan(free, modes="7 THRU 10", uniaxial=8, exciters=1, exciter_nodes=[1, 9])
+    assert only.record.exciters[0].node in (1, 9)
+
+
+def test_frequency_lines_of_the_band(free: Path) -> None:
+    found = steps.plan(free, band_hz=(20.0, 120.0), uniaxial=20, damping_ratio=0.005, lines_per_half_band=4)
+    lines = found.calibration_lines
+    assert lines is not None
+    assert lines[[0, -1]] == pytest.approx([20.0, 120.0])
+    assert (np.diff(lines) / (0.01 * lines[:-1])).max() <= 0.25 + 1e-12
+    record = found.record.frequency_lines
+    assert record is not None
+    lowest = found.record.modes[0].freq_hz
+    assert record.spacing_hz == pytest.approx(0.01 * lowest / 4)
+    own = steps.plan(free, modes=[7, 9], uniaxial=4).record
+    assert own.frequency_lines is not None
+    assert own.frequency_lines.low_hz == pytest.approx(0.9 * own.modes[0].freq_hz)
+
+
+def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 10", triaxial=1, uniaxial=5, triaxial_mass=0.02, uniaxial_mass=0.01)
+    assert found.record.sensor_mass == pytest.approx(0.07)
+    masses = [{"node": s.node, "mass": 0.02 if s.kind == "triaxial" else 0.01} for s in found.record.sensors]
+    loaded = Study(
+        model=free, units="m-kg-s", configurations=[{"name": "loaded", "masses": masses}], modes={"count": 12}
+    )
+    exact = 100.0 * (steps.modes(loaded).freq_hz[6:10] / steps.modes(free).freq_hz[6:10] - 1.0)
+    assert [m.shift_percent for m in found.record.loading] == pytest.approx(exact, rel=1e-4)
+    assert [m.rayleigh_percent for m in found.record.loading] == pytest.approx(exact, rel=0.1)
+    heavy = steps.plan(free, modes="7 THRU 10", uniaxial=5, uniaxial_mass=0.2)
+    assert "plan.mass-loading" in [a.code for a in heavy.record.alerts]
+    assert not steps.plan(free, modes="7 THRU 10", uniaxial=5).record.loading
+
+
+def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> None:
+    corners = [_at(0, 0), _at(_NX, 0), _at(0, _NY), _at(_NX, _NY)]
+    found = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (30.0, 40.0, 50.0)}]
+    ).record.suspension
+    assert found is not None
+    cards = [
+        f"CELAS2,{900 + 10 * k + c},{10.0 * (c + 2)},{node},{c}" for k, node in enumerate(corners) for c in (1, 2, 3)
+    ]
+    path = tmp_path / "hung.bdf"
+    path.write_text(plate_deck(False, *cards))
+    hung, own = steps.modes(path).freq_hz, steps.modes(free).freq_hz
+    assert found.rigid_hz == pytest.approx(hung[:6], rel=2e-3)
+    assert found.first_elastic_hz == pytest.approx(hung[6], rel=2e-5)
+    assert found.shift_percent == pytest.approx(100.0 * (hung[6:10] / own[6:10] - 1.0), rel=2e-2)
+    # a mass of 5.2 kg on four springs of 50 N/m
+    assert found.rigid_hz[2] == pytest.approx(np.sqrt(200.0 / (0.48 * 0.004 * 2700.0)) / (2.0 * np.pi), rel=2e-3)
+    stiff = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (0.0, 0.0, 1e5)}]
+    )
+    assert "plan.stiff-suspension" in [a.code for a in stiff.record.alerts]
+
+
+def test_everything_is_on_the_page_and_in_the_files(free: Path, tmp_path: Path) -> None:
+    table, frame = tmp_path / "plan.csv", tmp_path / "plan.uff"
+    found = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, exciters=1, uniaxial_mass=0.01, csv=table, uff=frame, units="m-kg-s",
+        suspension=[{"nodes": [1, 9, 55, 63], "stiffness": (1.0, 1.0, 1.0)}], report=tmp_path / "plan.html",
+    )  # fmt: skip
+    page = (tmp_path / "plan.html").read_text()
+    for words in (
+        "Excitation of the target modes",
+        "Masses of the sensors",
+        "Effect of the suspension",
+        "per half band",
+    ):
+        assert words in page
+    assert table.read_text().splitlines()[-1].startswith(f"E1,exciter,{found.record.exciters[0].node},")
+    assert found.record.exciters[0].node in read_geometry(scan_uff(frame))[0].nodes

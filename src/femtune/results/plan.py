@@ -26,6 +26,88 @@ class TargetMode(Record):
     """Largest AutoMAC with another target mode at all candidates."""
 
 
+class PlannedExciter(Record):
+    """An exciter of the plan."""
+
+    name: str
+    """Name: "E1", "E2" …"""
+    node: int
+    """Number of the grid point."""
+    dof: str
+    """Degree of freedom of the test, along the axes of the exciter."""
+    position: Vector3
+    """Coordinates in the basic system, in the study's unit of length."""
+    axes: tuple[Vector3, Vector3, Vector3]
+    """Unit vectors of the local axes in the basic system, as for a sensor."""
+    direction: Vector3
+    """Direction of the force in the basic system."""
+    given: bool
+    """True for an exciter that the study places."""
+    sensor: str | None
+    """Name of the sensor at its grid point that measures its direction; None if there is none."""
+
+
+class ModeExcitation(Record):
+    """How a target mode is excited."""
+
+    number: int
+    """Number of the mode of the model, from 1."""
+    exciter: str
+    """Exciter that excites it most."""
+    level: float
+    """Driving-point residue of this exciter relative to that at the best candidate, from 0 to 1."""
+    indicator: float
+    """Multivariate mode indicator function of all exciters and sensors at the frequency of the mode: near 0 if the
+    forces excite it as a normal mode."""
+
+
+class PlannedLines(Record):
+    """Frequency lines of the test."""
+
+    low_hz: float
+    """First frequency, Hz."""
+    high_hz: float
+    """Last frequency, Hz."""
+    damping_ratio: float
+    """Damping ratio for which the lines are chosen."""
+    per_half_band: int
+    """Least number of lines to a half bandwidth 2ξf."""
+    calibration_lines: int
+    """Number of logarithmically spaced lines for a calibration."""
+    calibration_key: str
+    """Key of these lines, Hz, shape (lines,)."""
+    spacing_hz: float
+    """Spacing of even lines for an identification, Hz."""
+    duration_s: float
+    """Length of a record with this resolution, s, without windows and averages."""
+    decay_s: float
+    """Time in which the lowest target mode decays to a thousandth, s."""
+    identification_lines: int
+    """Number of even lines between the two frequencies."""
+
+
+class LoadedMode(Record):
+    """Effect of the masses of the sensors on a target mode."""
+
+    number: int
+    """Number of the mode of the model, from 1."""
+    shift_percent: float
+    """Change of its frequency by the masses, in %, from a solution of the loaded model."""
+    rayleigh_percent: float
+    """The same by the Rayleigh quotient of the mode of the model."""
+
+
+class SuspensionResults(Record):
+    """Effect of a soft suspension."""
+
+    rigid_hz: tuple[float, ...]
+    """Frequencies of the suspension, Hz: motions that are rigid-body modes without springs."""
+    first_elastic_hz: float
+    """Frequency of the first elastic mode on the suspension, Hz."""
+    shift_percent: tuple[float, ...]
+    """Change of the frequency of each elastic target mode by the springs, in %; 0 for a rigid-body mode."""
+
+
 class PlannedSensor(Record):
     """A sensor of the plan."""
 
@@ -100,6 +182,18 @@ class PlanResults(Record):
     """All candidate points with three directions, or their uniaxial directions if no triaxial sensor is placed."""
     lines: tuple[tuple[int, int], ...]
     """Trace lines between the grid points of sensors."""
+    exciters: tuple[PlannedExciter, ...] = ()
+    """Exciters."""
+    excitation: tuple[ModeExcitation, ...] = ()
+    """How the target modes are excited; empty without exciters."""
+    frequency_lines: PlannedLines | None = None
+    """Frequency lines; None if all target modes are rigid-body motions."""
+    sensor_mass: float = 0.0
+    """Mass of all sensors, in the study's unit of mass."""
+    loading: tuple[LoadedMode, ...] = ()
+    """Effect of the masses of the sensors; empty without masses."""
+    suspension: SuspensionResults | None = None
+    """Effect of the suspension; None without one."""
     auto_mac_key: str
     """Key of the AutoMAC of the target modes at the sensors, shape (modes, modes)."""
     alerts: tuple[Alert, ...] = ()

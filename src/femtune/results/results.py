@@ -78,7 +78,8 @@ class Results(Record):
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
         frfs = (response.frfs for response in self.responses)
-        single = [r for r in (self.plan, self.selection, self.quantify, *frfs) if r is not None]
+        lines = self.plan.frequency_lines if self.plan is not None else None
+        single = [r for r in (self.plan, lines, self.selection, self.quantify, *frfs) if r is not None]
         owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)

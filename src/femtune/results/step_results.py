@@ -255,6 +255,22 @@ class PlanResult(StepResult):
         return rows_of(self.record.modes, *columns)
 
     @property
+    def exciters(self) -> Rows:
+        """Exciters: `name`, `node`, `dof` of the test, and the `sensor` at the driving point."""
+        return rows_of(self.record.exciters, "name", "node", "dof", "sensor")
+
+    @property
+    def excitation(self) -> Rows:
+        """Target modes: the `exciter` that excites each most, its `level`, and the mode `indicator` of all."""
+        return rows_of(self.record.excitation, "number", "exciter", "level", "indicator")
+
+    @property
+    def calibration_lines(self) -> NDArray[np.float64] | None:
+        """(lines,) frequency lines for a calibration in Hz; None if there are none."""
+        lines = self.record.frequency_lines
+        return None if lines is None else self.arrays[lines.calibration_key]
+
+    @property
     def auto_mac(self) -> NDArray[np.float64]:
         """(m, m) AutoMAC of the target modes at the sensors."""
         return self.arrays[self.record.auto_mac_key]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import Elements, Numbers, Text, TomlTable
+from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Text, TomlTable
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, number, table
@@ -16,6 +16,13 @@ from femtune.files.study_file.source import StudyLines, number, table
 Axis = Literal["X", "Y", "Z"]
 SensorCount = Annotated[int, Field(ge=0, le=10_000)]
 Threshold = Annotated[float, Field(ge=0, lt=1)]
+
+
+class SuspensionEntry(TomlTable):
+    """[[plan.suspension]]: springs from grid points to a fixed frame."""
+
+    nodes: Numbers
+    stiffness: tuple[NotNegative, NotNegative, NotNegative]
 
 
 class PlanTable(TomlTable):
@@ -40,6 +47,15 @@ class PlanTable(TomlTable):
     weighting: Literal["none", "kinetic-energy"] = "none"
     triaxial_threshold: Threshold = 0.05
     uniaxial_threshold: Threshold = 0.01
+    exciters: Annotated[int, Field(ge=0, le=100)] = 0
+    exciters_placed: tuple[DofLabel, ...] = ()
+    exciter_nodes: Numbers | None = None
+    exciter_level: Annotated[float, Field(ge=0, le=1)] = 0.1
+    damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    lines_per_half_band: Annotated[int, Field(ge=1, le=100)] = 3
+    triaxial_mass: NotNegative = 0.0
+    uniaxial_mass: NotNegative = 0.0
+    suspension: tuple[SuspensionEntry, ...] = ()
 
 
 # ----------------------------------------------------------------------------------------------------

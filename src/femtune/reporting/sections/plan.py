@@ -21,13 +21,13 @@ from femtune.reporting.document import (
 )
 from femtune.reporting.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.reporting.figures.sensors import Marks, sensors_svg
-from femtune.reporting.numbers import NONE, counted, freq, listed, short, unit_fraction
+from femtune.reporting.numbers import NONE, counted, freq, listed, short, signed_percent, unit_fraction, with_unit
 from femtune.reporting.sections.mode_shapes import structure_of
 
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
-    from femtune.results.plan import PlannedSensor, PlannedSet, PlanResults
+    from femtune.results.plan import PlannedExciter, PlannedSensor, PlannedSet, PlanResults
 
 
 def _plan(source: ReportSource) -> PlanResults:
@@ -52,7 +52,6 @@ def plan_numbers(plan: PlanResults) -> KeyNumbers:
             KeyNumber("Measured directions", str(chosen.channels)),
             KeyNumber("Largest AutoMAC of two target modes", unit_fraction(chosen.auto_mac), remark=beside),
             KeyNumber("Condition number", _condition(chosen), remark=f"all candidates: {_condition(most)}"),
-            KeyNumber("Candidates", str(plan.candidate_points), remark="grid points"),
         )
     )
 
@@ -74,7 +73,8 @@ def plan_summary(source: ReportSource) -> list[Block]:
 def plan_sensors(source: ReportSource) -> list[Block]:
     """The picture and the table."""
     plan = _plan(source)
-    return [*_picture(source, plan), sensor_table(plan, source.results.study.units.partition("-")[0])]
+    unit = source.results.study.units.partition("-")[0]
+    return [*_picture(source, plan), sensor_table(plan, unit), *exciter_tables(plan, unit)]
 
 
 def _picture(source: ReportSource, plan: PlanResults) -> list[Block]:
@@ -82,13 +82,14 @@ def _picture(source: ReportSource, plan: PlanResults) -> list[Block]:
     frame = structure_of(source, kept)
     if frame is None:
         return [Paragraph(f"Not drawn: {kept.reason}.")]
-    nodes = [s.node for s in plan.sensors]
+    both: list[PlannedSensor | PlannedExciter] = [*plan.sensors, *plan.exciters]
+    nodes = [s.node for s in both]
     lines = [(nodes.index(a), nodes.index(b)) for a, b in plan.lines]
     marks = Marks(
-        np.array([s.position for s in plan.sensors]),
-        [s.name for s in plan.sensors],
-        [s.kind for s in plan.sensors],
-        np.array([s.axes[2] if s.direction in (None, s.axes[2]) else (0.0, 0.0, 0.0) for s in plan.sensors]),
+        np.array([s.position for s in both]),
+        [s.name for s in both],
+        [*(s.kind for s in plan.sensors), *["exciter"] * len(plan.exciters)],
+        np.array([s.axes[2] if s.direction in (None, s.axes[2]) else (0.0, 0.0, 0.0) for s in both]),
     )
     alt = f"The structure with {counts(plan)} sensors, seen from above and from below"
     notes: list[Block] = [Paragraph(f"{kept.simplified[:1].upper()}{kept.simplified[1:]}.", "muted")]
@@ -123,6 +124,82 @@ def _row(s: PlannedSensor) -> tuple[Cell, ...]:
 def _clean(number: float) -> float:
     """Rounding is zero, and zero has no sign."""
     return number if abs(number) > 1e-12 else 0.0
+
+
+def exciter_tables(plan: PlanResults, unit: str) -> list[Block]:
+    """Exciters, and how they excite the target modes."""
+    if not plan.exciters:
+        return []
+    place = f">Position{f', {unit}' if unit else ''}"
+    heads = columns("Exciter", "Point", place, ">Direction", "Sensor at the driving point")
+    rows = (
+        row(
+            f"{e.name}, given" if e.given else e.name,
+            f"{e.node}{e.dof.removeprefix(str(e.node))}",
+            ", ".join(short(_clean(v)) for v in e.position),
+            ", ".join(short(_clean(round(v, 4))) for v in e.direction),
+            e.sensor or "none",
+        )
+        for e in plan.exciters
+    )
+    note = (
+        "Level: driving-point residue relative to that at the best candidate. Mode indicator: near 0 if the forces "
+        "excite the mode as a normal mode."
+    )
+    modes = (row(str(m.number), m.exciter, unit_fraction(m.level), unit_fraction(m.indicator)) for m in plan.excitation)
+    of_modes = columns(">Mode", "Best exciter", ">Level", ">Mode indicator")
+    return [Table("", heads, tuple(rows)), Table("Excitation of the target modes", of_modes, tuple(modes), note)]
+
+
+def plan_setup(source: ReportSource) -> list[Block]:
+    """Frequency lines, masses of the sensors, suspension."""
+    return setup_blocks(_plan(source), source.results.study.units)
+
+
+def setup_blocks(plan: PlanResults, units: str) -> list[Block]:
+    """Frequency lines in sentences; tables of shifts."""
+    return [*_lines(plan), *_loading(plan, units), *_suspension(plan)]
+
+
+def _lines(plan: PlanResults) -> list[Block]:
+    found = plan.frequency_lines
+    if found is None:
+        return []
+    band = f"{freq(found.low_hz)} to {freq(found.high_hz)} Hz"
+    per = f"at least {counted(found.per_half_band, 'line')} per half bandwidth 2ξf at ξ = {short(found.damping_ratio)}"
+    return [
+        Listing(
+            (
+                f"Calibration: {counted(found.calibration_lines, 'line')}, logarithmically spaced, {band}, {per}.",
+                f"Identification: resolution {short(found.spacing_hz)} Hz, a record of {short(found.duration_s)} s or "
+                f"more per average, {counted(found.identification_lines, 'line')} from {band}.",
+                f"The lowest target mode decays to a thousandth in {short(found.decay_s)} s.",
+            )
+        )
+    ]
+
+
+def _loading(plan: PlanResults, units: str) -> list[Block]:
+    if not plan.loading:
+        return []
+    unit = units.split("-")[1] if units else ""
+    heads = columns(">Mode", ">Shift of the frequency, %", ">by the Rayleigh quotient, %")
+    rows = (
+        row(str(m.number), signed_percent(m.shift_percent), signed_percent(m.rayleigh_percent)) for m in plan.loading
+    )
+    total = with_unit(short(plan.sensor_mass), unit)
+    return [Table(f"Masses of the sensors, {total} in total", heads, tuple(rows))]
+
+
+def _suspension(plan: PlanResults) -> list[Block]:
+    found = plan.suspension
+    if found is None:
+        return []
+    hung = ", ".join(short(f) for f in found.rigid_hz)
+    heads = columns(">Mode", ">Shift of the frequency, %")
+    rows = (row(str(m.number), signed_percent(s)) for m, s in zip(plan.modes, found.shift_percent) if not m.rigid_body)
+    words = f"Suspension: {hung} Hz; first elastic mode {freq(found.first_elastic_hz)} Hz."
+    return [Paragraph(words), Table("Effect of the suspension", heads, tuple(rows))]
 
 
 def plan_modes(source: ReportSource) -> list[Block]:

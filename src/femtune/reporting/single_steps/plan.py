@@ -5,7 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from femtune.reporting.document import AlertBox, Listing, Section
-from femtune.reporting.sections.plan import method_sentences, mode_table, plan_numbers, sensor_table
+from femtune.reporting.sections.plan import (
+    exciter_tables,
+    method_sentences,
+    mode_table,
+    plan_numbers,
+    sensor_table,
+    setup_blocks,
+)
 from femtune.reporting.short_form import plan_verdict
 
 if TYPE_CHECKING:
@@ -20,8 +27,15 @@ def plan_document(subject: Subject, plan: PlanResults) -> Document:
     alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)
     sections = (
         Section("plan", f"Test plan of {plan.configuration}", (plan_numbers(plan), *alerts)),
-        Section("sensors", "Sensors", (sensor_table(plan, subject.length_unit),)),
+        Section(
+            "sensors", "Sensors", (sensor_table(plan, subject.length_unit), *exciter_tables(plan, subject.length_unit))
+        ),
         Section("modes", "Target modes", (mode_table(plan),)),
+        Section("setup", "Frequency lines, masses, suspension", tuple(setup_blocks(plan, _units(subject)))),
         Section("method", "Method", (Listing(tuple(method_sentences(plan))),)),
     )
     return subject.document(verdict, level, sections)
+
+
+def _units(subject: Subject) -> str:
+    return f"{subject.length_unit}-{subject.mass_unit}-s" if subject.mass_unit else ""

@@ -18,7 +18,7 @@ from femtune.testdata import WireFrame
 
 if TYPE_CHECKING:
     from femtune.assembly.study import Study
-    from femtune.results.plan import PlannedSensor, PlanResults
+    from femtune.results.plan import PlannedExciter, PlannedSensor, PlanResults
 
 _COLUMNS = ("name", "kind", "node", "dofs", "x", "y", "z", "direction_x", "direction_y", "direction_z", "independence")
 
@@ -67,9 +67,10 @@ def write_plan_files(study: Study, record: PlanResults, files: PlanFiles) -> Non
 
 def sensor_frame(record: PlanResults) -> WireFrame:
     """Measured points with their local axes, and the trace lines."""
-    points: dict[int, PlannedSensor] = {}
-    for sensor in record.sensors:
-        points.setdefault(sensor.node, sensor)
+    points: dict[int, PlannedSensor | PlannedExciter] = {}
+    everything: tuple[PlannedSensor | PlannedExciter, ...] = (*record.sensors, *record.exciters)
+    for one in everything:
+        points.setdefault(one.node, one)
     found = [points[node] for node in sorted(points)]
     return WireFrame(
         np.array([s.node for s in found], np.int64),
@@ -80,7 +81,7 @@ def sensor_frame(record: PlanResults) -> WireFrame:
 
 
 def sensor_table(record: PlanResults) -> str:
-    """The sensors as CSV, one a line; a triaxial sensor has no direction but its three degrees of freedom."""
+    """Sensors and exciters as CSV, one a line; a triaxial sensor has no direction but its three degrees of freedom."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
@@ -88,4 +89,7 @@ def sensor_table(record: PlanResults) -> str:
         direction = ("", "", "") if s.direction is None else tuple(f"{v:.9g}" for v in s.direction)
         place = tuple(f"{v:.9g}" for v in s.position)
         writer.writerow((s.name, s.kind, s.node, " ".join(s.dofs), *place, *direction, f"{s.independence:.6g}"))
+    for e in record.exciters:
+        numbers = (f"{v:.9g}" for v in (*e.position, *e.direction))
+        writer.writerow((e.name, "exciter", e.node, e.dof, *numbers, ""))
     return text.getvalue()

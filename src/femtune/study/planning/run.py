@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,16 +25,25 @@ from femtune.results.model import model_facts, model_modes
 from femtune.results.plan import PlannedSensor, PlannedSet, PlanResults, TargetMode
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
-from femtune.results.shapes import mode_shapes
+from femtune.results.shapes import grid_translations, mode_shapes
 from femtune.results.solved import nominal, solve
 from femtune.results.step_results import PlanResult
 from femtune.study.planning.candidates import (
     Sites,
+    Uniaxial,
     accessible_rows,
     masses_at,
     moving,
     sites_of,
     surface_mesh,
+)
+from femtune.study.planning.effects import mass_loading, sensor_masses, suspension_effect
+from femtune.study.planning.excitation import (
+    Exciter,
+    exciter_records,
+    find_exciters,
+    frequency_lines,
+    mode_excitation,
 )
 from femtune.study.planning.files import NO_FILES, PlanFiles, check_plan_files, write_plan_files
 from femtune.study.planning.sensors import PlacedSensors, SensorPlan, SiteSensor, candidate_shapes, given_sensors
@@ -55,6 +64,10 @@ Arrays = dict[str, NDArray[Any]]
 
 _ALIKE = 0.5
 """AutoMAC of two target modes from which an alert says that they look alike."""
+_LOADED_PERCENT = 0.5
+"""Shift of a frequency by the masses of the sensors from which an alert says so."""
+_SOFT = 0.2
+"""Highest frequency of a soft suspension relative to the first elastic mode."""
 _PREFIX = {"triaxial": "T", "uniaxial": "U", "visualisation": "V"}
 
 
@@ -226,6 +239,8 @@ class _Plan:
             raise FemtuneError("plan.dependent/sensors", channels=len(shapes), rank=rank, modes=shapes.shape[1])
         chosen = outcome_of(shapes)
         arrays["plan/auto_mac"] = chosen.auto_mac
+        sensors = self._sensors(placed.sensors)
+        setup = self._setup(placed.sensors, sensors, plan.uniaxial, arrays)
         return PlanResults(
             configuration=self.case.name,
             modes=tuple(self._mode(j, chosen, anywhere) for j in range(len(targets.positions))),
@@ -239,13 +254,60 @@ class _Plan:
             uniaxial_threshold=table.uniaxial_threshold,
             rejected=placed.rejected,
             exchanges=placed.exchanges,
-            sensors=self._sensors(placed.sensors),
+            sensors=sensors,
             chosen=_planned_set(len(shapes), chosen),
             all_candidates=_planned_set(3 * len(self.sites) if triaxial else len(plan.uniaxial.site), anywhere),
             lines=self._lines(placed.sensors),
             auto_mac_key="plan/auto_mac",
-            alerts=tuple(self._alerts(placed, chosen)),
+            alerts=(*self._alerts(placed, chosen), *self._alerts_of_setup(setup)),
+            **setup,
         )
+
+    def _setup(
+        self, sensors: tuple[SiteSensor, ...], records: tuple[PlannedSensor, ...], uniaxial: Uniaxial, arrays: Arrays
+    ) -> dict[str, Any]:
+        """Exciters, frequency lines, and what sensors and suspension change; fields of the record by name."""
+        table, targets, solution, case = self.table, self.targets, self.solution, self.case
+        found: dict[str, Any] = {
+            "frequency_lines": frequency_lines(table, solution.freq_hz[targets.positions][~targets.rigid], arrays),
+            "suspension": suspension_effect(self.study, case, solution, targets.positions, table),
+        }
+        if table.exciters or table.exciters_placed:
+            excitation = find_exciters(self.study, solution, targets.positions, table, self.sites, uniaxial)
+            outputs, inputs = self._all_modes(sensors), self._all_modes(excitation.exciters)
+            found["exciters"] = exciter_records(self.study, excitation, records)
+            found["excitation"] = mode_excitation(
+                solution, targets.positions, excitation, outputs, inputs, table.damping_ratio
+            )
+        masses = sensor_masses(table, sensors)
+        found["sensor_mass"] = float(masses.sum())
+        found["loading"] = mass_loading(
+            self.study, case, solution, targets.positions, targets.rigid, sensors, masses
+        )  # fmt: skip
+        return found
+
+    def _all_modes(self, where: Sequence[SiteSensor | Exciter]) -> Reals:
+        """(rows, n) all wanted modes along the directions of sensors or exciters."""
+        motion = grid_translations(self.case.configured, self.solution, np.array([s.row for s in where]))
+        return np.concatenate(
+            [(s.axes if s.axis is None else s.axes[[s.axis]]) @ moved for s, moved in zip(where, motion)]
+        )
+
+    def _alerts_of_setup(self, setup: Mapping[str, Any]) -> Iterator[Alert]:
+        low = [str(e.number) for e in setup.get("excitation", ()) if e.level < self.table.exciter_level]
+        if low:
+            percent = 100.0 * self.table.exciter_level
+            yield alert("warning", "plan.not-excited", modes=", ".join(low), percent=percent)
+        bare = [e.name for e in setup.get("exciters", ()) if e.sensor is None]
+        if bare:
+            yield alert("info", "plan.no-driving-point", names=", ".join(bare))
+        worst = min(setup["loading"], key=lambda m: m.shift_percent, default=None)
+        if worst is not None and worst.shift_percent < -_LOADED_PERCENT:
+            yield alert("warning", "plan.mass-loading", number=worst.number, shift=worst.shift_percent)
+        hung = setup["suspension"]
+        if hung is not None and max(hung.rigid_hz) > _SOFT * hung.first_elastic_hz:
+            facts = {"rigid": max(hung.rigid_hz), "elastic": hung.first_elastic_hz, "limit": 100.0 * _SOFT}
+            yield alert("warning", "plan.stiff-suspension", **facts)
 
     def _counts(self, given: tuple[SiteSensor, ...]) -> tuple[int, int]:
         """Triaxial and uniaxial sensors to place: twice as many uniaxial ones as modes where nothing is said."""
