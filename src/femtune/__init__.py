@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         CorrelateResult,
         InfoResult,
         ModesResult,
+        PlanResult,
         QuantifyResult,
         RespondResult,
         RunResult,
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     )
     from femtune.status import Status
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
-    from femtune.steps.of_model import info, modes, respond, simulate
+    from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import read_results, run, update, validate
     from femtune.steps.of_study import correlate, quantify, select
@@ -84,6 +85,7 @@ __all__ = [
     "Model",
     "ModesResult",
     "Parameter",
+    "PlanResult",
     "QuantifyResult",
     "RespondResult",
     "RunResult",
@@ -100,6 +102,7 @@ __all__ = [
     "info",
     "mac",
     "modes",
+    "plan",
     "plot",
     "quantify",
     "read_deck",

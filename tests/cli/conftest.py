@@ -33,7 +33,7 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Steps that read the study, make the run folder, and tell what they were asked."""
     module: Any = ModuleType("steps")
     module.calls, module.outcome, module.verdicts = [], None, ()
-    for name in ("info", "modes", "respond", "identify", "correlate", "select", "quantify"):
+    for name in ("info", "modes", "respond", "plan", "identify", "correlate", "select", "quantify"):
         setattr(module, name, _single(module, name))
     for name in ("update", "run"):
         setattr(module, name, _whole(module, name))

@@ -22,6 +22,7 @@ _COMMANDS = [
     "info",
     "modes",
     "respond",
+    "plan",
     "identify",
     "correlate",
     "select",

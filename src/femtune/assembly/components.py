@@ -30,7 +30,8 @@ def components_of(file: StudyFile, built: BuiltModel) -> Components | None:
     errors, found = ErrorCollector(), {}
     for i, entry in enumerate(file.component):
         with errors.catch():
-            found[entry.name] = elements_of(file, ("component", i), entry, built) or frozenset()
+            chosen = elements_of(file, ("component", i), entry, built, f"component {entry.name}")
+            found[entry.name] = chosen or frozenset()
     errors.raise_if_any()
     limits = {entry.name: entry.max_hz for entry in file.component if entry.max_hz is not None}
     with errors_at(file.where("component")):

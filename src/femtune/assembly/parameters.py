@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from femtune.fem.fields import FieldRef
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.nastran.lists import IntegerList
-    from femtune.files.study_file import ComponentEntry, NearTable, ParameterEntry, StudyFile
+    from femtune.files.study_file import ComponentEntry, NearTable, ParameterEntry, PlanTable, StudyFile
 
 
 @dataclass(frozen=True)
@@ -194,14 +194,22 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
     ------
     FemtuneError : ``parameter.region`` for what the deck does not have, and where no element is left
     """
-    return elements_of(file, ("parameter", i), file.parameter[i], built)
+    entry = file.parameter[i]
+    return elements_of(file, ("parameter", i), entry, built, f"parameter {entry.name}")
 
 
 def elements_of(
-    file: StudyFile, place: tuple[str, int], entry: ParameterEntry | ComponentEntry, built: BuiltModel
+    file: StudyFile,
+    place: tuple[str | int, ...],
+    entry: ParameterEntry | ComponentEntry | PlanTable,
+    built: BuiltModel,
+    subject: str,
 ) -> Numbers | None:
-    """Elements that satisfy `elements` and `region` of an entry of the study, None where it has neither."""
-    subject, chosen = f"{place[0]} {entry.name}", None
+    """Elements that satisfy `elements` and `region` of an entry of the study, None where it has neither.
+
+    `subject` is what errors call the entry: "parameter E".
+    """
+    chosen = None
     if entry.elements is not None:
         chosen = _named(_Asked(subject, built, file.where(*place, "elements")), element_list(entry.elements))
     if entry.region is None:

@@ -198,6 +198,38 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
 @main.command()
 @click.argument("path", type=_FILE)
+@click.option("--modes", metavar="LIST", help='Numbers of the target modes: "7 THRU 20".')
+@click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Target modes of this band, Hz.")
+@click.option("--triaxial", type=int, help="Number of triaxial sensors to place.")
+@click.option("--uniaxial", type=int, help="Number of uniaxial sensors to place.")
+@click.option("--visualisation", type=int, help="Number of further sensors that complete the picture.")
+@click.option("--exciters", type=int, help="Number of exciters to place.")
+@click.option("--placed", multiple=True, metavar="SENSOR", help="Given sensor: 101, or 101Z+; repeatable.")
+@click.option("--nodes", metavar="LIST", help='Grid points that are candidates: "101 THRU 300".')
+@click.option("--exclude", metavar="LIST", help="Grid points that are no candidates.")
+@click.option("--method", metavar="NAME", help="expansion or elimination.")
+@click.option("--configuration", metavar="NAME", help="Configuration to be tested, if the study has several.")
+@click.option("--uff", type=_FILE, metavar="FILE", help="Write points, axes and trace lines (Universal File, 2411).")
+@click.option("--csv", type=_FILE, metavar="FILE", help="Write a table of the sensors.")
+@click.option("--units", metavar="m-kg-s", help="Units, if a deck is given instead of a study; for --uff.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with a picture of the sensors.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def plan(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Plan a test: sensors for target modes of the model.
+
+    PATH is a study file (.toml) or a Nastran deck; no test is needed. Options replace keys of [plan] in the study.
+    """
+    result = run_step("of_model:plan", path, quiet, fresh=fresh, report=page, **_given(asked))
+    out.say(result.remarks, quiet)
+    out.show("plan:plan_document", path, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@click.argument("path", type=_FILE)
 @_output
 @click.option("--band", "band_hz", type=(float, float), metavar="LOW HIGH", help="Frequency range of the modes, Hz.")
 @click.option("--order", "largest_order", type=int, help="Largest model order.")

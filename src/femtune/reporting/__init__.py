@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from femtune.reporting.build import build_modes_page, build_report, build_responses_page
+    from femtune.reporting.build import build_modes_page, build_plan_page, build_report, build_responses_page
     from femtune.reporting.html import check_page, html_text, write_html
     from femtune.reporting.identification import build_identification_page
     from femtune.reporting.terminal import print_terminal
@@ -15,6 +15,7 @@ else:
 __all__ = [
     "build_identification_page",
     "build_modes_page",
+    "build_plan_page",
     "build_report",
     "build_responses_page",
     "check_page",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from femtune.reporting.document import Document, Paragraph, Section
 from femtune.reporting.html import section_texts
-from femtune.reporting.short_form import responses_verdict, short_form, sturm_verdict, verdict
+from femtune.reporting.short_form import plan_verdict, responses_verdict, short_form, sturm_verdict, verdict
 from femtune.reporting.source import ReportSource
 
 if TYPE_CHECKING:
@@ -47,6 +47,15 @@ def build_responses_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -
     found = (_section(text, source) for text in section_texts("responses"))
     sections = tuple(s for s in found if s.blocks)
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Responses")
+
+
+def build_plan_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """A planned test as data: sensors with a picture, target modes, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.plan is not None
+    sentence, level = plan_verdict(results.plan)
+    sections = tuple(_section(text, source) for text in section_texts("plan"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Test plan")
 
 
 def _titled(text: SectionText, imported: bool) -> SectionText:

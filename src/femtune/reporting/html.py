@@ -129,6 +129,6 @@ class SectionText:
 
 
 def section_texts(page: str = "report") -> tuple[SectionText, ...]:
-    """All entries of a page, "report", "modes" or "responses", in their order."""
+    """All entries of a page, "report", "modes", "plan" or "responses", in their order."""
     text = files("femtune.reporting").joinpath(f"text/{page}.toml").read_text(encoding="utf-8")
     return tuple(SectionText(**entry) for entry in tomllib.loads(text)["section"])

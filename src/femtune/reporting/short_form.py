@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from femtune.reporting.source import ReportSource, Scores
     from femtune.results.correlation import CorrelationResults, ModePairRecord
     from femtune.results.model import ModelModes
+    from femtune.results.plan import PlanResults
     from femtune.results.response import ResponseResults
     from femtune.results.update import ParameterFacts, UpdateResults
 
@@ -238,6 +239,13 @@ def responses_verdict(found: Sequence[ResponseResults]) -> tuple[str, Level]:
     if any(a.code == "response.undamped" for r in found for a in r.alerts):
         return f"{what}; the model has no damping.", "warning"
     return f"{what}.", "info"
+
+
+def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
+    """Whether the sensors tell the target modes apart, in one sentence."""
+    level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
+    modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
+    return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
 
 
 def agreement(scores: Scores) -> str:

@@ -13,6 +13,7 @@ from femtune.results.base import Alert, CitationRecord, Provenance, Record, Stud
 from femtune.results.correlation import CorrelationResults
 from femtune.results.journal import JournalResults
 from femtune.results.model import ModelFacts, ModelModes, SensorResults
+from femtune.results.plan import PlanResults
 from femtune.results.quantify import QuantifyResults
 from femtune.results.response import ResponseResults
 from femtune.results.shapes import ModeShapes
@@ -48,6 +49,8 @@ class Results(Record):
     """Shapes for drawing, by configuration, before the update and at the last model version."""
     responses: tuple[ResponseResults, ...] = ()
     """Frequency responses, complex modes and static displacements, by configuration and model version."""
+    plan: PlanResults | None = None
+    """A planned test; None if not run. `femtune run` makes none."""
     selection: SelectionResults | None = None
     """Identifiability; None if not run."""
     update: UpdateResults | None = None
@@ -75,7 +78,8 @@ class Results(Record):
     def array_keys(self) -> tuple[str, ...]:
         """Keys in arrays.npz that these results refer to."""
         frfs = (response.frfs for response in self.responses)
-        single = [r for r in (self.selection, self.quantify, *frfs) if r is not None]
+        lines = self.plan.frequency_lines if self.plan is not None else None
+        single = [r for r in (self.plan, lines, self.selection, self.quantify, *frfs) if r is not None]
         owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from femtune.results.base import Alert, ModelVersion
     from femtune.results.correlation import CorrelationResults
     from femtune.results.model import ModelFacts, ModelModes
+    from femtune.results.plan import PlanResults
     from femtune.results.quantify import QuantifyResults
     from femtune.results.response import FrfResults, ResponseResults
     from femtune.results.results import Results
@@ -213,6 +214,80 @@ class ModesResult(OfConfigurations["ModelModes"]):
 
     def _table(self) -> Rows:
         return self.frequencies
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanResult(StepResult):
+    """A planned test: sensors, and what they are worth for the target modes.
+
+    `record` is that of results.json, ``plan``; `results` has it with the facts of the model, `arrays` the arrays by
+    key, `files` the files that were written, `report` the page, None without one.
+    """
+
+    record: PlanResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+    report: Path | None = None
+
+    @property
+    def sensors(self) -> Rows:
+        """Sensors: `name`, `kind`, `node`, `dofs` of the test, coordinates, and effective `independence`."""
+        return Rows.of(
+            {
+                "name": s.name,
+                "kind": s.kind,
+                "node": s.node,
+                "dofs": " ".join(s.dofs),
+                "x": s.position[0],
+                "y": s.position[1],
+                "z": s.position[2],
+                "independence": s.independence,
+            }
+            for s in self.record.sensors
+        )
+
+    @property
+    def modes(self) -> Rows:
+        """Target modes: `number`, `freq_hz`, largest AutoMAC at the sensors and at all candidates."""
+        columns = ("number", "freq_hz", "rigid_body", "auto_mac", "alike_number", "auto_mac_candidates")
+        return rows_of(self.record.modes, *columns)
+
+    @property
+    def exciters(self) -> Rows:
+        """Exciters: `name`, `node`, `dof` of the test, and the `sensor` at the driving point."""
+        return rows_of(self.record.exciters, "name", "node", "dof", "sensor")
+
+    @property
+    def excitation(self) -> Rows:
+        """Target modes: the `exciter` that excites each most, its `level`, and the mode `indicator` of all."""
+        return rows_of(self.record.excitation, "number", "exciter", "level", "indicator")
+
+    @property
+    def calibration_lines(self) -> NDArray[np.float64] | None:
+        """(lines,) frequency lines for a calibration in Hz; None if there are none."""
+        lines = self.record.frequency_lines
+        return None if lines is None else self.arrays[lines.calibration_key]
+
+    @property
+    def auto_mac(self) -> NDArray[np.float64]:
+        """(m, m) AutoMAC of the target modes at the sensors."""
+        return self.arrays[self.record.auto_mac_key]
+
+    def _sentences(self) -> list[str]:
+        chosen, kinds = self.record.chosen, [s.kind for s in self.record.sensors]
+        counts = [f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)]
+        condition = "infinite" if chosen.condition is None else f"{chosen.condition:.3g}"
+        return [
+            f"{self.record.configuration}: {', '.join(counts)} sensors for {len(self.record.modes)} target modes",
+            f"largest AutoMAC {chosen.auto_mac:.3f}, condition number {condition}",
+            *(f"{a.level}: {a.sentence}" for a in self.record.alerts),
+            *self.remarks,
+        ]
+
+    def _table(self) -> Rows:
+        return self.sensors
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,7 +11,7 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
-    from femtune.steps.of_model import info, modes, respond, simulate
+    from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import read_results, run, update, validate
     from femtune.steps.of_study import correlate, quantify, select
@@ -24,6 +24,7 @@ __all__ = [
     "identify",
     "info",
     "modes",
+    "plan",
     "quantify",
     "read_deck",
     "read_matrices",

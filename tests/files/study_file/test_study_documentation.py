@@ -48,6 +48,8 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[quantify]`": study_file.QuantifyTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
+    "## `[plan]`": study_file.PlanTable,
+    "### `suspension`": study_file.SuspensionEntry,
     "## `[response]`": study_file.ResponseTable,
     "## `[[load]]`": study_file.LoadEntry,
     "## `[checks]`": study_file.ChecksTable,
@@ -65,6 +67,8 @@ def _rows(heading: str) -> dict[str, tuple[str, str, str]]:
 
 def _toml(text: str) -> Any:
     def frozen(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: frozen(one) for key, one in value.items()}
         return tuple(map(frozen, value)) if isinstance(value, list) else value
 
     return frozen(tomllib.loads(f"value = {text.strip('`')}")["value"])

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from femtune.files.study_file.derived import DerivedEntry
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
-    from femtune.files.study_file.options import with_expansion, with_modes, with_response
+    from femtune.files.study_file.options import with_expansion, with_modes, with_plan, with_response
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
+    from femtune.files.study_file.plan import PlanTable, SuspensionEntry
     from femtune.files.study_file.quantify import QuantifyTable, SelectTable
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
@@ -66,6 +67,7 @@ __all__ = [
     "OutputTable",
     "PairEntry",
     "ParameterEntry",
+    "PlanTable",
     "QuantifyTable",
     "ReductionTable",
     "RegionTable",
@@ -80,6 +82,7 @@ __all__ = [
     "StageEntry",
     "StudyFile",
     "StudyTable",
+    "SuspensionEntry",
     "TestKeys",
     "UpdateTable",
     "ValidateTable",
@@ -95,5 +98,6 @@ __all__ = [
     "switched_off",
     "with_expansion",
     "with_modes",
+    "with_plan",
     "with_response",
 ]

@@ -75,6 +75,21 @@ def element_list(value: str | tuple[int, ...]) -> IntegerList:
         raise FemtuneError("study.list/elements", reason=error.what, hint=error.hint) from error
 
 
+def number_list(value: str | tuple[int, ...]) -> IntegerList:
+    """Numbers of grid points or modes, written as a list of elements is.
+
+    Raises
+    ------
+    FemtuneError : ``study.list``, ``study.type``
+    """
+    try:
+        return element_list(value)
+    except FemtuneError as error:
+        if error.code == "study.type":
+            raise FemtuneError("study.type/number-list") from error
+        raise FemtuneError("study.list/numbers") from error
+
+
 def _positive(numbers: IntegerList, value: object) -> IntegerList:
     if not value or min((*numbers.singles, *(s.numbers.start for s in numbers.spans)), default=1) < 1:
         raise FemtuneError("study.list")
@@ -228,6 +243,7 @@ Vector = tuple[float, float, float]
 Units = Annotated[str, checked(unit_system)]
 DofLabel = Annotated[str, checked(parse_dof)]
 Elements = Annotated[str | tuple[int, ...], read_by(element_list)]
+Numbers = Annotated[str | tuple[int, ...], read_by(number_list)]
 ElementsOff = Annotated[str | tuple[int, ...], read_by(off_list)]
 Support = Annotated[str, checked(support)]
 FieldText = Annotated[str, checked(field_reference)]

@@ -1,4 +1,4 @@
-"""[response], [modes] and [correlate] with options of a call in place of their keys, under the rules of a file."""
+"""[response], [plan], [modes] and [correlate] with options of a call in place of their keys."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.objects import plain
+from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.source import Place, StudyLines
@@ -81,8 +82,34 @@ def with_expansion(file: StudyFile, method: str | None) -> StudyFile:
     return file.model_copy(update={"correlate": found.correlate})
 
 
-def _replaced(place: Place, given: Mapping[str, Any]) -> bool:
-    return place[:1] == ("response",) and len(place) > 1 and place[1] in given
+def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
+    """The study with keys of [plan] replaced by `options`; those that are None stay as they are.
+
+    Raises
+    ------
+    FemtuneError : as for a file, with the place "option or argument"
+    """
+    given = {key: plain(value) for key, value in options.items() if value is not None}
+    known = {} if file.plan is None else plain(file.plan)
+    for one, other in (("modes", "band_hz"), ("band_hz", "modes")):
+        if one in given and other not in given:
+            known.pop(other, None)
+    source = StudyLines(_OPTIONS)
+    plan = {**known, **given}
+    errors: list[FemtuneError] = list(plan_rules({"plan": plan}, source))
+    try:
+        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), "plan": plan})
+    except ValidationError as findings:
+        errors = [*problems(findings, source), *errors]
+    ErrorCollector(errors).raise_if_any()
+    copy = file.model_copy(update={"plan": found.plan})
+    lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given, "plan")}
+    copy._source = StudyLines(file._source.file, lines)
+    return copy
+
+
+def _replaced(place: Place, given: Mapping[str, Any], name: str = "response") -> bool:
+    return place[:1] == (name,) and len(place) > 1 and place[1] in given
 
 
 def _checked(file: StudyFile, response: dict[str, Any]) -> Any:

@@ -15,6 +15,7 @@ from femtune.files.study_file.derived import derived_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
 from femtune.files.study_file.parameter import parameter_rules
+from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
@@ -41,6 +42,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from frequency_table_rules(data, source)
     yield from residual_rules(data, source)
     yield from update_rules(data, source)
+    yield from plan_rules(data, source)
     yield from response_rules(data, source)
     yield from stage_rules(data, source)
     yield from validation_rules(data, source)

@@ -17,6 +17,7 @@ from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
 from femtune.files.study_file.parameter import ParameterEntry
+from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
@@ -91,6 +92,7 @@ class StudyFile(TomlTable):
     checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()
+    plan: PlanTable | None = None
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from femtune.files.uff.mode_records import ModeRecord
     from femtune.files.uff.read import UffContent, UffFile, read_uff
     from femtune.files.uff.scan import DataSet, scan_uff
-    from femtune.files.uff.write import force_unit, write_uff_frfs, write_uff_modes
+    from femtune.files.uff.write import force_unit, write_uff_frfs, write_uff_geometry, write_uff_modes
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -24,5 +24,6 @@ __all__ = [
     "read_uff",
     "scan_uff",
     "write_uff_frfs",
+    "write_uff_geometry",
     "write_uff_modes",
 ]

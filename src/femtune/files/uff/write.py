@@ -37,7 +37,7 @@ def write_uff_modes(path: str | Path, tests: ModalTest | Sequence[ModalTest], ti
     """
     several = [tests] if isinstance(tests, ModalTest) else list(tests)
     _check(several, title_lines)
-    lines = [*units_set(several[0]), *geometry_sets(several[0].geometry)]
+    lines = [*units_set(several[0].units), *geometry_sets(several[0].geometry)]
     for test in several:
         lines += _modes(test, title_lines)
     _write(Path(path), lines)
@@ -110,9 +110,18 @@ def _doubles(values: Iterable[float]) -> str:
     return "".join(f"{value:25.16E}" for value in values).replace("E", "D")
 
 
-def units_set(test: ModalTest) -> Iterator[str]:
+def write_uff_geometry(path: str | Path, frame: WireFrame, units: UnitSystem) -> None:
+    """Write the geometry of a test alone: data sets 164 (units), 2420 (local axes), 2411 (nodes), 82 (lines), 2412.
+
+    Raises
+    ------
+    FemtuneError : ``uff.cannot-write``
+    """
+    _write(Path(path), [*units_set(units), *geometry_sets(frame)])
+
+
+def units_set(units: UnitSystem) -> Iterator[str]:
     """Data set 164: the units of a test."""
-    units = test.units
     factors = _doubles((1 / units.length, 1 / units.force, 1.0))
     return data_set(164, [f"{9:10d}{units.name[:20]:<20}{2:10d}", factors, _doubles([273.15])])
 
@@ -244,7 +253,7 @@ def write_uff_frfs(path: str | Path, test: ModalTest, title_lines: Sequence[str]
         digits do not tell apart, long names
     """
     _check_frfs(test, title_lines)
-    lines = [*units_set(test), *geometry_sets(test.geometry)]
+    lines = [*units_set(test.units), *geometry_sets(test.geometry)]
     assert test.frfs is not None
     titles = [test.name or "NONE", *(text or "NONE" for text in title_lines)]
     titles += ["NONE"] * (5 - len(titles))

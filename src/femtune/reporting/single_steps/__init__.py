@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from femtune.reporting.single_steps.correlate import correlation_document
     from femtune.reporting.single_steps.model import Subject, info_document, subject_of
     from femtune.reporting.single_steps.modes import modes_document, responses_document
+    from femtune.reporting.single_steps.plan import plan_document
     from femtune.reporting.single_steps.select import selection_document
     from femtune.reporting.single_steps.validate import quantify_document, validation_document
 else:
@@ -18,6 +19,7 @@ __all__ = [
     "correlation_document",
     "info_document",
     "modes_document",
+    "plan_document",
     "quantify_document",
     "responses_document",
     "selection_document",

@@ -1,0 +1,75 @@
+"""[plan]: target modes, candidates, and how many sensors are to be placed by which method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from femtune.errors import FemtuneError
+from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Text, TomlTable
+from femtune.files.study_file.parameter import RegionTable
+from femtune.files.study_file.response import Hertz, HertzAboveZero
+from femtune.files.study_file.source import StudyLines, number, table
+
+Axis = Literal["X", "Y", "Z"]
+SensorCount = Annotated[int, Field(ge=0, le=10_000)]
+Threshold = Annotated[float, Field(ge=0, lt=1)]
+
+
+class SuspensionEntry(TomlTable):
+    """[[plan.suspension]]: springs from grid points to a fixed frame."""
+
+    nodes: Numbers
+    stiffness: tuple[NotNegative, NotNegative, NotNegative]
+
+
+class PlanTable(TomlTable):
+    """[plan]: pretest planning."""
+
+    configuration: Text | None = None
+    modes: Numbers | None = None
+    band_hz: tuple[Hertz, HertzAboveZero] | None = None
+    rigid_body: bool = False
+    triaxial: SensorCount = 0
+    uniaxial: SensorCount = 0
+    visualisation: SensorCount = 0
+    placed: tuple[Text, ...] = ()
+    nodes: Numbers | None = None
+    elements: Elements | None = None
+    region: RegionTable | None = None
+    dof_set: Text | None = None
+    exclude: Numbers | None = None
+    directions: Literal["normal"] | Annotated[tuple[Axis, ...], Field(min_length=1, max_length=3)] = "normal"
+    method: Literal["expansion", "elimination"] = "expansion"
+    exchange: bool = True
+    weighting: Literal["none", "kinetic-energy"] = "none"
+    triaxial_threshold: Threshold = 0.05
+    uniaxial_threshold: Threshold = 0.01
+    exciters: Annotated[int, Field(ge=0, le=100)] = 0
+    exciters_placed: tuple[DofLabel, ...] = ()
+    exciter_nodes: Numbers | None = None
+    exciter_level: Annotated[float, Field(ge=0, le=1)] = 0.1
+    damping_ratio: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    lines_per_half_band: Annotated[int, Field(ge=1, le=100)] = 3
+    triaxial_mass: NotNegative = 0.0
+    uniaxial_mass: NotNegative = 0.0
+    suspension: tuple[SuspensionEntry, ...] = ()
+
+
+# ----------------------------------------------------------------------------------------------------
+# Rules between the keys of [plan].
+
+
+def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """Modes by number or by band, and a band that is one."""
+    plan = table(data, "plan")
+    if "modes" in plan and "band_hz" in plan:
+        shown = {key: plan[key] for key in ("modes", "band_hz")}
+        yield source.error(("plan", "band_hz"), "plan.target-modes", shown)
+    band = plan.get("band_hz")
+    if isinstance(band, tuple | list) and len(band) == 2:
+        low, high = (number({"at": value}, "at") for value in band)
+        if low is not None and high is not None and low >= high:
+            yield source.error(("plan", "band_hz"), "plan.target-modes/band", {"band_hz": band})

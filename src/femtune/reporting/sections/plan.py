@@ -1,0 +1,265 @@
+"""A planned test: its numbers, the sensors on the structure, the target modes, and how the sensors were placed."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femtune.reporting.document import (
+    AlertBox,
+    Cell,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+)
+from femtune.reporting.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
+from femtune.reporting.figures.sensors import Marks, sensors_svg
+from femtune.reporting.numbers import NONE, counted, freq, listed, short, signed_percent, unit_fraction, with_unit
+from femtune.reporting.sections.mode_shapes import structure_of
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.reporting.source import ReportSource
+    from femtune.results.plan import PlannedExciter, PlannedSensor, PlannedSet, PlanResults
+
+
+def _plan(source: ReportSource) -> PlanResults:
+    assert source.results.plan is not None
+    return source.results.plan
+
+
+def counts(plan: PlanResults) -> str:
+    """ "10 triaxial, 15 uniaxial and 6 visualisation"."""
+    kinds = [s.kind for s in plan.sensors]
+    return listed(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+
+
+def plan_numbers(plan: PlanResults) -> KeyNumbers:
+    """Counts, AutoMAC and condition number, beside those of all candidates."""
+    chosen, most = plan.chosen, plan.all_candidates
+    beside = f"all candidates: {unit_fraction(most.auto_mac)}"
+    return KeyNumbers(
+        (
+            KeyNumber("Target modes", str(len(plan.modes)), remark=_band(plan)),
+            KeyNumber("Sensors", str(len(plan.sensors)), remark=counts(plan)),
+            KeyNumber("Measured directions", str(chosen.channels)),
+            KeyNumber("Largest AutoMAC of two target modes", unit_fraction(chosen.auto_mac), remark=beside),
+            KeyNumber("Condition number", _condition(chosen), remark=f"all candidates: {_condition(most)}"),
+        )
+    )
+
+
+def _condition(found: PlannedSet) -> str:
+    return "infinite" if found.condition is None else short(found.condition)
+
+
+def _band(plan: PlanResults) -> str:
+    return f"{freq(plan.modes[0].freq_hz)} to {freq(plan.modes[-1].freq_hz)} Hz"
+
+
+def plan_summary(source: ReportSource) -> list[Block]:
+    """Numbers, and what should be known."""
+    plan = _plan(source)
+    return [plan_numbers(plan), *(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)]
+
+
+def plan_sensors(source: ReportSource) -> list[Block]:
+    """The picture and the table."""
+    plan = _plan(source)
+    unit = source.results.study.units.partition("-")[0]
+    return [*_picture(source, plan), sensor_table(plan, unit), *exciter_tables(plan, unit)]
+
+
+def _picture(source: ReportSource, plan: PlanResults) -> list[Block]:
+    kept = source.results.mode_shapes[0]
+    frame = structure_of(source, kept)
+    if frame is None:
+        return [Paragraph(f"Not drawn: {kept.reason}.")]
+    both: list[PlannedSensor | PlannedExciter] = [*plan.sensors, *plan.exciters]
+    nodes = [s.node for s in both]
+    lines = [(nodes.index(a), nodes.index(b)) for a, b in plan.lines]
+    marks = Marks(
+        np.array([s.position for s in both]),
+        [s.name for s in both],
+        [*(s.kind for s in plan.sensors), *["exciter"] * len(plan.exciters)],
+        np.array([s.axes[2] if s.direction in (None, s.axes[2]) else (0.0, 0.0, 0.0) for s in both]),
+    )
+    alt = f"The structure with {counts(plan)} sensors, seen from above and from below"
+    notes: list[Block] = [Paragraph(f"{kept.simplified[:1].upper()}{kept.simplified[1:]}.", "muted")]
+    return [Figure(partial(sensors_svg, frame, marks, lines), "", alt, wide=True), *notes * bool(kept.simplified)]
+
+
+def sensor_table(plan: PlanResults, unit: str) -> Table:
+    """All sensors."""
+    place = f">Position{f', {unit}' if unit else ''}"
+    heads = columns("Sensor", "Kind", "Point", place, ">Direction", ">Independence")
+    return Table("", heads, tuple(_row(s) for s in plan.sensors))
+
+
+_DIRECTIONS = " X, Y, Z"
+"""Of a triaxial sensor, behind the number of its point."""
+
+
+def _row(s: PlannedSensor) -> tuple[Cell, ...]:
+    kind = f"{s.kind}, given" if s.given else s.kind
+    place = ", ".join(short(_clean(v)) for v in s.position)
+    along = NONE if s.direction is None else ", ".join(short(_clean(round(v, 4))) for v in s.direction)
+    return row(
+        s.name,
+        kind,
+        f"{s.node}{_DIRECTIONS if s.direction is None else s.dofs[0].removeprefix(str(s.node))}",
+        place,
+        along,
+        unit_fraction(s.independence),
+    )
+
+
+def _clean(number: float) -> float:
+    """Rounding is zero, and zero has no sign."""
+    return number if abs(number) > 1e-12 else 0.0
+
+
+def exciter_tables(plan: PlanResults, unit: str) -> list[Block]:
+    """Exciters, and how they excite the target modes."""
+    if not plan.exciters:
+        return []
+    place = f">Position{f', {unit}' if unit else ''}"
+    heads = columns("Exciter", "Point", place, ">Direction", "Sensor at the driving point")
+    rows = (
+        row(
+            f"{e.name}, given" if e.given else e.name,
+            f"{e.node}{e.dof.removeprefix(str(e.node))}",
+            ", ".join(short(_clean(v)) for v in e.position),
+            ", ".join(short(_clean(round(v, 4))) for v in e.direction),
+            e.sensor or "none",
+        )
+        for e in plan.exciters
+    )
+    note = (
+        "Level: driving-point residue relative to that at the best candidate. Mode indicator: near 0 if the forces "
+        "excite the mode as a normal mode."
+    )
+    modes = (row(str(m.number), m.exciter, unit_fraction(m.level), unit_fraction(m.indicator)) for m in plan.excitation)
+    of_modes = columns(">Mode", "Best exciter", ">Level", ">Mode indicator")
+    return [Table("", heads, tuple(rows)), Table("Excitation of the target modes", of_modes, tuple(modes), note)]
+
+
+def plan_setup(source: ReportSource) -> list[Block]:
+    """Frequency lines, masses of the sensors, suspension."""
+    return setup_blocks(_plan(source), source.results.study.units)
+
+
+def setup_blocks(plan: PlanResults, units: str) -> list[Block]:
+    """Frequency lines in sentences; tables of shifts."""
+    return [*_lines(plan), *_loading(plan, units), *_suspension(plan)]
+
+
+def _lines(plan: PlanResults) -> list[Block]:
+    found = plan.frequency_lines
+    if found is None:
+        return []
+    band = f"{freq(found.low_hz)} to {freq(found.high_hz)} Hz"
+    per = f"at least {counted(found.per_half_band, 'line')} per half bandwidth 2ξf at ξ = {short(found.damping_ratio)}"
+    return [
+        Listing(
+            (
+                f"Calibration: {counted(found.calibration_lines, 'line')}, logarithmically spaced, {band}, {per}.",
+                f"Identification: resolution {short(found.spacing_hz)} Hz, a record of {short(found.duration_s)} s or "
+                f"more per average, {counted(found.identification_lines, 'line')} from {band}.",
+                f"The lowest target mode decays to a thousandth in {short(found.decay_s)} s.",
+            )
+        )
+    ]
+
+
+def _loading(plan: PlanResults, units: str) -> list[Block]:
+    if not plan.loading:
+        return []
+    unit = units.split("-")[1] if units else ""
+    heads = columns(">Mode", ">Shift of the frequency, %", ">by the Rayleigh quotient, %")
+    rows = (
+        row(str(m.number), signed_percent(m.shift_percent), signed_percent(m.rayleigh_percent)) for m in plan.loading
+    )
+    total = with_unit(short(plan.sensor_mass), unit)
+    return [Table(f"Masses of the sensors, {total} in total", heads, tuple(rows))]
+
+
+def _suspension(plan: PlanResults) -> list[Block]:
+    found = plan.suspension
+    if found is None:
+        return []
+    hung = ", ".join(short(f) for f in found.rigid_hz)
+    heads = columns(">Mode", ">Shift of the frequency, %")
+    rows = (row(str(m.number), signed_percent(s)) for m, s in zip(plan.modes, found.shift_percent) if not m.rigid_body)
+    words = f"Suspension: {hung} Hz; first elastic mode {freq(found.first_elastic_hz)} Hz."
+    return [Paragraph(words), Table("Effect of the suspension", heads, tuple(rows))]
+
+
+def plan_modes(source: ReportSource) -> list[Block]:
+    """A table of the target modes, and their AutoMAC."""
+    plan = _plan(source)
+    mac = source.array(plan.auto_mac_key)
+    assert mac is not None
+    numbers = tuple(str(m.number) for m in plan.modes)
+    picture = MatrixPicture(mac, numbers, numbers, "mode", "mode")
+    figure = Figure(
+        partial(matrix_svg, picture),
+        "AutoMAC at the sensors",
+        "AutoMAC of the target modes",
+        len(numbers) > SIDE_BY_SIDE,
+    )
+    return [mode_table(plan), figure]
+
+
+def mode_table(plan: PlanResults) -> Table:
+    """Frequencies, and the mode that each is most like at the sensors."""
+    heads = columns(">Mode", ">Hz", ">Largest AutoMAC", ">with mode", ">at all candidates")
+    rows = (
+        row(
+            str(m.number),
+            "rigid body" if m.rigid_body else freq(m.freq_hz),
+            unit_fraction(m.auto_mac),
+            NONE if m.alike_number is None else str(m.alike_number),
+            unit_fraction(m.auto_mac_candidates),
+        )
+        for m in plan.modes
+    )
+    return Table("", heads, tuple(rows))
+
+
+def plan_method(source: ReportSource) -> list[Block]:
+    """How the candidates were found, and how the sensors were placed."""
+    plan = _plan(source)
+    return [Listing(tuple(method_sentences(plan)))]
+
+
+def method_sentences(plan: PlanResults) -> list[str]:
+    """The method in sentences."""
+    words = {
+        "expansion": "sensors were placed one by one, where they increase the determinant of the information most",
+        "elimination": "the candidate with the least effective independence was removed until all others were wanted",
+    }
+    weighted = {
+        "none": "All candidates have equal weight.",
+        "kinetic-energy": "Candidates are weighted by kinetic energy: shapes are multiplied by the square root of "
+        "the mass at the grid point.",
+    }
+    found = [
+        f"Candidates: {counted(plan.candidate_points, 'grid point')} that move in at least one target mode, with "
+        f"{counted(plan.candidate_directions, 'uniaxial direction')}.",
+        f"Method {plan.method}: {words[plan.method]}. {weighted[plan.weighting]}",
+        f"Thresholds of the output Gramian: {short(plan.triaxial_threshold)} for triaxial and "
+        f"{short(plan.uniaxial_threshold)} for uniaxial sensors; {counted(plan.rejected, 'candidate')} rejected.",
+    ]
+    if plan.exchanges:
+        found.append(f"After the placement {counted(plan.exchanges, 'sensor')} exchanged for better ones.")
+    if plan.rigid_left_out:
+        found.append(f"{counted(plan.rigid_left_out, 'rigid-body mode')} left out of the target modes.")
+    return found

@@ -1,0 +1,41 @@
+"""A planned test on the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import AlertBox, Listing, Section
+from femtune.reporting.sections.plan import (
+    exciter_tables,
+    method_sentences,
+    mode_table,
+    plan_numbers,
+    sensor_table,
+    setup_blocks,
+)
+from femtune.reporting.short_form import plan_verdict
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Document
+    from femtune.reporting.single_steps.model import Subject
+    from femtune.results.plan import PlanResults
+
+
+def plan_document(subject: Subject, plan: PlanResults) -> Document:
+    """Numbers, sensors, target modes and method."""
+    verdict, level = plan_verdict(plan)
+    alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)
+    sections = (
+        Section("plan", f"Test plan of {plan.configuration}", (plan_numbers(plan), *alerts)),
+        Section(
+            "sensors", "Sensors", (sensor_table(plan, subject.length_unit), *exciter_tables(plan, subject.length_unit))
+        ),
+        Section("modes", "Target modes", (mode_table(plan),)),
+        Section("setup", "Frequency lines, masses, suspension", tuple(setup_blocks(plan, _units(subject)))),
+        Section("method", "Method", (Listing(tuple(method_sentences(plan))),)),
+    )
+    return subject.document(verdict, level, sections)
+
+
+def _units(subject: Subject) -> str:
+    return f"{subject.length_unit}-{subject.mass_unit}-s" if subject.mass_unit else ""

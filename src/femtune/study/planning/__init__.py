@@ -1,0 +1,1 @@
+"""The step plan: a test planned from the model."""

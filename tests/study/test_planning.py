@@ -1,0 +1,381 @@
+"""The step plan on small decks: targets, candidates, sensors, files and the page."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyuff
+from click.testing import CliRunner
+
+from femtune import Study, steps
+from femtune.cli import main
+from femtune.errors import FemtuneError
+from femtune.files.uff import scan_uff
+from femtune.files.uff.geometry import read_geometry
+from femtune.planning import information_of, log_det, outcome_of
+from femtune.reporting import build_plan_page, html_text
+from femtune.results.results import Results
+from femtune.results.step_results import PlanResult
+from femtune.study.planning.candidates import surface_normals
+
+_NX, _NY = 8, 6
+
+
+def plate_deck(clamped: bool = False, *extra: str) -> str:
+    """A plate of .8 × .6 m with its grid points numbered by row, 1 at the origin; clamped along x = 0 or free."""
+    lines = ["SOL 103", "CEND", "METHOD = 1", *(["SPC = 1"] if clamped else []), "BEGIN BULK", "PARAM,COUPMASS,1"]
+    for j in range(_NY + 1):
+        for i in range(_NX + 1):
+            lines.append(f"GRID,{_at(i, j)},,{0.1 * i:.2f},{0.1 * j:.2f},0.")
+    for j in range(_NY):
+        for i in range(_NX):
+            corners = (_at(i, j), _at(i + 1, j), _at(i + 1, j + 1), _at(i, j + 1))
+            lines.append(f"CQUAD4,{1 + i + _NX * j},1,{','.join(map(str, corners))}")
+    lines += ["PSHELL,1,1,.004,1,,1", "MAT1,1,7.+10,,.33,2700.", "EIGRL,1,,,12"]
+    if clamped:
+        held = ",".join(str(_at(0, j)) for j in range(_NY + 1))
+        first, rest = held.split(",")[:5], held.split(",")[5:]
+        lines += [f"SPC1,1,123456,{','.join(first)}", f"SPC1,1,123456,{','.join(rest)}"]
+    return "\n".join([*lines, *extra, "ENDDATA", ""])
+
+
+def _at(i: int, j: int) -> int:
+    return 1 + i + (_NX + 1) * j
+
+
+@pytest.fixture
+def free(tmp_path: Path) -> Path:
+    path = tmp_path / "plate.bdf"
+    path.write_text(plate_deck())
+    return path
+
+
+@pytest.fixture
+def clamped(tmp_path: Path) -> Path:
+    path = tmp_path / "clamped.bdf"
+    path.write_text(plate_deck(clamped=True))
+    return path
+
+
+def test_a_plan_of_a_plain_deck(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 12", uniaxial=10, triaxial=2, visualisation=3)
+    kinds = [s.kind for s in found.record.sensors]
+    assert kinds == ["triaxial"] * 2 + ["uniaxial"] * 10 + ["visualisation"] * 3
+    assert [m.number for m in found.record.modes] == [7, 8, 9, 10, 11, 12]
+    assert found.record.chosen.channels == 2 * 3 + 10 + 3
+    nodes = [s.node for s in found.record.sensors]
+    assert len(set(nodes)) == len(nodes)
+    # the normal of a plate in the plane is Z
+    assert all(s.direction == (0.0, 0.0, 1.0) for s in found.record.sensors[2:])
+    assert found.auto_mac.shape == (6, 6)
+
+
+def test_numbers_of_the_set_are_those_of_the_shapes_at_its_points(free: Path) -> None:
+    found = steps.plan(free, modes=[7, 8, 9, 10], uniaxial=6)
+    shapes = steps.modes(free, count=12).mode_sets["as the deck"]
+    rows = shapes.select_dofs(shapes.dofs.parse(dof for s in found.record.sensors for dof in s.dofs)).shapes[:, 6:10]
+    own = outcome_of(rows)
+    chosen = found.record.chosen
+    assert chosen.condition == pytest.approx(np.linalg.cond(rows), rel=1e-6)
+    assert chosen.log_det == pytest.approx(log_det(information_of(rows)), rel=1e-6)
+    np.testing.assert_allclose(found.auto_mac, own.auto_mac, atol=1e-9)
+    E = np.diag(rows @ np.linalg.inv(rows.T @ rows) @ rows.T)
+    assert [s.independence for s in found.record.sensors] == pytest.approx(E, abs=1e-8)
+
+
+def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
+    found = steps.plan(free)
+    assert [m.number for m in found.record.modes] == list(range(7, 13))
+    assert found.record.rigid_left_out == 6
+    assert len(found.record.sensors) == 12
+    with_rigid = steps.plan(free, modes="1 THRU 8", rigid_body=True, triaxial=6)
+    assert [m.rigid_body for m in with_rigid.record.modes] == [True] * 6 + [False] * 2
+
+
+def test_targets_of_a_band_are_solved_for(free: Path) -> None:
+    hz = steps.modes(free, count=24).freq_hz
+    found = steps.plan(free, band_hz=(hz[8] - 0.01, hz[20] + 0.01), uniaxial=20)
+    assert [m.freq_hz for m in found.record.modes] == pytest.approx(hz[8:21], rel=1e-6)
+
+
+@pytest.mark.parametrize("method", ["expansion", "elimination"])
+@pytest.mark.parametrize("weighting", ["none", "kinetic-energy"])
+def test_placed_sets_are_better_than_random_ones(free: Path, method: str, weighting: str) -> None:
+    found = steps.plan(free, uniaxial=9, method=method, weighting=weighting, uniaxial_threshold=0.0)
+    shapes = steps.modes(free).mode_sets["as the deck"]
+    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, _at(_NX, _NY) + 1))).shapes[:, 6:]
+    rng = np.random.default_rng(0)
+    others = [log_det(information_of(z[rng.choice(len(z), 9, replace=False)])) for _ in range(500)]
+    assert found.record.chosen.log_det is not None
+    assert found.record.chosen.log_det > np.quantile(others, 0.9 if weighting == "kinetic-energy" else 0.999)
+
+
+def test_kinetic_energy_is_weighted_by_the_mass_at_the_points(tmp_path: Path) -> None:
+    # a mass beside which all others are nothing draws a sensor, though the point moves less for it
+    path = tmp_path / "plate.bdf"
+    path.write_text(plate_deck(False, f"CONM2,900,{_at(4, 3)},,20."))
+    plain = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5)
+    weighted = steps.plan(path, modes=[7, 8, 9, 10], uniaxial=5, weighting="kinetic-energy")
+    assert _at(4, 3) not in [s.node for s in plain.record.sensors]
+    assert _at(4, 3) in [s.node for s in weighted.record.sensors]
+
+
+def test_constrained_points_are_no_candidates(clamped: Path) -> None:
+    found = steps.plan(clamped, uniaxial=12)
+    assert found.record.still == _NY + 1
+    assert not {s.node for s in found.record.sensors} & {_at(0, j) for j in range(_NY + 1)}
+    assert "plan.still" in [a.code for a in found.record.alerts]
+
+
+def test_candidates_are_limited(free: Path) -> None:
+    asked = {"modes": [7, 8, 9], "uniaxial": 4}
+    some = steps.plan(free, nodes="1 THRU 30", exclude=[1, 9], **asked)
+    assert some.record.candidate_points == 28
+    assert {s.node for s in some.record.sensors} <= set(range(2, 31)) - {9}
+    of_elements = steps.plan(free, elements="1 THRU 8", **asked)
+    assert of_elements.record.candidate_points == 2 * (_NX + 1)
+    boxed = steps.plan(free, region={"box": ((0.0, 0.0, -1.0), (0.4, 0.6, 1.0))}, **asked)
+    assert boxed.record.candidate_points == 5 * (_NY + 1)
+
+
+def test_points_of_a_named_set_of_the_deck(tmp_path: Path) -> None:
+    path = tmp_path / "plate.bdf"
+    path.write_text(plate_deck(False, "ASET1,3,1,9,12,20,33,41,55,", ",63"))
+    found = steps.plan(path, dof_set="ASET", modes=[7, 8, 9], uniaxial=4)
+    assert found.record.candidate_points == 8
+    with pytest.raises(FemtuneError, match="no set of degrees of freedom named CSET; it has ASET"):
+        steps.plan(path, dof_set="CSET")
+
+
+def test_directions_along_the_axes(free: Path) -> None:
+    found = steps.plan(free, directions=["X", "Z"], modes="7 THRU 10", uniaxial=8)
+    assert {s.dofs[0][-2] for s in found.record.sensors} == {"Z"}
+    # in-plane motion is zero but for rounding in bending modes
+    assert found.record.candidate_directions == (_NX + 1) * (_NY + 1)
+
+
+def test_given_sensors_stay_and_count(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 10", placed=["1", "9Z-"], uniaxial=4)
+    first, second, *others = found.record.sensors
+    assert (first.node, first.kind, first.given, first.dofs) == (1, "triaxial", True, ("1X+", "1Y+", "1Z+"))
+    assert (second.node, second.kind, second.direction) == (9, "uniaxial", (0.0, 0.0, -1.0))
+    assert not {1, 9} & {s.node for s in others}
+    alone = steps.plan(free, modes="7 THRU 9", placed=["1", "9Z+", "59Z+", "32Z+"])
+    assert [s.given for s in alone.record.sensors] == [True] * 4
+    # the plate does not move in its plane: of four directions two see something
+    with pytest.raises(FemtuneError, match="the 4 measured directions of the sensors see only 2 independent"):
+        steps.plan(free, modes="7 THRU 9", placed=["1", "9Z+"])
+
+
+def test_the_universal_file_holds_points_axes_and_lines(free: Path, tmp_path: Path) -> None:
+    path = tmp_path / "plan.uff"
+    found = steps.plan(free, modes="7 THRU 12", uniaxial=12, uff=path, units="m-kg-s")
+    frame, notices = read_geometry(scan_uff(path))
+    assert not notices
+    assert frame.nodes.tolist() == sorted(s.node for s in found.record.sensors)
+    by_node = {s.node: s for s in found.record.sensors}
+    np.testing.assert_allclose(frame.coordinates, [by_node[n].position for n in frame.nodes.tolist()])
+    assert frame.axes is not None
+    np.testing.assert_allclose(frame.axes, [by_node[n].axes for n in frame.nodes.tolist()])
+    assert set(frame.lines) == set(found.record.lines)
+    assert len(frame.lines) >= 11
+    # another reader finds the same points
+    points = next(one for one in pyuff.UFF(str(path)).read_sets() if one["type"] == 2411)
+    np.testing.assert_allclose(np.column_stack([points["x"], points["y"], points["z"]]), frame.coordinates)
+
+
+def test_axes_of_an_inclined_surface(tmp_path: Path) -> None:
+    path = tmp_path / "turned.bdf"
+    lines = []
+    for line in plate_deck().splitlines():
+        word, n, *place = line.split(",") if line.startswith("GRID") else ("", "")
+        turned = f"GRID,{n},,{0.8 * float(place[1]):.4f},{place[2]},{0.6 * float(place[1]):.4f}" if word else line
+        lines.append(turned)
+    path.write_text("\n".join(lines) + "\n")
+    found = steps.plan(path, modes="7 THRU 10", uniaxial=6)
+    for s in found.record.sensors:
+        assert s.direction == pytest.approx((-0.6, 0.0, 0.8), abs=1e-12)
+        axes = np.array(s.axes)
+        np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+def test_normals_of_a_cube_and_of_a_shell_wound_both_ways() -> None:
+    xyz = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0], [5, 5, 5]], float)
+    faces = np.array([[0, 1, 2, 3], [1, 2, 5, 4], [2, 5, 3, -1]])
+    found = surface_normals(xyz, faces)
+    np.testing.assert_allclose(np.abs(found[:6]), np.tile([0.0, 0.0, 1.0], (6, 1)), atol=1e-15)
+    assert not found[6].any()
+    # a corner of a cube: the mean of three faces
+    cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], float)
+    corner = surface_normals(cube, np.array([[0, 3, 2, 1], [0, 1, 5, 4], [0, 4, 6, 3]]))[0]
+    np.testing.assert_allclose(np.abs(corner), np.full(3, 3**-0.5))
+
+
+def test_the_table_of_sensors(free: Path, tmp_path: Path) -> None:
+    path = tmp_path / "plan.csv"
+    found = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=3, csv=path)
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert [r["name"] for r in rows] == ["T1", "U1", "U2", "U3"]
+    assert [int(r["node"]) for r in rows] == [s.node for s in found.record.sensors]
+    assert [r["dofs"].split() for r in rows] == [list(s.dofs) for s in found.record.sensors]
+    assert rows[0]["direction_z"] == ""
+    assert float(rows[1]["direction_z"]) == 1.0
+
+
+def test_a_study_without_a_test_is_planned_from_the_command_line(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate_deck())
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "m-kg-s"\n[plan]\nmodes = "7 THRU 12"\nuniaxial = 9\n'
+    )
+    page, uff = tmp_path / "plan.html", tmp_path / "plan.uff"
+    shown = CliRunner().invoke(
+        main, ["plan", str(study), "--report", str(page), "--uff", str(uff), "--band", "1", "90"]
+    )
+    assert shown.exit_code == 0, shown.output
+    assert "Largest AutoMAC of two target modes" in shown.output
+    assert uff.exists()
+    assert "data:image/svg+xml" in page.read_text()
+    as_json = CliRunner().invoke(main, ["plan", str(study), "--json", "--uniaxial", "7"])
+    assert len(json.loads(as_json.stdout)["sensors"]) == 7
+
+
+def test_the_page_can_be_kept_as_results(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
+    again = Results.model_validate_json(found.results.model_dump_json())
+    assert again == found.results
+    assert set(again.array_keys()) <= set(found.arrays)
+    page = html_text(build_plan_page(again, found.arrays))
+    assert "T1" in page
+    assert "AutoMAC" in page
+
+
+def test_how_a_plan_shows_itself(free: Path) -> None:
+    found: PlanResult = steps.plan(free, modes="7 THRU 9", triaxial=1, uniaxial=4)
+    assert repr(found).startswith("PlanResult: as the deck: 1 triaxial, 4 uniaxial sensors for 3 target modes")
+    assert found.sensors.column("kind").tolist() == ["triaxial"] + ["uniaxial"] * 4
+    assert found.modes[0].number == 7
+
+
+def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate_deck())
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "m-kg-s"\n[[configuration]]\nname = "free"\n'
+        '[[configuration]]\nname = "heavy"\nmasses = [{ node = 1, mass = 3.0 }]\n'
+        '[plan]\nconfiguration = "heavy"\nmodes = [7, 8]\nuniaxial = 3\n'
+    )
+    found = steps.plan(study)
+    assert found.record.configuration == "heavy"
+    heavy = steps.modes(study)["heavy"].freq_hz
+    assert [m.freq_hz for m in found.record.modes] == pytest.approx(heavy[6:8])
+    with pytest.raises(FemtuneError, match="light"):
+        steps.plan(study, configuration="light")
+
+
+def test_exciters_excite_every_target_mode(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 12", uniaxial=12, exciters=2)
+    assert [e.name for e in found.record.exciters] == ["E1", "E2"]
+    shapes = steps.modes(free).mode_sets["as the deck"]
+    z = shapes.select_dofs(shapes.dofs.parse(f"{n}Z+" for n in range(1, _at(_NX, _NY) + 1))).shapes[:, 6:12]
+    levels = (z**2 / (z**2).max(axis=0))[[e.node - 1 for e in found.record.exciters]]
+    assert [m.level for m in found.record.excitation] == pytest.approx(levels.max(axis=0), rel=1e-6)
+    # no pair of points is much better
+    every = z**2 / (z**2).max(axis=0)
+    best = max(np.maximum(every[i], every[j]).min() for i in range(len(z)) for j in range(i))
+    assert levels.max(axis=0).min() > 0.8 * best
+    assert all(0.0 <= m.indicator < 0.1 for m in found.record.excitation)
+    assert found.exciters[0].dof == found.record.exciters[0].dof
+
+
+def test_a_given_exciter_and_the_sensor_at_its_driving_point(free: Path) -> None:
+    # on the axis of symmetry: antisymmetric modes are not excited
+    middle = f"{_at(4, 3)}Z+"
+    found = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle])
+    (exciter,) = found.record.exciters
+    assert exciter.given
+    assert exciter.sensor == "U1"
+    low = [m.number for m in found.record.excitation if m.level < 0.1]
+    assert low
+    (alert,) = [a for a in found.record.alerts if a.code == "plan.not-excited"]
+    assert ", ".join(map(str, low)) in alert.sentence
+    both = steps.plan(free, modes="7 THRU 10", placed=[middle], uniaxial=8, exciters_placed=[middle], exciters=1)
+    assert min(m.level for m in both.record.excitation) > 0.3
+    only = steps.plan(free, modes="7 THRU 10", uniaxial=8, exciters=1, exciter_nodes=[1, 9])
+    assert only.record.exciters[0].node in (1, 9)
+
+
+def test_frequency_lines_of_the_band(free: Path) -> None:
+    found = steps.plan(free, band_hz=(20.0, 120.0), uniaxial=20, damping_ratio=0.005, lines_per_half_band=4)
+    lines = found.calibration_lines
+    assert lines is not None
+    assert lines[[0, -1]] == pytest.approx([20.0, 120.0])
+    assert (np.diff(lines) / (0.01 * lines[:-1])).max() <= 0.25 + 1e-12
+    record = found.record.frequency_lines
+    assert record is not None
+    lowest = found.record.modes[0].freq_hz
+    assert record.spacing_hz == pytest.approx(0.01 * lowest / 4)
+    own = steps.plan(free, modes=[7, 9], uniaxial=4).record
+    assert own.frequency_lines is not None
+    assert own.frequency_lines.low_hz == pytest.approx(0.9 * own.modes[0].freq_hz)
+
+
+def test_masses_of_the_sensors_shift_as_masses_of_the_configuration(free: Path) -> None:
+    found = steps.plan(free, modes="7 THRU 10", triaxial=1, uniaxial=5, triaxial_mass=0.02, uniaxial_mass=0.01)
+    assert found.record.sensor_mass == pytest.approx(0.07)
+    masses = [{"node": s.node, "mass": 0.02 if s.kind == "triaxial" else 0.01} for s in found.record.sensors]
+    loaded = Study(
+        model=free, units="m-kg-s", configurations=[{"name": "loaded", "masses": masses}], modes={"count": 12}
+    )
+    exact = 100.0 * (steps.modes(loaded).freq_hz[6:10] / steps.modes(free).freq_hz[6:10] - 1.0)
+    assert [m.shift_percent for m in found.record.loading] == pytest.approx(exact, rel=1e-4)
+    assert [m.rayleigh_percent for m in found.record.loading] == pytest.approx(exact, rel=0.1)
+    heavy = steps.plan(free, modes="7 THRU 10", uniaxial=5, uniaxial_mass=0.2)
+    assert "plan.mass-loading" in [a.code for a in heavy.record.alerts]
+    assert not steps.plan(free, modes="7 THRU 10", uniaxial=5).record.loading
+
+
+def test_a_suspension_beside_springs_in_the_deck(tmp_path: Path, free: Path) -> None:
+    corners = [_at(0, 0), _at(_NX, 0), _at(0, _NY), _at(_NX, _NY)]
+    found = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (30.0, 40.0, 50.0)}]
+    ).record.suspension
+    assert found is not None
+    cards = [
+        f"CELAS2,{900 + 10 * k + c},{10.0 * (c + 2)},{node},{c}" for k, node in enumerate(corners) for c in (1, 2, 3)
+    ]
+    path = tmp_path / "hung.bdf"
+    path.write_text(plate_deck(False, *cards))
+    hung, own = steps.modes(path).freq_hz, steps.modes(free).freq_hz
+    assert found.rigid_hz == pytest.approx(hung[:6], rel=2e-3)
+    assert found.first_elastic_hz == pytest.approx(hung[6], rel=2e-5)
+    assert found.shift_percent == pytest.approx(100.0 * (hung[6:10] / own[6:10] - 1.0), rel=2e-2)
+    # a mass of 5.2 kg on four springs of 50 N/m
+    assert found.rigid_hz[2] == pytest.approx(np.sqrt(200.0 / (0.48 * 0.004 * 2700.0)) / (2.0 * np.pi), rel=2e-3)
+    stiff = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, suspension=[{"nodes": corners, "stiffness": (0.0, 0.0, 1e5)}]
+    )
+    assert "plan.stiff-suspension" in [a.code for a in stiff.record.alerts]
+
+
+def test_everything_is_on_the_page_and_in_the_files(free: Path, tmp_path: Path) -> None:
+    table, frame = tmp_path / "plan.csv", tmp_path / "plan.uff"
+    found = steps.plan(
+        free, modes="7 THRU 10", uniaxial=6, exciters=1, uniaxial_mass=0.01, csv=table, uff=frame, units="m-kg-s",
+        suspension=[{"nodes": [1, 9, 55, 63], "stiffness": (1.0, 1.0, 1.0)}], report=tmp_path / "plan.html",
+    )  # fmt: skip
+    page = (tmp_path / "plan.html").read_text()
+    for words in (
+        "Excitation of the target modes",
+        "Masses of the sensors",
+        "Effect of the suspension",
+        "per half band",
+    ):
+        assert words in page
+    assert table.read_text().splitlines()[-1].startswith(f"E1,exciter,{found.record.exciters[0].node},")
+    assert found.record.exciters[0].node in read_geometry(scan_uff(frame))[0].nodes
