@@ -18,6 +18,7 @@ from femtune.modal import FrfSet
 from femtune.model import Configuration, configure, constant_damping, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
+from femtune.reporting.build import build_report
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -220,3 +221,27 @@ def test_what_is_seen_only_at_the_start_points_to_its_own_table(bench: Bench, tr
     tables = [i for i, line in enumerate(path.read_text().splitlines(), start=1) if line == "[[residual]]"]
     assert error.value.where is not None
     assert error.value.where.line == tables[-1]
+
+
+@pytest.mark.slow
+def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
+    """The same end as with the full model, the comparison of both in the results and in the report."""
+    measured(bench, functions(true_deck, 0.002))
+    ends = []
+    for table in ("", "\n[reduction]\n"):
+        run = steps.run(study_of(bench, f'kind = "frf"\nfloor = 0.002\n{table}'))
+        assert run.results.update is not None
+        ends.append((run, run.results.update))
+    (_, full), (run, reduced) = ends
+    assert full.reduction is None
+    assert reduced.reduction is not None
+    assert reduced.reduction.certified
+    (model,) = reduced.reduction.models
+    assert model.frf_residuals == 1
+    assert reduced.reduction.frfs is not None
+    assert reduced.reduction.frfs.shift <= reduced.reduction.frfs.tolerance == pytest.approx(0.01)
+    for a, b in zip(full.parameters, reduced.parameters):
+        assert a.sd is not None
+        assert abs(a.value - b.value) < 0.01 * a.sd
+    text = str(build_report(run.results, run.arrays))
+    assert "0.01 standard deviations of the parameters (FRFs)" in text

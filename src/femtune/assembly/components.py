@@ -70,4 +70,4 @@ def reduction_rules(study: Study) -> ReductionRules | None:
     table = study.file.reduction
     if table is None:
         return None
-    return ReductionRules(table.tolerance, table.full_solutions, table.order, study.components)
+    return ReductionRules(table.tolerance, table.full_solutions, table.order, study.components, table.frf_tolerance)

@@ -14,6 +14,8 @@ from femtune.model import ConfiguredModel, EigenSolution, ModelPoint, SubspaceDe
 from femtune.model.full_model import ModelSolver
 from femtune.model.reduce import ReducedModel, ReducedModes, ReducedPoint, reduced_derivative, reduced_modes
 from femtune.residuals.case import CaseState, ComparedCase
+from femtune.residuals.frf.on_reduced import on_reduced
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.pairing import groups_of, pair_case, track
 
 
@@ -65,12 +67,18 @@ class _Reduced:
 reduced_solver: ModelSolver = _Reduced()
 
 
-def reduced_case(case: ComparedCase, model: ReducedModel) -> ComparedCase:
-    """The case on a reduced model whose rows are the case's sensors.
+def reduced_case(case: ComparedCase, model: ReducedModel, functions: Sequence[FrfResidual] = ()) -> ComparedCase:
+    """The case on a reduced model whose rows are the case's sensors, and after them the ports of `functions`.
 
     Its states hold `ReducedModes`: shapes in the coordinates of the basis, which the sensors' rows turn into motions.
-    Residuals that modes do not serve ask the full model, which the case keeps.
+    Other residuals that modes do not serve ask the full model, which the case keeps.
+
+    Parameters
+    ----------
+    functions : FRF residuals of the case that the reduced model serves, see `femtune.residuals.frf.on_reduced`
     """
-    sensors = cast(sp.csr_array, model.rows)
-    reduced = cast(ConfiguredModel, model)
-    return replace(case, configured=reduced, sensors=sensors, solver=reduced_solver, full=case.on_full_model)
+    sensors, ports = np.split(model.rows, [case.sensors.shape[0]])
+    return replace(
+        case, configured=cast(ConfiguredModel, model), sensors=cast(sp.csr_array, sensors), solver=reduced_solver,
+        residuals=on_reduced(case, functions, ports), full=case.on_full_model,
+    )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from femtune.results.base import Record
 
 if TYPE_CHECKING:
-    from femtune.updating import ReducedUpdate, ReductionRules
+    from femtune.updating import FrfAgreement, ReducedUpdate, ReductionRules
 
 
 class ReducedComponentResults(Record):
@@ -53,6 +53,21 @@ class ReducedModelResults(Record):
     the effect of the modes of the components that are left out. None without components."""
     components: tuple[ReducedComponentResults, ...] = ()
     """The components; none for a reduced model of the whole configuration."""
+    frf_residuals: int = 0
+    """Number of FRF residuals whose functions are those of the reduced model; others use the full model."""
+
+
+class ReducedFrfResults(Record):
+    """FRFs of the reduced models compared with those of the full model at the final point, in the residuals used."""
+
+    mean_difference: float
+    """Root mean square of the differences, in standard deviations of the measured values."""
+    largest_difference: float
+    """The largest difference, likewise."""
+    shift: float
+    """How far the differences move the combination of parameters that they move most, in its standard deviation."""
+    tolerance: float
+    """Largest shift that the study allows."""
 
 
 class ReductionResults(Record):
@@ -66,6 +81,8 @@ class ReductionResults(Record):
     """One per configuration of the update."""
     rounds: tuple[str, ...]
     """The comparison with the full model at the end of each search, a sentence each."""
+    frfs: ReducedFrfResults | None = None
+    """The comparison of FRFs; None if the reduced models served no FRF residual."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -96,9 +113,19 @@ def reduction_results(found: ReducedUpdate, rules: ReductionRules) -> ReductionR
                 )
                 for p in c.components
             ),
+            frf_residuals=c.functions,
         )
         for c in found.cases
     )
     return ReductionResults(
-        tolerance_percent=100.0 * rules.tolerance, certified=found.certified, models=models, rounds=found.rounds
+        tolerance_percent=100.0 * rules.tolerance, certified=found.certified, models=models, rounds=found.rounds,
+        frfs=_frfs(found.functions, rules),
+    )  # fmt: skip
+
+
+def _frfs(found: FrfAgreement | None, rules: ReductionRules) -> ReducedFrfResults | None:
+    if found is None:
+        return None
+    return ReducedFrfResults(
+        mean_difference=found.mean, largest_difference=found.largest, shift=found.shift, tolerance=rules.frf_tolerance
     )

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from femtune.updating.equation_error import EquationError, equation_error_phases
     from femtune.updating.on_reduced_model import (
         NOBODY,
+        FrfAgreement,
         ReducedCaseFacts,
         ReducedComponent,
         ReducedStarts,
@@ -70,6 +71,7 @@ __all__ = [
     "EachStep",
     "EquationError",
     "ErrorSum",
+    "FrfAgreement",
     "GaussNewton",
     "Identical",
     "Iteration",

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
 
 from femtune.arrays import Reals
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.reduce import (
     Components,
     ComponentTrainer,
+    Division,
     Trained,
     Trainer,
     TrainingRules,
@@ -21,7 +25,9 @@ from femtune.model.reduce import (
     certified_error,
     divide,
 )
-from femtune.residuals import CaseState, ComparedCase, Evaluation, UpdateProblem
+from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
+from femtune.residuals.frf.model_way import settled
+from femtune.residuals.frf.on_reduced import ReducedFrfs, WithSlopes, modes_for, port_rows, served, wanted_of
 from femtune.residuals.state import reduced_case
 from femtune.updating.equation_error import equation_error_phases
 from femtune.updating.result import Iteration, UpdateResult
@@ -39,6 +45,9 @@ SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
 KEPT = 3
 """Full solutions reserved for the final points of searches."""
+_ABOVE_LINES = 1.1
+"""Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
+_DETERMINED = 1e-10
 
 
 class Told(Protocol):
@@ -80,12 +89,15 @@ class ReductionRules:
     full_solutions : of each configuration at most, the first one and those that certify included
     order : of each reduced model at most
     components : with them, models of configurations with at least two components are assembled from reduced components
+    frf_tolerance : what the difference of the FRFs of reduced and full models may move parameters at the end, in their
+        standard deviations
     """
 
     tolerance: float = 1e-4
     full_solutions: int = 20
     order: int = 600
     components: Components | None = None
+    frf_tolerance: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -123,6 +135,7 @@ class ReducedCaseFacts:
     components : the components that it is assembled from; none where the basis is of the whole
     truncation : worst true error where the training began, of the components' truncated modes; NaN without components
     interface_dofs : DOFs of all interfaces; None without components
+    functions : number of FRF residuals that the model serves
     """
 
     configuration: str
@@ -134,6 +147,58 @@ class ReducedCaseFacts:
     components: tuple[ReducedComponent, ...] = ()
     truncation: float = float("nan")
     interface_dofs: int | None = None
+    functions: int = 0
+
+
+@dataclass(frozen=True)
+class FrfAgreement:
+    """FRF residuals of the reduced models beside those of the full ones at one point.
+
+    Parameters
+    ----------
+    mean, largest : root mean square and largest difference of their values, in standard deviations
+    shift : how far the difference moves the combination of parameters that it moves most, in its standard deviation
+        as the FRFs determine it
+    """
+
+    mean: float
+    largest: float
+    shift: float
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Reduced models beside the full ones at one point.
+
+    Parameters
+    ----------
+    frequencies : worst relative frequency error of each
+    functions : of the FRF residuals; None where the reduced models serve none
+    """
+
+    frequencies: tuple[float, ...]
+    functions: FrfAgreement | None
+
+    @property
+    def frequency(self) -> float:
+        """The largest frequency error."""
+        return max(self.frequencies, default=0.0)
+
+    def within(self, rules: ReductionRules) -> bool:
+        """True within the tolerances."""
+        same = self.functions is None or self.functions.shift <= rules.frf_tolerance
+        return self.frequency <= rules.tolerance and same
+
+
+def frf_agreement(reduced: Sequence[ResidualBlock], full: Sequence[ResidualBlock]) -> FrfAgreement:
+    """Blocks of the reduced models, with their Jacobians, beside those of the full ones."""
+    off = np.concatenate([f.values - r.values for r, f in zip(reduced, full, strict=True)])
+    jacobian = np.concatenate([r.jacobian for r in reduced])
+    U, size, _ = la.svd(jacobian, full_matrices=False)
+    U = U[:, size > _DETERMINED * size.max(initial=0.0)]
+    return FrfAgreement(
+        float(np.sqrt(np.mean(off**2))), float(np.abs(off).max(initial=0.0)), float(np.linalg.norm(U.T @ off))
+    )
 
 
 @dataclass(frozen=True)
@@ -144,8 +209,9 @@ class ReducedUpdate:
     ----------
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
-    certified : True where full and reduced models agree within the tolerance at the end point
+    certified : True where full and reduced models agree within the tolerances at the end point
     search : the reduced models, from which another update may go on; None where nothing was reduced
+    functions : agreement of the FRFs at the end point; None where the reduced models serve none
     """
 
     result: UpdateResult
@@ -153,17 +219,23 @@ class ReducedUpdate:
     rounds: tuple[str, ...]
     certified: bool
     search: ReducedSearch | None = field(default=None, repr=False)
+    functions: FrfAgreement | None = None
 
 
 @dataclass(eq=False)
 class ReducedSearch:
-    """Reduced models of the cases that modes serve, and the history of the search on them; `reduced` are these cases'
-    positions in the problem.
+    """Reduced models of the cases that modes or FRFs serve, and the history of the search on them.
+
+    Parameters
+    ----------
+    reduced : positions of these cases in the problem
+    functions : FRF residuals of each that its reduced model serves
     """
 
     problem: UpdateProblem
     rules: ReductionRules
     reduced: list[int]
+    functions: list[tuple[FrfResidual, ...]]
     trainers: list[Trainer | ComponentTrainer]
     trained: list[Trained]
     estimates: list[Trained]
@@ -171,8 +243,8 @@ class ReducedSearch:
 
     def reduced_problem(self) -> UpdateProblem:
         cases = list(self.problem.cases)
-        for i, trained in zip(self.reduced, self.trained):
-            cases[i] = reduced_case(cases[i], trained.model)
+        for i, trained, functions in zip(self.reduced, self.trained, self.functions):
+            cases[i] = reduced_case(cases[i], trained.model, functions)
         return replace(self.problem, cases=tuple(cases))
 
     @property
@@ -181,13 +253,44 @@ class ReducedSearch:
         return [self.problem.cases[i] for i in self.reduced]
 
     def solutions(self, states: list[CaseState]) -> list[EigenSolution]:
-        """Full modes of the cases that are reduced."""
-        return [states[i].solution for i in self.reduced]
+        """Full modes of the cases that are reduced, as many as something there needs."""
+        return [_most_modes(states[i], functions) for i, functions in zip(self.reduced, self.functions)]
 
-    def errors(self, x: Reals, states: list[CaseState]) -> list[float]:
-        """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
-        pairs = zip(self.trained, self.solutions(states))
-        return [float(certified_error(t.model, x, s.eigenvalues[: s.wanted]).max(initial=0.0)) for t, s in pairs]
+    def agreement(self, x: Reals, states: list[CaseState]) -> Agreement:
+        """The reduced models beside the full ones at a point where these are solved."""
+        errors = []
+        for trainer, trained, solution in zip(self.trainers, self.trained, self.solutions(states)):
+            values = solution.eigenvalues[: min(solution.wanted, trainer.rules.count)]
+            errors.append(float(certified_error(trained.model, x, values).max(initial=0.0)))
+        if not any(self.functions):
+            return Agreement(tuple(errors), None)
+        pairs = self._function_blocks(x, states, full=True)
+        return Agreement(tuple(errors), frf_agreement(*pairs))
+
+    def _function_blocks(
+        self, x: Reals, states: list[CaseState], full: bool
+    ) -> tuple[list[ResidualBlock], list[ResidualBlock]]:
+        """Blocks of all FRF residuals that are served: of the reduced models, and of the full ones without slopes."""
+        ours, theirs = list[ResidualBlock](), list[ResidualBlock]()
+        cases = self.reduced_problem().cases
+        for i, functions in zip(self.reduced, self.functions):
+            state = CaseState(cases[i], cases[i].configured.at(x))
+            ours += [b for r in cases[i].residuals if isinstance(r, ReducedFrfs) for b in r.blocks(state, True)]
+            if full:
+                theirs += [b for r in functions for b in r.blocks(states[i], False)]
+        return ours, theirs
+
+    def assess(self, x: Reals, states: list[CaseState]) -> Evaluation:
+        """Residuals of the full models with derivatives, those of the FRFs by the reduced models."""
+        blocks = iter(self._function_blocks(x, states, full=False)[0])
+        with_slopes = list(states)
+        for i, functions in zip(self.reduced, self.functions):
+            case = states[i].case
+            counts = [len(r.blocks(states[i], False)) for r in functions]
+            of = {id(r): WithSlopes(r, tuple(islice(blocks, n))) for r, n in zip(functions, counts)}
+            residuals = tuple(of.get(id(settled(r)), r) for r in case.residuals)
+            with_slopes[i] = _as(states[i], replace(case, residuals=residuals))
+        return replace(self.problem.assess(x, with_slopes), states=tuple(states))
 
     def enrich(self, x: Reals, states: list[CaseState]) -> bool:
         """Add the full modes at a point to the bases; False if they contain all of them already."""
@@ -197,16 +300,16 @@ class ReducedSearch:
         self.trained = [t.enriched(m, x, s) for t, m, s in triples]
         return before != [t.model.order for t in self.trained]
 
-    def facts(self, errors: list[float]) -> tuple[ReducedCaseFacts, ...]:
+    def facts(self, errors: Sequence[float]) -> tuple[ReducedCaseFacts, ...]:
         """Facts of each reduced model, with its certified errors at the end."""
-        four = zip(self.cases, self.trained, self.estimates, errors)
+        five = zip(self.cases, self.trained, self.estimates, errors, self.functions)
         return tuple(
             ReducedCaseFacts(
                 c.name, t.model.order, len(t.certified) + 1, first.worst_estimate, error, first.status,
                 reduced_components(t), t.certified[0].error,
-                None if t.components is None else len(t.components.interface),
+                None if t.components is None else len(t.components.interface), len(functions),
             )
-            for c, t, first, error in four
+            for c, t, first, error, functions in five
         )  # fmt: skip
 
     @property
@@ -228,7 +331,10 @@ def reduced_components(trained: Trained) -> tuple[ReducedComponent, ...]:
 NOBODY: Told = _Nobody()
 
 
-NOTHING_REDUCED = "no model was reduced because no configuration compares modes; the search used the full model"
+NOTHING_REDUCED = (
+    "no model was reduced because no configuration compares modes or FRFs that a reduced model serves; "
+    "the search used the full model"
+)
 
 
 def update_reduced(
@@ -257,7 +363,7 @@ def update_reduced(
     FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.*``, and what `update` raises of `active` and priors
     """
     before = start or problem.start(np.zeros(len(problem.parameters.free)))
-    if not any(case.on_modes for case in problem.cases):
+    if not any(state.case.on_modes or _served(state, rules) for state in before.states):
         # there is nothing that a reduced model would serve
         return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
@@ -268,15 +374,15 @@ def update_reduced(
         found = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
         x, states = found.x, problem.solved(found.x)
-        errors = search.errors(x, states)
-        agree = max(errors, default=0.0) <= rules.tolerance
-        rounds.append(round_sentence(len(rounds) + 1, search, max(errors, default=0.0), agree))
+        there = search.agreement(x, states)
+        agree = there.within(rules)
+        rounds.append(round_sentence(len(rounds) + 1, search, there))
         if agree or search.used_up or not search.enrich(x, states):
             break
-    full = problem.assess(x, states)
+    full = search.assess(x, states)
     return ReducedUpdate(
         on_full_model(problem, method, before, full, found, search.history),
-        search.facts(errors), tuple(rounds), agree, search,
+        search.facts(there.frequencies), tuple(rounds), agree, search, there.functions,
     )  # fmt: skip
 
 
@@ -291,19 +397,55 @@ def train(
     trainers: list[Trainer | ComponentTrainer] = []
     trained, moving = [], np.zeros(len(before.x), bool)
     moving[moving_parameters(problem, active)] = True
-    which = [i for i, case in enumerate(problem.cases) if case.on_modes]
-    for case, state in ((problem.cases[i], before.states[i]) for i in which):
+    by_case = [_served(state, rules) for state in before.states]
+    which = [i for i, case in enumerate(problem.cases) if case.on_modes or by_case[i]]
+    functions = [by_case[i] for i in which]
+    for i, frfs in zip(which, functions):
+        case, state = problem.cases[i], before.states[i]
         most = max(rules.full_solutions - KEPT, 1)
-        asked = TrainingRules(state.solution.wanted, SEARCH * rules.tolerance, most, rules.order)
+        asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
-        common = (case.sensors, partial(_solve, case), *hears, before.x, moving)
-        division = None if rules.components is None else divide(case.configured, rules.components)
+        wanted = tuple(wanted_of(state, r) for r in frfs)
+        rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
+        common = (rows, partial(_solve, case), *hears, before.x, moving)
+        division = _division(case, rules)
         if division is None or rules.components is None:
-            trainers.append(Trainer(case.configured, asked, *common))
+            trainers.append(Trainer(case.configured, asked, *common, wanted))
         else:
             trainers.append(ComponentTrainer(case.configured, asked, rules.components, division, *common))
         trained.append(trainers[-1].train(trainers[-1].start()))
-    return ReducedSearch(problem, rules, which, trainers, trained, trained, [])
+    return ReducedSearch(problem, rules, which, functions, trainers, trained, trained, [])
+
+
+def _division(case: ComparedCase, rules: ReductionRules) -> Division | None:
+    return None if rules.components is None else divide(case.configured, rules.components)
+
+
+def _served(state: CaseState, rules: ReductionRules) -> tuple[FrfResidual, ...]:
+    """FRF residuals that the reduced model of a case serves; none where it is assembled from components."""
+    return served(state) if _division(state.case, rules) is None else ()
+
+
+def _count(state: CaseState, functions: Sequence[FrfResidual]) -> int:
+    """Modes whose frequencies matter: those that are compared, and those at and just above the lines of FRFs."""
+    counts = [state.solution.wanted] if state.case.on_modes else []
+    for residual in functions:
+        freq_hz = modes_for(state, residual).freq_hz
+        counts.append(int((freq_hz <= _ABOVE_LINES * residual.highest_hz).sum()) + 1)
+    return max(counts)
+
+
+def _most_modes(state: CaseState, functions: Sequence[FrfResidual]) -> EigenSolution:
+    """The largest of the solutions that something in a case needs."""
+    found = [modes_for(state, residual) for residual in functions]
+    return max([state.solution, *found] if state.case.on_modes else found, key=lambda s: s.wanted)
+
+
+def _as(state: CaseState, case: ComparedCase) -> CaseState:
+    """The state of a case with other residuals, with all that is solved there."""
+    out = replace(state, case=case, known=state.solved)
+    out.further.update(state.further)
+    return out
 
 
 def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
@@ -337,13 +479,26 @@ def _search(
     return update(reduced, method, number_on, reduced.start(x), active)
 
 
-def round_sentence(number: int, search: ReducedSearch, error: float, agree: bool) -> str:
+def round_sentence(number: int, search: ReducedSearch, there: Agreement) -> str:
     order = " and ".join(str(t.model.order) for t in search.trained)
-    verdict = "within the tolerance" if agree else "above the tolerance"
-    return (
+    verdict = _verdict(there.frequency <= search.rules.tolerance)
+    sentence = (
         f"search {number} with order {order}: at the final point the largest frequency difference from the full model "
-        f"is {100.0 * error:.2g} %, {verdict} of {100.0 * search.rules.tolerance:.2g} %"
+        f"is {100.0 * there.frequency:.2g} %, {verdict} of {100.0 * search.rules.tolerance:.2g} %"
     )
+    frfs = there.functions
+    if frfs is None:
+        return sentence
+    verdict = _verdict(frfs.shift <= search.rules.frf_tolerance)
+    return (
+        f"{sentence}; the FRF residuals differ by {frfs.mean:.2g} (root mean square) and at most {frfs.largest:.2g} "
+        f"standard deviations, which moves the parameters by {frfs.shift:.2g} standard deviations, "
+        f"{verdict} of {search.rules.frf_tolerance:.2g}"
+    )
+
+
+def _verdict(within: bool) -> str:
+    return "within the tolerance" if within else "above the tolerance"
 
 
 def on_full_model(
@@ -417,7 +572,7 @@ def multi_start_reduced(
     method = replace(method, regularisation=side)
     run = _Run(problem, method, reduction, train(problem, reduction, before, told, active), told, active, [])
     reduced = run.search.reduced_problem()
-    if equation_error:
+    if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
         found = multi_start(last, NO_SIDE, rules, first=first, points=points, active=active, known=known, report=report)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
@@ -425,11 +580,12 @@ def multi_start_reduced(
     else:
         found = multi_start(reduced, method, rules, points=points, active=active, known=known, report=report)
     found = run.certify(found, lambda p: p, method)
-    best = on_full_model(
-        problem, method, before, problem.assess(found.best.x, run.states), found.best, found.best.history
-    )
-    facts = run.search.facts(run.errors)
-    return ReducedStarts(replace(found, best=best), ReducedUpdate(best, facts, tuple(run.rounds), run.agree))
+    full = run.search.assess(found.best.x, run.states)
+    best = on_full_model(problem, method, before, full, found.best, found.best.history)
+    assert run.there is not None
+    facts = run.search.facts(run.there.frequencies)
+    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, functions=run.there.functions)
+    return ReducedStarts(replace(found, best=best), own)
 
 
 @dataclass(eq=False)
@@ -444,7 +600,7 @@ class _Run:
     active: Sequence[str] | None
     rounds: list[str]
     states: list[CaseState] = field(default_factory=list)
-    errors: list[float] = field(default_factory=list)
+    there: Agreement | None = None
     agree: bool = False
 
     def certify(self, found: MultiStart, compared: Compared, method: SensitivityMethod) -> MultiStart:
@@ -459,8 +615,7 @@ class _Run:
     def _look(self, x: Reals) -> bool:
         self.told.searched(len(self.rounds) + 1)
         self.states = self.problem.solved(x)
-        self.errors = self.search.errors(x, self.states)
-        worst = max(self.errors, default=0.0)
-        self.agree = worst <= self.reduction.tolerance
-        self.rounds.append(round_sentence(len(self.rounds) + 1, self.search, worst, self.agree))
+        self.there = self.search.agreement(x, self.states)
+        self.agree = self.there.within(self.reduction)
+        self.rounds.append(round_sentence(len(self.rounds) + 1, self.search, self.there))
         return self.agree

@@ -142,6 +142,7 @@ class ReductionTable(TomlTable):
     tolerance: Annotated[float, Field(gt=0, lt=0.1)] = 1e-4
     full_solutions: Annotated[int, Field(ge=4, le=10_000)] = 20
     order: Annotated[int, Field(ge=10, le=20_000)] = 600
+    frf_tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.01
 
 
 class WriteTable(TomlTable):

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
         serep,
     )
     from femtune.model.reduce.estimate import ErrorEstimate, ErrorEstimator, certified_error
+    from femtune.model.reduce.function_estimate import FunctionsWanted
+    from femtune.model.reduce.functions_in_basis import BasisPorts, FunctionsInBasis, reduced_functions
     from femtune.model.reduce.modes_in_basis import ReducedModes, reduced_derivative, reduced_modes
     from femtune.model.reduce.reduced_model import ReducedModel, ReducedPoint, reduce_model
     from femtune.model.reduce.training import Certified, SavedBasis, Trained, Trainer, TrainingRules, TrainingStatus
@@ -38,6 +40,7 @@ else:
 
 __all__ = [
     "Alone",
+    "BasisPorts",
     "Certified",
     "Component",
     "ComponentBasis",
@@ -48,6 +51,8 @@ __all__ = [
     "Division",
     "ErrorEstimate",
     "ErrorEstimator",
+    "FunctionsInBasis",
+    "FunctionsWanted",
     "ReducedModel",
     "ReducedModes",
     "ReducedPoint",
@@ -70,6 +75,7 @@ __all__ = [
     "irs",
     "reduce_model",
     "reduced_derivative",
+    "reduced_functions",
     "reduced_modes",
     "sensor_model",
     "serep",

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from femtune.arrays import Reals
 from femtune.model.linear.sparse_products import Product, column_major, product, row_major
 from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
 from femtune.model.reduce.modes_in_basis import elastic, reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel
 from femtune.model.solvers.interface import Factor
@@ -26,6 +27,8 @@ ABOVE = 0.25
 """Ritz vectors above the wanted ones, as a part of them: what comes down from there shows modes that are missed."""
 SAFETY = 2.0
 """What the estimate is multiplied by, since the step with the nominal factors finds a part of the error only."""
+AS_FREQUENCY = 0.02
+"""Relative frequency error that an error of 1 in the logarithm of FRFs counts as."""
 _DEPENDENT = 1e-10
 _ROUNDING = 1e-12
 
@@ -39,28 +42,38 @@ class ErrorEstimate:
     eigenvalues : (m,) of the reduced model
     improved : (m,) λ⁺, upper bounds of the true ones
     frequency_error : (m,) estimated relative errors of the frequencies; 0 for rigid-body modes
+    function_error : estimated root mean square of |ln(H/H_reduced)| of the wanted FRFs; 0 where none are wanted
     """
 
     x: Reals
     eigenvalues: Reals
     improved: Reals
     frequency_error: Reals
+    function_error: float = 0.0
 
     @property
     def worst(self) -> float:
-        """The largest of the estimated relative frequency errors."""
-        return float(self.frequency_error.max(initial=0.0))
+        """The largest of the estimated relative frequency errors, and what the error of FRFs counts as one."""
+        return max(float(self.frequency_error.max(initial=0.0)), AS_FREQUENCY * self.function_error)
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimator:
-    """Error estimates of the `count` lowest modes; `factor` holds factors of K0 − σM0 of the nominal model."""
+    """Error estimates of the `count` lowest modes, and of FRFs where some are wanted.
+
+    Parameters
+    ----------
+    factor : factors of A0 = K0 − σM0 of the nominal model
+    """
 
     factor: Factor
     count: int
+    functions: tuple[FunctionsWanted, ...] = ()
 
     def at(self, model: ReducedModel, basis: Reals, x: Reals) -> ErrorEstimate:
         """The estimate at one parameter vector; costs one block solve and two products with K and M."""
+        if self.functions:
+            return self._with_functions(model, basis, x)
         modes = reduced_modes(model.at(x), self.count)
         number = min(int((1.0 + ABOVE) * self.count), model.order)
         values, X = modes.eigenvalues[:number], basis @ modes.shapes[:, :number]
@@ -72,6 +85,24 @@ class ErrorEstimator:
         improved = _ritz(K, M, values, X, MX, D)[: modes.wanted]
         found = values[: modes.wanted]
         return ErrorEstimate(np.asarray(x, float), found, improved, SAFETY * frequency_error(found, improved))
+
+    def _with_functions(self, model: ReducedModel, basis: Reals, x: Reals) -> ErrorEstimate:
+        """From the modes and FRFs on the basis and on its corrections together."""
+        modes, point = reduced_modes(model.at(x), self.count), model.configured.at(x)
+        number = min(int((1.0 + ABOVE) * self.count), len(modes.eigenvalues))
+        X = basis @ modes.shapes[:, :number]
+        inertia = point.mass @ X
+        left = [point.stiffness @ X - inertia * modes.eigenvalues[:number]]
+        left += [inertia_residual(point, modes, basis, X, inertia, one) for one in self.functions]
+        forces, moved = np.hstack(left), [modes.shapes[:, :number], *(one.on(basis).inputs for one in self.functions)]
+        sizes = np.linalg.norm(np.hstack(moved), axis=0)
+        corrections = self.factor.solve(column_major(forces))
+        better, more = enlarged_modes(model, basis, x, corrections, forces, sizes, self.count)
+        whole = np.hstack([basis, more])
+        error = max(function_error(one, modes, one.on(basis), better, one.on(whole)) for one in self.functions)
+        found, improved = modes.eigenvalues[: modes.wanted], better.eigenvalues[: modes.wanted]
+        errors = SAFETY * frequency_error(found, improved)
+        return ErrorEstimate(np.asarray(x, float), found, improved, errors, SAFETY * error)
 
 
 def frequency_error(eigenvalues: Reals, better: Reals) -> Reals:

@@ -67,10 +67,11 @@ def reduced_modes(point: ReducedPoint, count: int | None = None, max_hz: float |
     theta, vectors = theta[::-1], vectors[:, ::-1]
     finite = int(np.sum(theta > _MASSLESS * theta[0]))
     values, shapes = shift + 1.0 / theta[:finite], vectors[:, :finite] / np.sqrt(theta[:finite])
-    return ReducedModes(point, values, shapes, min(_wanted(values, count, max_hz), finite), theta, vectors)
+    return ReducedModes(point, values, shapes, min(wanted_number(values, count, max_hz), finite), theta, vectors)
 
 
-def _wanted(values: Reals, count: int | None, max_hz: float | None) -> int:
+def wanted_number(values: Reals, count: int | None, max_hz: float | None) -> int:
+    """The number of modes that are requested, of those with the eigenvalues (f,); see `reduced_modes`."""
     if max_hz is None and count is not None:
         return count
     below = 1 if max_hz is None else max(int(np.sum(values <= (2.0 * np.pi * max_hz) ** 2)), 1)

@@ -15,6 +15,7 @@ from femtune.model.eigen.solution import EigenSolution, solve_modes
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.components import ComponentBasis
 from femtune.model.reduce.estimate import ABOVE, NEGLIGIBLE, ErrorEstimator, certified_error, extend, orthonormal
+from femtune.model.reduce.function_estimate import FunctionsWanted, missed_responses
 from femtune.model.reduce.modes_in_basis import reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel, enlarge, reduce_model
 from femtune.model.solvers.factorise import factorise
@@ -209,6 +210,9 @@ TRIED = 8
 """Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
 an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
 
+RESPONSES = 0.02
+"""As `negligible`, of what modes miss of the responses to forces, whose error has the size of the square in FRFs."""
+
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
 
 
@@ -224,6 +228,7 @@ class Trainer:
     looking : called after every estimate, with the estimates so far and how many of them are of this basis
     base : (k,) where the basis begins; the nominal point without it
     moving : (k,) parameters that vary in the box, the others rest at `base`; all without it
+    functions : FRFs that the model is trained for besides its modes
     """
 
     configured: ConfiguredModel
@@ -234,6 +239,7 @@ class Trainer:
     looking: Callable[[Trained, int], None] = field(default=lambda trained, estimated: None)
     base: Reals | None = None
     moving: NDArray[np.bool_] | None = None
+    functions: tuple[FunctionsWanted, ...] = ()
 
     def start(self, inputs: Reals | None = None) -> Trained:
         """The basis of the nominal modes, with the static shapes (K0 − σM0)⁻¹F of the inputs F (n_free, f)."""
@@ -243,16 +249,22 @@ class Trainer:
         vectors = [solution.shapes]
         if inputs is not None and inputs.shape[1]:
             vectors.append(solution.factor.solve(np.asfortranarray(inputs)))
-        basis = orthonormal(np.hstack(vectors), metric)
+        basis = self._with_responses(orthonormal(np.hstack(vectors), metric), metric, solution)
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
-        estimator = ErrorEstimator(solution.factor, self.rules.count)
+        estimator = ErrorEstimator(solution.factor, self.rules.count, self.functions)
         trained = Trained(
             model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric
         )
         self.report(trained)
         return trained
+
+    def _with_responses(self, basis: Reals, metric: SymmetricMatrix, solution: EigenSolution) -> Reals:
+        """The basis with what the modes of a solution miss of the responses to the forces of FRFs."""
+        for wanted in self.functions:
+            basis = extend(basis, missed_responses(solution, wanted.forces), metric, RESPONSES)
+        return basis
 
     def resume(self, saved: SavedBasis) -> Trained:
         """Go on with a basis that was saved; the nominal matrices are factorised, nothing is solved."""
@@ -261,7 +273,7 @@ class Trainer:
         return Trained(
             reduce_model(self.configured, saved.basis, self.rows, saved.shift), saved.basis, saved.certified(),
             saved.points, saved.estimates, TrainingStatus.UNFINISHED,
-            ErrorEstimator(factorise(metric), self.rules.count), metric,
+            ErrorEstimator(factorise(metric), self.rules.count, self.functions), metric,
         )  # fmt: skip
 
     def train(self, trained: Trained) -> Trained:
@@ -293,6 +305,7 @@ class Trainer:
         values = solution.eigenvalues[: solution.wanted]
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
         basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
+        basis = self._with_responses(basis, trained.metric, solution)
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
         at = (trained.points == x).all(axis=1)
         trained = replace(

@@ -21,7 +21,7 @@ from femtune.model.eigen.solution import EigenSolution
 from femtune.model.response.rigid import is_rigid
 from femtune.parameters.jet import Jet
 
-_SAME = 1e-9
+_SAME = 1e-6
 
 
 class DampingRatios(Protocol):
@@ -88,40 +88,58 @@ class ModalDamper:
     def _inside(self, i: int) -> Reals:
         eigenvalues = self.modes.eigenvalues[: len(self.rates)]
         d, slope = self.rates, self.slopes
-        by_stiffness = _divided(eigenvalues, d, slope) * self._subspace.stiffness[i]
+        by_stiffness = divided(eigenvalues, d, slope) * self._subspace.stiffness[i]
         return np.asarray(
-            by_stiffness - _divided(eigenvalues, d * eigenvalues, d + slope * eigenvalues) * self._subspace.mass[i]
+            by_stiffness - divided(eigenvalues, d * eigenvalues, d + slope * eigenvalues) * self._subspace.mass[i]
         )
 
 
-def _divided(at: Reals, values: Reals, slopes: Reals) -> Reals:
-    """(v_i − v_j)/(a_i − a_j), the mean slope where a_i = a_j."""
+def divided(at: Reals, values: Reals, slopes: Reals) -> Reals:
+    """(v_i − v_j)/(a_i − a_j), the mean slope where a_i = a_j but for what would cost the quotient its digits."""
     gap = at[:, None] - at[None, :]
-    same = np.abs(gap) <= _SAME * np.abs(at).max(initial=0.0)
+    same = np.abs(gap) <= _SAME * np.maximum(np.abs(at[:, None]), np.abs(at[None, :]))
     mean = 0.5 * (slopes[:, None] + slopes[None, :])
     return np.where(same, mean, (values[:, None] - values[None, :]) / np.where(same, 1.0, gap))
 
 
-def modal_damper(modes: EigenSolution, damping: DampingRatios | None) -> ModalDamper | None:
-    """The damper of the wanted modes of a solution; None where nothing damps modes.
+@dataclass(frozen=True, eq=False)
+class ModalRates:
+    """What damps modes: s·rates, or i·rates where it is hysteretic; see `ModalDamper`."""
 
-    Ratios that are values of the model take the place of those of `damping` for their modes.
+    hysteretic: bool
+    rates: Reals
+    slopes: Reals
+    gradients: Reals
+
+
+def modal_damper(modes: EigenSolution, damping: DampingRatios | None) -> ModalDamper | None:
+    """The damper of the wanted modes of a solution; None where nothing damps modes. Errors as `modal_rates`."""
+    own, m, p = modes.point.mode_ratios, modes.wanted, modes.point.n_parameters
+    if damping is None and not own:
+        return None
+    of = modal_rates(modes.eigenvalues[:m], is_rigid(modes)[:m], damping, own, p)
+    momentum = np.asarray(modes.point.mass @ modes.shapes[:, :m])
+    return ModalDamper(modes, of.hysteretic, of.rates, of.slopes, momentum, of.gradients)
+
+
+def modal_rates(
+    eigenvalues: Reals, rigid: NDArray[np.bool_], damping: DampingRatios | None, own: Mapping[int, Jet], p: int
+) -> ModalRates:
+    """The damping of modes with the eigenvalues (m,).
+
+    Ratios that are values of the model, `own`, take the place of those of `damping` for their modes.
 
     Raises
     ------
     FemtuneError : ``response.damping-ratio`` for ratios not finite or negative, and what the damping raises
     """
-    own = modes.point.mode_ratios
-    if damping is None and not own:
-        return None
-    m = modes.wanted
-    rigid = is_rigid(modes)[:m]
-    eigenvalues = np.where(rigid, 0.0, modes.eigenvalues[:m])
+    m = len(eigenvalues)
+    eigenvalues = np.where(rigid, 0.0, eigenvalues)
     omega = np.sqrt(eigenvalues)
     freq_hz = omega / (2.0 * np.pi)
     # a rigid-body mode has no damping whatever its ratio: a table need not reach to 0 Hz
     asked = np.where(rigid, freq_hz.max(initial=0.0), freq_hz)
-    zeta, slope, gradient = _ratios(own, damping, asked, modes.point.n_parameters)
+    zeta, slope, gradient = _ratios(own, damping, asked, p)
     zeta = _checked(np.where(rigid, 0.0, zeta), freq_hz)
     rise = np.where(rigid, 0.0, asked * slope)
     # by λ = ω²; `rise` is ω dζ/dω
@@ -129,8 +147,7 @@ def modal_damper(modes: EigenSolution, damping: DampingRatios | None) -> ModalDa
     viscous_slopes = np.divide(zeta + rise, omega, out=np.zeros(m), where=~rigid)
     slopes = 2.0 * zeta + rise if hysteretic else viscous_slopes
     size = 2.0 * (eigenvalues if hysteretic else omega)
-    momentum = np.asarray(modes.point.mass @ modes.shapes[:, :m])
-    return ModalDamper(modes, hysteretic, size * zeta, slopes, momentum, size[:, None] * gradient)
+    return ModalRates(hysteretic, size * zeta, slopes, size[:, None] * gradient)
 
 
 def _ratios(own: Mapping[int, Jet], damping: DampingRatios | None, freq_hz: Reals, p: int) -> tuple[Reals, ...]:

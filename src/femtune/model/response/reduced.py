@@ -67,7 +67,7 @@ def reduce(stiffness: DynamicStiffness, basis: ModalBasis, ports: Ports) -> Redu
             (viscous, hysteretic + modal) if stiffness.damper.hysteretic else (viscous + modal, hysteretic)
         )
     inputs, outputs = np.asarray((ports.inputs.T @ Q).T), np.asarray(ports.outputs @ Q)
-    return ReducedStiffness(basis, _slim(viscous), _slim(hysteretic), inputs, outputs)
+    return ReducedStiffness(basis, slim(viscous), slim(hysteretic), inputs, outputs)
 
 
 def _projected(matrix: sp.csr_array, Q: Reals) -> Reals:
@@ -78,7 +78,7 @@ def _projected(matrix: sp.csr_array, Q: Reals) -> Reals:
     return np.where(np.abs(small) <= _ROUNDING * parts, 0.0, small)
 
 
-def _slim(matrix: Reals) -> Reals:
+def slim(matrix: Reals) -> Reals:
     """The diagonal of a matrix that is diagonal but for rounding, relative to its own rows and columns."""
     own = np.sqrt(np.abs(np.diag(matrix)))
     rest = np.abs(matrix - np.diag(np.diag(matrix)))

@@ -172,6 +172,10 @@ def _components(reduction: ReductionResults, of: str) -> list[Block]:
 
 def _verdict(reduction: ReductionResults) -> str:
     tolerance = f"{short(reduction.tolerance_percent)} %"
+    if reduction.frfs is not None:
+        tolerance += (
+            f" (frequencies) and {short(reduction.frfs.tolerance)} standard deviations of the parameters (FRFs)"
+        )
     if reduction.certified:
         return f"The search used reduced models; at the final point they agree with the full model within {tolerance}."
     return (

@@ -107,3 +107,8 @@ class AtFirstState(Residual):
     def notices(self) -> tuple[Notice, ...]:
         """What was left out; nothing before it was asked."""
         return self._settled[0][1] if self._settled else ()
+
+
+def settled(residual: Residual) -> Residual | None:
+    """The residual itself; of one that is settled at its first state, what it was settled to, None before."""
+    return residual.settled if isinstance(residual, AtFirstState) else residual

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.arrays import Complexes, Reals
+from femtune.arrays import Complexes, Integers, Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable
@@ -146,19 +146,34 @@ class FrfResidual(Residual):
         ------
         FemtuneError : ``residual.frf-not-finite``, and as `frf_gradient`
         """
-        values, gradient = self.functions(model, derivatives)
+        return self.compared(*self.functions(model, derivatives))
+
+    def compared(self, values: Complexes, gradient: Complexes) -> list[ResidualBlock]:
+        """Residual blocks of functions of the model, (outputs, inputs, lines), and their derivatives (…, p)."""
         return [self._of_part(label, at, values[at], gradient[at]) for label, at in self._parts]
 
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """The model's functions at the lines, (outputs, inputs, lines), and their derivatives (…, p)."""
-        lines, back = np.unique(self.measured.freq_hz * self._stretch, return_inverse=True)
+        lines, back = self.model_lines
         found = frf_gradient(
             model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
         )  # fmt: skip
-        # a model whose stiffness is scaled so that its peaks meet the test's answers by this factor less
+        return self.at_lines(found.frfs.values[:, :, back], found.gradient[:, :, back])
+
+    @cached_property
+    def model_lines(self) -> tuple[Reals, Integers]:
+        """The frequencies at which the model's functions are computed, ascending, and that of each line of the test."""
+        lines, back = np.unique(self.measured.freq_hz * self._stretch, return_inverse=True)
+        return lines, back
+
+    def at_lines(self, values: Complexes, gradient: Complexes) -> tuple[Complexes, Complexes]:
+        """The functions at `model_lines`, one for each line of the test, as those of the test.
+
+        A model whose stiffness is scaled so that its peaks meet the test's answers by a factor less.
+        """
         factor = self._stretch ** (2.0 - KINDS.index(self.measured.kind))
-        return found.frfs.values[:, :, back] * factor, found.gradient[:, :, back] * factor[:, None]
+        return values * factor, gradient * factor[:, None]
 
     def _ports(self, model: ModelPoint | EigenSolution) -> Ports:
         point = model.point if isinstance(model, EigenSolution) else model

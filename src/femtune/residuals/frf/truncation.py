@@ -13,7 +13,7 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.sturm import count_below
 from femtune.model.response import TIMES_HIGHEST_LINE, Method
 from femtune.residuals.case import CaseState, Residual
-from femtune.residuals.frf.model_way import AtFirstState
+from femtune.residuals.frf.model_way import settled
 from femtune.residuals.frf.residual import FORMS, FrfResidual
 
 SMALL = 0.1
@@ -80,7 +80,7 @@ def truncations(state: CaseState) -> Iterator[Truncation]:
 def frf_residuals(residuals: Sequence[Residual]) -> Iterator[FrfResidual]:
     """Residuals of FRFs among others; those that a study settles at its first state, only after that."""
     for residual in residuals:
-        found = residual.settled if isinstance(residual, AtFirstState) else residual
+        found = settled(residual)
         if isinstance(found, FrfResidual):
             yield found
 

@@ -1,0 +1,152 @@
+"""FRFs that a reduced model is trained for: static shapes that its basis needs, and an estimate of their error.
+
+The basis V gets, at every point where the full model is solved, what its modes miss of the response to the forces. The
+estimate at any other point is the difference to the FRFs on V with the corrections A0⁻¹r, of the residuals r of the
+modes and of the response of the other motions to the inputs: they are what a larger basis would add first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from femtune.arrays import Complexes, Reals
+from femtune.model.configured import ModelPoint
+from femtune.model.eigen.solution import EigenSolution
+from femtune.model.reduce.functions_in_basis import BasisPorts, reduced_functions
+from femtune.model.reduce.modes_in_basis import ReducedModes, reduced_modes
+from femtune.model.reduce.reduced_model import ReducedModel, ReducedPoint
+from femtune.model.response.modal_damping import DampingRatios
+from femtune.model.response.ports import Ports
+
+_INDEPENDENT = 1e-10
+_ROUNDING = 1e-8
+_MOST_LINES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionsWanted:
+    """FRFs between ports at some lines.
+
+    Parameters
+    ----------
+    freq_hz : (k,) lines above 0 Hz
+    damped : number of modes that modal damping acts on
+    damping : modal damping besides that of the model
+    """
+
+    ports: Ports
+    freq_hz: Reals
+    damped: int
+    damping: DampingRatios | None = None
+
+    @property
+    def forces(self) -> Reals:
+        """(n_free, f) the inputs, and unit forces at the outputs."""
+        return np.hstack([self.ports.inputs.toarray(), self.ports.outputs.T.toarray()])
+
+    @cached_property
+    def s(self) -> Complexes:
+        """iω of lines spread over all of them."""
+        count = len(self.freq_hz)
+        at = np.unique(np.linspace(0, count - 1, min(count, _MOST_LINES)).round().astype(int))
+        return np.asarray(2j * np.pi * self.freq_hz[at])
+
+    def on(self, basis: Reals) -> BasisPorts:
+        """The ports on a basis (n_free, r)."""
+        return BasisPorts(np.asarray(self.ports.inputs.T @ basis).T, np.asarray(self.ports.outputs @ basis))
+
+
+def missed_responses(solution: EigenSolution, forces: Reals) -> Reals:
+    """(n_free, f) what the known modes miss of (K − σM)⁻¹ F."""
+    phi = solution.shapes
+    seen = phi @ ((phi.T @ forces) / (solution.eigenvalues - solution.shift)[:, None])
+    return np.asarray(solution.factor.solve(np.asfortranarray(forces)) - seen)
+
+
+def inertia_residual(
+    point: ModelPoint, modes: ReducedModes, basis: Reals, low: Reals, inertia: Reals, wanted: FunctionsWanted
+) -> Reals:
+    """(n_free, b) residual forces of the response to the inputs of all motions but the lowest modes.
+
+    Parameters
+    ----------
+    low, inertia : X (n_free, m) the lowest modes of the reduced model, and MX
+    """
+    number, B = low.shape[1], wanted.ports.inputs.toarray()
+    # amid the lines, where the others respond almost statically
+    square = 0.5 * float(np.abs(wanted.s[-1])) ** 2
+    theta, shift = modes.theta[number:], modes.point.model.shift
+    own = modes.vectors[:, number:]
+    pushed = wanted.on(basis).inputs
+    response = basis @ (own @ ((own.T @ pushed) / (1.0 + (shift - square) * theta)[:, None]))
+    return np.asarray(B - inertia @ (low.T @ B) - point.stiffness @ response + square * (point.mass @ response))
+
+
+@dataclass(frozen=True, eq=False)
+class _Enlarged:
+    """A reduced point on more vectors, without derivatives; it answers all that FRFs ask of a `ReducedPoint`."""
+
+    model: ReducedModel
+    full: ModelPoint
+    stiffness: Reals
+    mass: Reals
+    viscous: Reals
+    hysteretic: Reals
+    n_parameters: int = 0
+
+
+def enlarged_modes(
+    model: ReducedModel, basis: Reals, x: Reals, corrections: Reals, forces: Reals, sizes: Reals, count: int
+) -> tuple[ReducedModes, Reals]:
+    """Modes on the basis and on the corrections D = A0⁻¹R to it; D made orthonormal.
+
+    Parameters
+    ----------
+    corrections, forces : D and R (n_free, d); VᵀR = 0, so that VᵀA0D = 0
+    sizes : (d,) square roots of the energies of the motions that are corrected; corrections that are rounding beside
+        them are left out
+    """
+    energy = np.einsum("ij,ij->j", corrections, forces)
+    some = energy > (_ROUNDING * sizes) ** 2
+    D, scale = corrections[:, some], 1.0 / np.sqrt(energy[some])
+    gram = D.T @ forces[:, some]
+    values, turn = la.eigh(0.5 * scale[:, None] * (gram + gram.T) * scale)
+    kept = values > _INDEPENDENT * values.max(initial=0.0)
+    D = D @ (scale[:, None] * turn[:, kept] / np.sqrt(values[kept]))
+    small, point = model.at(x), model.configured.at(x)
+    stiffness, mass = _bordered(small.stiffness, point.stiffness, basis, D), _bordered(small.mass, point.mass, basis, D)
+    viscous = _bordered(small.viscous, point.viscous, basis, D)
+    hysteretic = _bordered(small.hysteretic, point.hysteretic, basis, D)
+    enlarged = _Enlarged(model, point, stiffness, mass, viscous, hysteretic)
+    return reduced_modes(cast(ReducedPoint, enlarged), count), D
+
+
+def _bordered(own: Reals, matrix: sp.csr_array, basis: Reals, more: Reals) -> Reals:
+    if not np.any(matrix.data):
+        return np.zeros((len(own) + more.shape[1],) * 2)
+    driven = matrix @ more
+    side, corner = basis.T @ driven, more.T @ driven
+    return np.block([[own, side], [side.T, 0.5 * (corner + corner.T)]])
+
+
+def function_error(wanted: FunctionsWanted, modes: ReducedModes, ports: BasisPorts, better: ReducedModes,
+                   better_ports: BasisPorts) -> float:  # fmt: skip
+    """Root mean square of |ln(H⁺/H)| over lines and functions; those that are zero are left out."""
+    values = (
+        reduced_functions(m, p, wanted.s, wanted.damped, wanted.damping, derivatives=False).values
+        for m, p in ((modes, ports), (better, better_ports))
+    )
+    return log_difference(*values)
+
+
+def log_difference(values: Complexes, better: Complexes) -> float:
+    """Root mean square of |ln(H⁺/H)| of functions that are not zero."""
+    some = (values != 0.0) & (better != 0.0) & np.isfinite(values) & np.isfinite(better)
+    logs = np.log(better[some] / values[some])
+    return float(np.sqrt(np.mean(np.abs(logs) ** 2))) if logs.size else 0.0

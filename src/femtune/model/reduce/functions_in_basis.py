@@ -1,0 +1,252 @@
+"""FRFs of a reduced model and their derivatives, exact within its basis.
+
+In the modes of the reduced model, H = Ψ_o Z⁻¹ Ψ_iᵀ with Z = K̂ + s²M̂ + s(Ĉ + D̂) + iĤ. The basis does not change with the
+parameters, so that H′ = −y (K̂′ + s²M̂′ + s(Ĉ′ + D̂′) + iĤ′) x with the responses x to the inputs and y to unit forces at
+the outputs. Modal damping D = MΦ diag(d)ΦᵀM is a function of the matrix M⁻¹K: its derivative follows from divided
+differences of d(λ) (Daleckii and Krein's formula), so that repeated and crossing modes do no harm.
+
+Where the damping couples no modes, those far above the lines respond smoothly over frequency: their part is computed
+at Chebyshev points only and interpolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from femtune.arrays import Complexes, Reals
+from femtune.model.reduce.modes_in_basis import ReducedModes, elastic
+from femtune.model.response.basis import ModalBasis
+from femtune.model.response.modal_damping import DampingRatios, ModalRates, divided, modal_rates
+from femtune.model.response.reduced import ReducedStiffness, fields, slim
+
+FAR = 2.0
+"""Modes above this many times the highest line respond smoothly over the lines."""
+_NODES = 12
+"""Chebyshev points: with poles beyond FAR times the highest line, the interpolation is exact to 4 · 5.8⁻¹² = 3e-9."""
+
+
+@dataclass(frozen=True, eq=False)
+class BasisPorts:
+    """Forces and motions on the basis of a reduced model.
+
+    Parameters
+    ----------
+    inputs : VᵀB (r, b)
+    outputs : C V (a, r)
+    """
+
+    inputs: Reals
+    outputs: Reals
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionsInBasis:
+    """Receptances (k, a, b) and their derivatives (k, a, b, p) by the normalised free parameters."""
+
+    values: Complexes
+    gradient: Complexes
+
+
+def reduced_functions(
+    modes: ReducedModes,
+    ports: BasisPorts,
+    s: Complexes,
+    damped: int,
+    damping: DampingRatios | None = None,
+    derivatives: bool = True,
+) -> FunctionsInBasis:
+    """Receptances of a reduced model at s = iω.
+
+    Parameters
+    ----------
+    modes : all modes of the reduced model at a point
+    s : (k,) iω, ω > 0
+    damped : number of modes, the lowest ones, that modal damping acts on
+    damping : modal damping, besides that of the model; ratios that are values of the model take its place
+    derivatives : without them the gradient has no columns
+
+    Returns
+    -------
+    FunctionsInBasis : NaN at lines where the response is infinite
+
+    Raises
+    ------
+    FemtuneError : ``response.damping-ratio`` and what the damping raises
+    """
+    system = _System.of(modes, ports, s, damped, damping)
+    count = modes.point.n_parameters if derivatives else 0
+    if system.stiffness.is_diagonal:
+        return _split(system, s, count)
+    forces = np.hstack([system.stiffness.inputs, system.stiffness.outputs.T])
+    both, b = fields(system.stiffness, s, forces), system.stiffness.inputs.shape[1]
+    x, y = both[:, :, :b], np.swapaxes(both[:, :, b:], 1, 2)
+    gradient = np.zeros((len(s), y.shape[1], b, count), complex)
+    for p in range(count):
+        for weight, matrix in system.changes(p, s):
+            gradient[..., p] -= weight[:, None, None] * (y @ (matrix @ x))
+    return FunctionsInBasis(np.asarray(system.stiffness.outputs @ x), gradient)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The reduced model in its modes.
+
+    Parameters
+    ----------
+    vectors : (r, r) all of them; the first `near` have mass 1, the others are scaled to energy 1
+    stiffness : the dynamic stiffness in these vectors
+    theta : (r,) 1/(λ − σ), 0 for motions without mass
+    rates : modal damping of the first modes; None without
+    """
+
+    modes: ReducedModes
+    vectors: Reals
+    stiffness: ReducedStiffness
+    near: int
+    rates: ModalRates | None
+
+    @classmethod
+    def of(
+        cls, modes: ReducedModes, ports: BasisPorts, s: Complexes, damped: int, damping: DampingRatios | None
+    ) -> _System:
+        point, theta, shift = modes.point, modes.theta, modes.point.model.shift
+        damped = min(damped, len(modes.eigenvalues))
+        reach = (FAR * np.abs(s).max()) ** 2
+        near = max(damped, int(np.searchsorted(modes.eigenvalues, reach, side="right")))
+        vectors = np.hstack([modes.shapes[:, :near], modes.vectors[:, near:]])
+        stiffness = np.concatenate([modes.eigenvalues[:near], 1.0 + shift * theta[near:]])
+        mass = np.concatenate([np.ones(near), theta[near:]])
+        rates, own = None, point.full.mode_ratios
+        viscous, hysteretic = (vectors.T @ matrix @ vectors for matrix in (point.viscous, point.hysteretic))
+        if damping is not None or own:
+            rigid = ~elastic(modes.eigenvalues[:damped])
+            rates = modal_rates(modes.eigenvalues[:damped], rigid, damping, own, point.n_parameters)
+            added = np.diag(np.append(rates.rates, np.zeros(len(vectors) - damped)))
+            viscous, hysteretic = (viscous, hysteretic + added) if rates.hysteretic else (viscous + added, hysteretic)
+        basis = ModalBasis(vectors, stiffness, mass, near)
+        inputs, outputs = vectors.T @ ports.inputs, ports.outputs @ vectors
+        reduced = ReducedStiffness(basis, slim(viscous), slim(hysteretic), inputs, outputs)
+        return cls(modes, vectors, reduced, near, rates)
+
+    def weighted(self, p: int, s: Complexes) -> Iterator[tuple[Complexes, Reals]]:
+        """Factors (k,) and matrices (r, r) in the coordinates of the basis, whose sum is Z′ without modal damping."""
+        point, one = self.modes.point, np.ones(len(s), complex)
+        yield one, point.stiffness_derivatives[p]
+        yield s**2, point.mass_derivatives[p]
+        for weight, matrix in ((s, point.viscous_derivatives[p]), (1j * one, point.hysteretic_derivatives[p])):
+            if np.any(matrix):
+                yield weight, matrix
+
+    def changes(self, p: int, s: Complexes) -> Iterator[tuple[Complexes, Reals]]:
+        """The same in the modes (r, r), with modal damping."""
+        own = [(weight, self.vectors.T @ matrix @ self.vectors) for weight, matrix in self.weighted(p, s)]
+        yield from own
+        if self.rates is not None:
+            # zero between modes of which none is damped
+            rows = self.damping_change(p, own[0][1][: self.near], own[1][1][: self.near])
+            whole = np.zeros_like(own[0][1])
+            whole[: self.near], whole[:, : self.near] = rows, rows.T
+            yield self.damping_weight(s), whole
+
+    def damping_weight(self, s: Complexes) -> Complexes:
+        """(k,) factor of modal damping."""
+        assert self.rates is not None
+        return np.full(len(s), 1j) if self.rates.hysteretic else s
+
+    def damping_change(self, p: int, stiffness: Reals, mass: Reals) -> Reals:
+        """(near, r) rows of the derivative of modal damping from those of K̂′ and M̂′."""
+        assert self.rates is not None
+        d = np.append(self.rates.rates, np.zeros(self.near - len(self.rates.rates)))
+        slope = np.append(self.rates.slopes, np.zeros(self.near - len(self.rates.rates)))
+        values, theta = self.modes.eigenvalues[: self.near], self.modes.theta[self.near :]
+        k, m, n = stiffness[:, : self.near], mass[:, : self.near], len(self.rates.rates)
+        inside = divided(values, d, slope) * k - divided(values, d * values, d + slope * values) * m
+        inside = inside + m * d + d[:, None] * m
+        inside[np.arange(n), np.arange(n)] += self.rates.gradients[:, p]
+        # 1/(λ_i − λ_j) for the others, which nothing damps, and −λ_j/(λ_i − λ_j); 1/λ_j may be zero
+        below = np.outer(values - self.modes.point.model.shift, theta) - 1.0
+        by_stiffness, by_mass = theta / below, -(1.0 + self.modes.point.model.shift * theta) / below
+        outside = d[:, None] * (by_stiffness * stiffness[:, self.near :] + by_mass * mass[:, self.near :])
+        return np.hstack([inside, outside])
+
+
+def _split(system: _System, s: Complexes, count: int) -> FunctionsInBasis:
+    """Where Z is diagonal: near modes at every line, the others at the nodes."""
+    of, n = system.stiffness, system.near
+    nodes, turn = _nodes(s)
+    x, y = (_responses(of.diagonal(s)[:, :n], f[:n]) for f in (of.inputs, of.outputs.T))
+    far = of.diagonal(nodes)[:, n:]
+    # undamped ones respond in phase: half the work
+    far = far if far.imag.any() else far.real
+    far_x, far_y = (_responses(far, f[n:]) for f in (of.inputs, of.outputs.T))
+    values = of.outputs[:, :n] @ x + _interpolated(turn, of.outputs[:, n:] @ far_x)
+    y, far_y = np.swapaxes(y, 1, 2), np.swapaxes(far_y, 1, 2)
+    gradient = np.zeros((*values.shape, count), complex)
+    k, a, b = values.shape
+    q, r = len(nodes), len(system.vectors)
+    moved = np.moveaxis(system.vectors[:, n:] @ far_x, 0, 1).reshape(r, q * b)
+    driven, far_driven = np.moveaxis(x, 0, 1).reshape(n, k * b), np.moveaxis(far_x, 0, 1).reshape(r - n, q * b)
+    far_seen = np.ascontiguousarray(far_y.reshape(q * a, r - n).T)
+    left = far_y @ system.vectors[:, n:].T
+    for p in range(count):
+        at_lines = np.zeros((n, k, b), complex)
+        coupled, back, rest = np.zeros((n, q, b), complex), np.zeros((q, a, n), complex), np.zeros((q, a, b), complex)
+        rows = []
+        for (weight, matrix), (at, _) in zip(system.weighted(p, s), system.weighted(p, nodes)):
+            rows.append((weight, at, (matrix @ system.vectors[:, :n]).T @ system.vectors))
+            forces = _times(matrix, moved).reshape(r, q, b)
+            rest += at[:, None, None] * (left @ np.moveaxis(forces, 1, 0))
+        if system.rates is not None:
+            change = system.damping_change(p, rows[0][2], rows[1][2])
+            rows.append((system.damping_weight(s), system.damping_weight(nodes), change))
+        for weight, at, row in rows:
+            at_lines += weight[:, None] * _times(row[:, :n], driven).reshape(n, k, b)
+            coupled += at[:, None] * _times(row[:, n:], far_driven).reshape(n, q, b)
+            back += at[:, None, None] * _times(row[:, n:], far_seen).T.reshape(q, a, n)
+        coupling = _interpolated(turn, np.moveaxis(coupled, 1, 0))
+        total = y @ (np.moveaxis(at_lines, 1, 0) + coupling) + _interpolated(turn, back) @ x
+        gradient[..., p] = -total - _interpolated(turn, rest)
+    return FunctionsInBasis(np.asarray(values), gradient)
+
+
+def _responses(Z: Complexes, forces: Reals) -> Complexes:
+    """(k, r, b) responses of a diagonal Z (k, r) to forces (r, b); NaN on an undamped resonance."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(Z == 0.0, np.nan, 1.0 / Z)
+    return np.asarray(inverse[:, :, None] * forces)
+
+
+def _times(matrix: Reals, columns: Complexes) -> Complexes:
+    """A real matrix times real or complex columns, in real products."""
+    if not np.iscomplexobj(columns):
+        return np.asarray(matrix @ columns)
+    pair = np.ascontiguousarray(columns).view(float)
+    return np.ascontiguousarray(matrix @ pair).view(complex)
+
+
+def _nodes(s: Complexes) -> tuple[Complexes, Reals]:
+    """Chebyshev points (q,) over the lines, and the matrix (k, q) that interpolates; the lines where they are few.
+
+    Source: J.-P. Berrut, L. N. Trefethen, SIAM Review 46 (2004), barycentric formula for points of the first kind.
+    """
+    if len(s) <= _NODES:
+        return s, np.eye(len(s))
+    low, high = s.imag.min(), s.imag.max()
+    angle = (2.0 * np.arange(_NODES) + 1.0) * np.pi / (2.0 * _NODES)
+    nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
+    gap = s.imag[:, None] - nodes
+    hit = gap == 0.0
+    weights = (-1.0) ** np.arange(_NODES) * np.sin(angle) / np.where(hit, 1.0, gap)
+    turn = weights / weights.sum(axis=1, keepdims=True)
+    met = hit.any(axis=1)
+    turn[met] = hit[met]
+    return 1j * nodes, turn
+
+
+def _interpolated(turn: Reals, values: Complexes) -> Complexes:
+    """(k, …) from values (q, …) at the nodes."""
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
+    return _times(turn, flat).reshape(len(turn), *values.shape[1:])

@@ -1,0 +1,132 @@
+"""FRF residuals on reduced models: the same lines, forms and weights, the functions from a dense model of low order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+import scipy.sparse as sp
+
+from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError
+from femtune.modal.frf_set import KINDS
+from femtune.model import EigenSolution
+from femtune.model.reduce import ReducedModes
+from femtune.model.reduce.function_estimate import FunctionsWanted
+from femtune.model.reduce.functions_in_basis import BasisPorts, reduced_functions
+from femtune.model.reduce.modes_in_basis import wanted_number
+from femtune.model.response import TIMES_HIGHEST_LINE
+from femtune.residuals.case import CaseState, ComparedCase, Residual
+from femtune.residuals.frf.model_way import full_modes, settled
+from femtune.residuals.frf.residual import FrfResidual
+from femtune.residuals.weights import ResidualBlock
+
+
+def served(state: CaseState) -> tuple[FrfResidual, ...]:
+    """FRF residuals that a reduced model serves, at a state of the full model where they are settled.
+
+    Not those that the study truncates, by a number of modes that does not reach twice the highest line or without
+    residual vectors: a reduced model has no such truncation. Nor those of a model that depends on frequency.
+    """
+    if state.case.configured.model.tables:
+        return ()
+    found = map(settled, state.case.residuals)
+    return tuple(r for r in found if isinstance(r, FrfResidual) and not _truncates(state, r))
+
+
+def _truncates(state: CaseState, residual: FrfResidual) -> bool:
+    way = residual.way
+    if way.method == "direct" or (way.residual_vectors and not way.limit):
+        return False
+    reach = float(modes_for(state, residual).freq_hz[-1])
+    return not way.residual_vectors or reach < TIMES_HIGHEST_LINE * residual.highest_hz
+
+
+def modes_for(state: CaseState, residual: FrfResidual) -> EigenSolution:
+    """Modes of the full model that a residual needs: those that its way takes, or up to twice the highest line."""
+    return full_modes(state, residual.way.modes or (None, TIMES_HIGHEST_LINE * residual.highest_hz))
+
+
+def wanted_of(state: CaseState, residual: FrfResidual) -> FunctionsWanted:
+    """What a reduced model is trained for."""
+    lines, _ = residual.model_lines
+    ports = residual.places.ports(state.full.configured, residual.measured)
+    needs = residual.way.needs_modes(state.full)
+    damped = modes_for(state, residual).wanted if needs else 0
+    return FunctionsWanted(ports, lines, damped, residual.way.damping)
+
+
+def port_rows(wanted: Sequence[FunctionsWanted]) -> list[sp.csr_array]:
+    """Rows over the free DOFs that see outputs, then inputs, of each."""
+    return [sp.csr_array(rows) for w in wanted for rows in (w.ports.outputs, w.ports.inputs.T)]
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedFrfs(Residual):
+    """An FRF residual on a reduced model.
+
+    Parameters
+    ----------
+    own : the residual on the full model
+    outputs, inputs : (a, r) and (b, r) rows that see its ports in the coordinates of the basis
+    """
+
+    own: FrfResidual
+    outputs: Reals
+    inputs: Reals
+    key = FrfResidual.key
+    label = FrfResidual.label
+    on_modes = True
+
+    def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
+        """Residual blocks at a state of the reduced model; errors as of the residual."""
+        return self.own.compared(*self.functions(cast(ReducedModes, state.solution), derivatives))
+
+    def functions(self, modes: ReducedModes, derivatives: bool) -> tuple[Complexes, Complexes]:
+        """As `FrfResidual.functions`."""
+        lines, back = self.own.model_lines
+        s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
+        way = self.own.way
+        damped = wanted_number(modes.eigenvalues, *(way.modes or (0, None)))
+        found = reduced_functions(modes, BasisPorts(self.inputs.T, self.outputs), s, damped, way.damping, derivatives)
+        factor = s ** KINDS.index(self.own.measured.kind)
+        if not np.isfinite(found.values).all():
+            raise FemtuneError(
+                "residual.frf-not-finite", configuration=self.own.configuration, function="all functions"
+            )
+        values = np.moveaxis(found.values * factor[:, None, None], 0, -1)
+        gradient = np.moveaxis(found.gradient * factor[:, None, None, None], 0, 2)
+        return self.own.at_lines(values[:, :, back], gradient[:, :, back])
+
+
+def on_reduced(case: ComparedCase, residuals: Sequence[FrfResidual], rows: Reals) -> tuple[Residual, ...]:
+    """The residuals of a case, those that a reduced model serves with their `rows` from `port_rows` on its basis."""
+    ends = np.cumsum([n for r in residuals for n in (len(r.measured.responses), len(r.measured.references))])
+    parts = iter(np.split(rows, ends[:-1]) if len(ends) else [])
+    of = {id(r): ReducedFrfs(r, next(parts), next(parts)) for r in residuals}
+    return tuple(of.get(id(settled(r)), r) for r in case.residuals)
+
+
+@dataclass(frozen=True, eq=False)
+class WithSlopes(Residual):
+    """An FRF residual of the full model with the Jacobian of the reduced one, where their functions are the same.
+
+    Parameters
+    ----------
+    own : of the full model
+    slopes : blocks of the reduced model at the same point
+    """
+
+    own: FrfResidual
+    slopes: tuple[ResidualBlock, ...]
+    key = FrfResidual.key
+    label = FrfResidual.label
+
+    def blocks(self, state: CaseState, derivatives: bool) -> list[ResidualBlock]:
+        """Residual blocks of the full model."""
+        found = self.own.blocks(state, derivatives=False)
+        if not derivatives:
+            return found
+        return [replace(block, jacobian=own.jacobian) for block, own in zip(found, self.slopes, strict=True)]

@@ -1,0 +1,221 @@
+"""FRFs of reduced models: values by the direct solution, derivatives by complex differences, what is estimated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from femtune.fem import FieldRef
+from femtune.model import (
+    Assignment,
+    Configuration,
+    ConfiguredModel,
+    configure,
+    parametric_model,
+    solve_modes,
+)
+from femtune.model.damping import ModalDamping, constant_damping
+from femtune.model.reduce import ReducedPoint, Trained, Trainer, TrainingRules, reduce_model, reduced_modes
+from femtune.model.reduce.function_estimate import FunctionsWanted, log_difference
+from femtune.model.reduce.functions_in_basis import BasisPorts, FunctionsInBasis, reduced_functions
+from femtune.model.response import Ports, frf, frf_gradient, make_ports
+from femtune.parameters import Parameter, ParameterSet
+from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
+from structures.springs import factor_model, spring_structure
+
+# a ring of six masses: two pairs of repeated modes, which the parameters split
+SPRINGS = [(i, (i + 1) % 6, 40.0) for i in range(6)] + [(-1, i, 10.0) for i in range(6)]
+LINES = np.linspace(0.1, 1.3, 50)
+REPEATED, APART = np.zeros(3), np.array([0.05, -0.02, 0.1])
+ZETA = 0.02
+
+DAMPED = {
+    "no damping": {},
+    "one loss factor": {"loss": 0.03},
+    "loss factors": {"loss": [0.03] * 5 + [0.1] * 7},
+    "dashpots": {"dashpots": [(0, 2, 0.3)]},
+}
+MODAL = {
+    "no modal damping": None,
+    "viscous": constant_damping(ZETA),
+    "hysteretic": replace(constant_damping(ZETA), hysteretic=True),
+    "over frequency": ModalDamping(np.array([0.01, 0.05]), np.array([0.4, 2.0])),
+}
+
+
+@lru_cache
+def ring(damped: str = "no damping") -> ConfiguredModel:
+    structure = spring_structure(SPRINGS, [1.0] * 6, **DAMPED[damped])  # type: ignore[arg-type]
+    return factor_model(structure, {"a": [1], "b": [3], "m": [1002]})
+
+
+def ports_of(model: ConfiguredModel) -> Ports:
+    return make_ports(model, ["1X+"], ["1X+", "2X+", "4X+"])
+
+
+def in_basis(
+    model: ConfiguredModel, x: NDArray, lines: NDArray, damping: ModalDamping | None, damped: int
+) -> FunctionsInBasis:
+    """On a basis of all motions, turned at random."""
+    basis = la.qr(np.random.default_rng(3).standard_normal((model.n_free, model.n_free)))[0]
+    ports = ports_of(model)
+    on = BasisPorts(basis.T @ ports.inputs.toarray(), ports.outputs @ basis)
+    modes = reduced_modes(reduce_model(model, basis).at(x), model.n_free)
+    return reduced_functions(modes, on, 2j * np.pi * lines, damped, damping)
+
+
+@pytest.mark.quick(6)
+@pytest.mark.parametrize("damped", DAMPED)
+@pytest.mark.parametrize("modal", MODAL)
+@pytest.mark.parametrize("x", [REPEATED, APART], ids=["repeated", "apart"])
+@pytest.mark.parametrize("number", [3, 6])
+def test_on_a_basis_of_all_motions_they_are_those_of_the_full_model(
+    damped: str, modal: str, x: NDArray, number: int
+) -> None:
+    model, damping = ring(damped), MODAL[modal]
+    full = frf_gradient(
+        solve_modes(model.at(x), number), ports_of(model), LINES, "receptance", "direct", damping=damping
+    )
+    found = in_basis(model, x, LINES, damping, number)
+    values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
+    np.testing.assert_allclose(found.values, values, atol=1e-11 * np.abs(values).max())
+    np.testing.assert_allclose(found.gradient, gradient, atol=1e-10 * np.abs(gradient).max())
+
+
+def by_square_root(model: ConfiguredModel, x: NDArray, lines: NDArray) -> NDArray:
+    """Receptances at complex parameters with C = 2ζ M (M⁻¹K)^½, constant damping of all modes, by dense algebra."""
+    point, ports = model.at(x), ports_of(model)
+    K, M = point.stiffness.toarray(), point.mass.toarray()
+    # M is diagonal: the symmetric form of M⁻¹K
+    root = np.sqrt(np.diag(M))
+    C = 2.0 * ZETA * root[:, None] * la.sqrtm(K / root[:, None] / root) * root
+    s = 2j * np.pi * lines
+    Z = s[:, None, None] ** 2 * M + s[:, None, None] * C + K
+    return np.asarray(ports.outputs.toarray() @ np.linalg.solve(Z, ports.inputs.toarray()[None]))
+
+
+@pytest.mark.parametrize("x", [REPEATED, APART], ids=["repeated", "apart"])
+def test_derivatives_of_damping_are_those_of_a_function_of_the_matrix(x: NDArray) -> None:
+    """(H(p + ih) − H(p − ih))/2ih, in directions that split repeated modes and in those of single parameters."""
+    model, h = ring(), 1e-6
+    found = in_basis(model, x, LINES, constant_damping(ZETA), 6).gradient
+    for direction in (*np.eye(3), np.array([0.6, -0.5, 0.3])):
+        ends = [by_square_root(model, x + sign * 1j * h * direction, LINES) for sign in (1, -1)]
+        exact = (ends[0] - ends[1]) / (2j * h)
+        np.testing.assert_allclose(found @ direction, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max())
+
+
+def test_far_modes_are_interpolated_over_many_lines() -> None:
+    """Lines below half of most natural frequencies, so that the far modes are most of the model."""
+    model, lines = ring(), np.geomspace(0.05, 0.3, 60)
+    full = frf_gradient(
+        solve_modes(model.at(APART), 2), ports_of(model), lines, "receptance", "direct", damping=constant_damping(0.02)
+    )
+    found = in_basis(model, APART, lines, constant_damping(0.02), 2)
+    values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
+    assert np.abs(found.values / values - 1.0).max() < 1e-8
+    np.testing.assert_allclose(found.gradient, gradient, atol=1e-8 * np.abs(gradient).max())
+
+
+def test_an_undamped_resonance_has_no_value() -> None:
+    model = ring()
+    resonance = float(solve_modes(model.at(REPEATED), 1).freq_hz[0])
+    modes = reduced_modes(reduce_model(model, np.eye(6)).at(REPEATED), 6)
+    exactly = np.array([1j * np.sqrt(modes.eigenvalues[0])])
+    ports = BasisPorts(np.eye(6)[:, :1], np.eye(6))
+    with np.errstate(invalid="ignore"):
+        lost = reduced_functions(modes, ports, exactly, 6).values
+    near = reduced_functions(modes, ports, 1.01 * exactly, 6).values
+    assert resonance > 0.0
+    assert not np.isfinite(lost).all() or np.abs(lost).max() > 1e12 * np.abs(near).max()
+
+
+# ----------------------------------------------------------------------------------------------------
+# A reduced model of a free plate that is trained for FRFs.
+
+
+BAND = np.geomspace(30.0, 200.0, 60)
+SOME = [f"{n}Z+" for n in (1, 7, 23, 40, 58)]
+
+
+@pytest.fixture(scope="module")
+def plate() -> ConfiguredModel:
+    mesh = shell_mesh(rectangle(1.0, 0.7), 8, 6, distort=0.1)
+    steel = Isotropic(2.1e11, 0.3, 7850.0)
+    parts = [ShellPart(c, Section(steel, 0.01 + 0.002 * i)) for i, c in enumerate(np.array_split(mesh.cells, 3))]
+    structure = shell_structure(mesh.xyz, parts, consistent_mass=True)
+    names = ("t1", "t2", "t3")
+    parameters = ParameterSet(tuple(Parameter(n, lower=0.75, upper=1.25) for n in names))
+    assignments = [Assignment(n, FieldRef("PSHELL", i + 1, "T")) for i, n in enumerate(names)]
+    return configure(parametric_model(structure, parameters, assignments), Configuration())
+
+
+@pytest.fixture(scope="module")
+def wanted(plate: ConfiguredModel) -> FunctionsWanted:
+    ports = make_ports(plate, [SOME[0], SOME[2]], SOME)
+    damped = solve_modes(plate.at(np.zeros(3)), None, 2.0 * BAND[-1]).wanted
+    return FunctionsWanted(ports, BAND, damped, constant_damping(0.01))
+
+
+@pytest.fixture(scope="module")
+def trained(plate: ConfiguredModel, wanted: FunctionsWanted) -> Trained:
+    trainer = Trainer(plate, TrainingRules(13, 1e-3, 6, 200, 8), functions=(wanted,))
+    return trainer.train(trainer.start())
+
+
+def _log_errors(trained: Trained, wanted: FunctionsWanted, x: NDArray) -> tuple[float, float, float]:
+    """Of values and gradients, and the estimate."""
+    plate = trained.model.configured
+    full = frf(solve_modes(plate.at(x), wanted.damped), wanted.ports, BAND, "receptance", damping=wanted.damping).values
+    modes = reduced_modes(trained.model.at(x), wanted.damped)
+    found = reduced_functions(modes, wanted.on(trained.basis), 2j * np.pi * BAND, wanted.damped, wanted.damping)
+    there = trained.estimator.at(trained.model, trained.basis, x)
+    error = log_difference(np.moveaxis(found.values, 0, -1), full)
+    return error, float(np.abs(found.gradient).max()), there.function_error
+
+
+@pytest.mark.slow
+def test_functions_are_those_of_the_full_model_over_the_box(trained: Trained, wanted: FunctionsWanted) -> None:
+    assert trained.status.ok
+    points = np.random.default_rng(5).uniform(-0.25, 0.25, (4, 3))
+    errors, _, estimates = np.array([_log_errors(trained, wanted, x) for x in points]).T
+    # the tolerance counts an error of 1 as one of 2 % in a frequency
+    assert errors.max() < 1e-3 / 0.02
+    # the estimate is of the size of the error
+    assert (estimates > 0.5 * errors).all()
+    assert (estimates < 10.0 * errors).all()
+
+
+@pytest.mark.slow
+def test_where_the_full_model_was_solved_values_and_gradients_are_its_own(
+    plate: ConfiguredModel, trained: Trained, wanted: FunctionsWanted
+) -> None:
+    x = trained.certified[-1].x
+    full = frf_gradient(
+        solve_modes(plate.at(x), wanted.damped), wanted.ports, BAND, "receptance", damping=wanted.damping
+    )
+    modes = reduced_modes(trained.model.at(x), wanted.damped)
+    found = reduced_functions(modes, wanted.on(trained.basis), 2j * np.pi * BAND, wanted.damped, wanted.damping)
+    values, gradient = np.moveaxis(full.frfs.values, -1, 0), np.moveaxis(full.gradient, 2, 0)
+    assert log_difference(found.values, values) < 1e-3
+    off = np.linalg.norm(found.gradient / found.values[..., None] - gradient / values[..., None])
+    assert off < 0.02 * np.linalg.norm(gradient / values[..., None])
+
+
+def test_response_vectors_make_static_displacements_exact(plate: ConfiguredModel, wanted: FunctionsWanted) -> None:
+    start = Trainer(plate, TrainingRules(13, 1e-3, 6, 200, 0), functions=(wanted,)).start()
+    bare = Trainer(plate, TrainingRules(13, 1e-3, 6, 200, 0)).start()
+    point = plate.at(np.zeros(3))
+    A = point.symmetric_stiffness.plus(-start.model.shift, point.symmetric_mass)
+    F = wanted.ports.inputs.toarray()
+    exact = start.estimator.factor.solve(np.asfortranarray(F))
+    for trained, tolerance in ((start, 1e-3), (bare, 1.0)):
+        small = trained.basis @ np.linalg.solve(trained.basis.T @ (A @ trained.basis), trained.basis.T @ F)
+        off = np.einsum("ij,ij->j", F, exact - small) / np.einsum("ij,ij->j", F, exact)
+        assert (off < tolerance).all()
+    assert isinstance(start.model.at(np.zeros(3)), ReducedPoint)

@@ -1,0 +1,161 @@
+"""Updates with FRF residuals that search on reduced models: the end is the full model's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femtune.model import ConfiguredModel, constant_damping, solve_modes
+from femtune.model.response import frf, make_ports
+from femtune.residuals import (
+    FrequencyResidual,
+    ModelWay,
+    ShapeResidual,
+    UpdateProblem,
+    case_without_modes,
+    frf_residual,
+    state_at,
+)
+from femtune.residuals.frf.on_reduced import served
+from femtune.testing import check_residual
+from femtune.updating import (
+    ReducedUpdate,
+    ReductionRules,
+    SensitivityMethod,
+    StartRules,
+    multi_start_reduced,
+    update,
+    update_reduced,
+)
+from structures.springs import factor_model, simulated_case, spring_structure
+
+TRUTH = np.array([0.1, -0.12, 0.2])
+LINES = np.geomspace(0.1, 1.2, 120)
+DAMPING = constant_damping(0.01)
+RULES = ReductionRules(order=58)
+
+
+@pytest.fixture(scope="module")
+def chain() -> ConfiguredModel:
+    """Sixty masses with uneven springs."""
+    springs = [(i - 1, i, 900.0 * (1.0 + 0.1 * np.sin(i))) for i in range(60)]
+    groups = {"a": list(range(1, 31)), "b": list(range(31, 61)), "m": [1010, 1011, 1012]}
+    return factor_model(spring_structure(springs, [1.0] * 60), groups, bounds=(0.7, 1.3))
+
+
+def _problem(chain: ConfiguredModel, noise: float = 0.0, count: int = 25) -> UpdateProblem:
+    """FRFs at the truth by the direct solution, all modes damped, with noise."""
+    ports = make_ports(chain, ["1X+", "33X+"], ["1X+", "20X+", "40X+", "60X+"])
+    test = frf(solve_modes(chain.at(TRUTH), 60), ports, LINES, "accelerance", "direct", damping=DAMPING)
+    random = np.random.default_rng(1).standard_normal((2, *test.values.shape))
+    test = replace(test, values=test.values * (1.0 + noise * (random[0] + 1j * random[1])))
+    way = ModelWay(damping=DAMPING, modes=(count, None))
+    residual, _ = frf_residual(solve_modes(chain.at(np.zeros(3)), count), test, way=way)
+    return UpdateProblem((case_without_modes(chain, (residual,)),), chain.model.parameters)
+
+
+@pytest.fixture(scope="module")
+def problem(chain: ConfiguredModel) -> UpdateProblem:
+    return _problem(chain, 0.05)
+
+
+@pytest.fixture(scope="module")
+def found(problem: UpdateProblem) -> ReducedUpdate:
+    return update_reduced(problem, SensitivityMethod(), RULES)
+
+
+@pytest.mark.slow
+def test_the_truth_is_found_without_noise(chain: ConfiguredModel) -> None:
+    found = update_reduced(_problem(chain, count=40), SensitivityMethod(), RULES)
+    assert found.certified
+    np.testing.assert_allclose(found.result.x, TRUTH, atol=1e-4)
+
+
+def test_the_end_is_the_optimum_of_the_full_model(problem: UpdateProblem, found: ReducedUpdate) -> None:
+    full = update(problem)
+    assert found.certified
+    assert found.functions is not None
+    assert found.functions.shift <= RULES.frf_tolerance
+    sd = np.sqrt(np.diag(full.covariance.matrix))
+    assert np.abs((found.result.x - full.x) / sd).max() < 0.01
+    np.testing.assert_allclose(found.result.covariance.matrix, full.covariance.matrix, rtol=1e-3)
+    # residuals and modes at the end are the full model's
+    there = problem.assess(found.result.x, problem.solved(found.result.x), derivatives=False)
+    np.testing.assert_allclose(found.result.after.residuals, there.residuals, atol=1e-9)
+    assert found.result.after.states[0].case is problem.cases[0]
+
+
+def test_the_shift_is_the_step_that_the_difference_makes(problem: UpdateProblem, found: ReducedUpdate) -> None:
+    """Far from where the basis was enriched last: the stated shift is that of Gauss-Newton steps."""
+    assert found.search is not None
+    x = np.array([-0.2, 0.15, -0.1])
+    states = problem.solved(x)
+    there = found.search.agreement(x, states).functions
+    assert there is not None
+    full, reduced = problem.assess(x, states), found.search.reduced_problem()
+    near = reduced.start(x)
+    J = near.jacobian
+    step = np.linalg.solve(J.T @ J, J.T @ (full.residuals - near.residuals))
+    assert there.shift == pytest.approx(np.sqrt(step @ (J.T @ J) @ step), rel=1e-6)
+    assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=1e-9)
+
+
+def test_what_was_compared_is_said(found: ReducedUpdate) -> None:
+    (facts,) = found.cases
+    assert facts.functions == 1
+    assert facts.order < 60
+    assert "the FRF residuals differ by" in found.rounds[-1]
+    assert found.rounds[-1].endswith("within the tolerance of 0.01")
+
+
+def test_a_tolerance_that_is_not_reached_is_said(problem: UpdateProblem) -> None:
+    short = update_reduced(problem, SensitivityMethod(), replace(RULES, order=24, full_solutions=4, frf_tolerance=1e-9))
+    assert not short.certified
+    assert short.rounds[-1].endswith("above the tolerance of 1e-09")
+
+
+@pytest.mark.parametrize("x", [np.zeros(3), TRUTH])
+def test_the_jacobian_on_a_reduced_model(found: ReducedUpdate, x: np.ndarray) -> None:
+    assert found.search is not None
+    check_residual(found.search.reduced_problem(), x, length=0.001)
+
+
+@pytest.mark.slow
+def test_modes_and_functions_share_a_reduced_model(chain: ConfiguredModel, problem: UpdateProblem) -> None:
+    modal = simulated_case(chain, TRUTH, range(0, 60, 5), 4)
+    both = replace(modal, residuals=problem.cases[0].residuals)
+    mixed = replace(problem, cases=(both,), residuals=(FrequencyResidual(0.01), ShapeResidual(0.1)))
+    found = update_reduced(mixed, SensitivityMethod(), RULES)
+    assert found.certified
+    full = update(mixed)
+    sd = np.sqrt(np.diag(full.covariance.matrix))
+    assert np.abs((found.result.x - full.x) / sd).max() < 0.01
+
+
+@pytest.mark.slow
+def test_starts_end_at_the_optimum(problem: UpdateProblem) -> None:
+    found = multi_start_reduced(problem, SensitivityMethod(), RULES, StartRules(count=3))
+    assert found.update.certified
+    assert found.update.functions is not None
+    full = update(problem)
+    sd = np.sqrt(np.diag(full.covariance.matrix))
+    assert np.abs((found.starts.best.x - full.x) / sd).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("way", "is_served"),
+    [
+        (ModelWay(modes=(5, None), limit="count = 5"), False),
+        (ModelWay(modes=(40, None), residual_vectors=False), False),
+        (ModelWay(modes=(58, None), limit="count = 58"), True),
+        (ModelWay("direct"), True),
+    ],
+)
+def test_truncated_functions_stay_on_the_full_model(problem: UpdateProblem, way: ModelWay, is_served: bool) -> None:
+    (case,) = problem.cases
+    (residual,) = case.residuals
+    limited = replace(residual, way=way)  # type: ignore[type-var]
+    state = state_at(replace(case, residuals=(limited,)), np.zeros(3))
+    assert served(state) == ((limited,) if is_served else ())
