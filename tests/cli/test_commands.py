@@ -27,6 +27,7 @@ _COMMANDS = [
     "select",
     "quantify",
     "update",
+    "bootstrap",
     "validate",
     "run",
     "report",

@@ -15,6 +15,7 @@ from femtune.correlation.unit_factor import unit_factor
 from femtune.errors import FemtuneError
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
+from femtune.residuals.frf.model_way import settled
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
 from femtune.residuals.pairing import keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
@@ -178,6 +179,19 @@ class UpdateProblem:
         states = [_paired_again(s) for s in at.states]
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
         return at if same and at.has_derivatives else self.assess(at.x, states)
+
+    def to_send(self, at: Evaluation) -> tuple[UpdateProblem, Evaluation]:
+        """The problem and an evaluation of it as another process can load them: settled, and with nothing solved.
+
+        Comparisons that are settled at their first state are as they were settled. The evaluation keeps residuals,
+        derivatives and pairing; modes are solved again where they are needed.
+        """
+        cases = tuple(replace(c, residuals=tuple(settled(r) for r in c.residuals)) for c in self.cases)
+        states = tuple(
+            CaseState(case, case.configured.at(at.x), state.groups)
+            for case, state in zip(cases, at.states, strict=True)
+        )
+        return replace(self, cases=cases), replace(at, states=states)
 
     def assess(self, x: Reals, states: Sequence[CaseState], derivatives: bool = True) -> Evaluation:
         """Residual blocks of given states; without derivatives, which cost more than the modes, where not wanted."""

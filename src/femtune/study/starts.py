@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ import numpy as np
 
 from femtune.assembly.components import reduction_rules
 from femtune.assembly.update_method import start_rules
+from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.results.folder import unwritable
 from femtune.results.reduction import reduction_results
@@ -47,32 +48,23 @@ class Starts:
     known: dict[tuple[int, int], StartResult] = field(default_factory=dict)
 
     @property
-    def path(self) -> Path:
-        """The file."""
-        return self.folder / STARTS_FILE
+    def _file(self) -> FinishedRuns:
+        return FinishedRuns(self.folder / STARTS_FILE, self.key)
 
     def begin(self, resume: bool) -> None:
         """Take over what an earlier run of the same left; an empty file otherwise (error ``run.unwritable``)."""
-        if resume:
-            self.known = _read(self.path, self.key)
         try:
-            self.path.unlink(missing_ok=True)
-            self._append({"key": self.key})
-            for start in self.known.values():
-                self._append(_line(start))
+            found = list(_starts(self._file.begin(resume)))
         except OSError as error:
             raise unwritable(self.folder, error) from error
+        self.known = {(start.number, start.tries): start for start in found}
 
     def add(self, start: StartResult) -> None:
         """A line for an end (error ``run.unwritable``)."""
         try:
-            self._append(_line(start))
+            self._file.add(_line(start))
         except OSError as error:
             raise unwritable(self.folder, error) from error
-
-    def _append(self, line: Mapping[str, object]) -> None:
-        with self.path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(line, ensure_ascii=False) + "\n")
 
 
 def forget_starts(folder: Path) -> None:
@@ -91,23 +83,16 @@ def _line(s: StartResult) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _read(path: Path, key: str) -> dict[tuple[int, int], StartResult]:
-    """Whole lines of a file of the same key; a line that was broken off ends it."""
-    found: dict[tuple[int, int], StartResult] = {}
-    try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(head) != {"key": key}:
-            return {}
-        for text in lines:
-            start = _start(json.loads(text))
-            found[start.number, start.tries] = start
-    except (OSError, ValueError, KeyError, TypeError):
-        # what cannot be read is found again
-        return found
-    return found
+def _starts(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult]:
+    """What the lines hold; what cannot be read is found again."""
+    for line in lines:
+        try:
+            yield _start(line)
+        except (ValueError, KeyError, TypeError):
+            return
 
 
-def _start(line: dict[str, object]) -> StartResult:
+def _start(line: Mapping[str, object]) -> StartResult:
     objective, status = line["objective"], line["status"]
     return StartResult(
         int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),

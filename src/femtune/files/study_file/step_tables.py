@@ -144,6 +144,24 @@ class ReductionTable(TomlTable):
     order: Annotated[int, Field(ge=10, le=20_000)] = 600
 
 
+class BootstrapTable(TomlTable):
+    """[bootstrap]: spread of the parameters from the FRFs of one test, by drawing frequency lines again."""
+
+    method: Literal["lines", "entries", "noise"] = "lines"
+    runs: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    jacobian: Literal["shared", "own"] = "shared"
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
+    checked: Annotated[int, Field(ge=0, le=1000)] = 5
+
+
+class ParallelTable(TomlTable):
+    """[parallel]: where runs that do not depend on each other are made: starts, bootstrap runs."""
+
+    how: Literal["auto", "processes", "serial"] = "auto"
+    workers: Annotated[int, Field(ge=0, le=1024)] = 0
+
+
 class WriteTable(TomlTable):
     """[write]: options for writing the updated deck."""
 

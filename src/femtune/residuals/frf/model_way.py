@@ -107,3 +107,9 @@ class AtFirstState(Residual):
     def notices(self) -> tuple[Notice, ...]:
         """What was left out; nothing before it was asked."""
         return self._settled[0][1] if self._settled else ()
+
+
+def settled(residual: Residual) -> Residual:
+    """The residual as it was settled; itself where there is nothing to settle, or it was not asked yet."""
+    found = residual.settled if isinstance(residual, AtFirstState) else None
+    return found or residual
