@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femtune.assembly.error_places import errors_at
-from femtune.assembly.study import solved_by
 from femtune.errors import FemtuneError, Notice
 from femtune.executor import Serial, finish
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
-from femtune.model.full_model import direct
 from femtune.results.bootstrap import bootstrap_results
 from femtune.results.folder import unwritable
 from femtune.study.executor import executor_of
@@ -54,9 +52,7 @@ def bootstrap_at(
             table.method, table.runs, table.seed, table.jacobian, table.tolerance,
             checked=min(table.checked, table.runs),
         )  # fmt: skip
-        # what the journal keeps of a run is its end, not its solutions
-        problem = solved_by(study, direct).problem()
-        work = bootstrap_of(problem, found.after, found.side, found.active, rules, misfit(found))
+        work = bootstrap_of(study.problem(), found.after, found.side, found.active, rules, misfit(found))
     executor = executor_of(study)
     begun = time.monotonic()
     runs, again, remarks = _runs(work, executor, FinishedRuns(folder / BOOTSTRAP_FILE, _key(work)), study, progress)

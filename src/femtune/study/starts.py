@@ -17,8 +17,10 @@ from femtune.model import digest
 from femtune.results.folder import unwritable
 from femtune.results.reduction import reduction_results
 from femtune.status import Status
+from femtune.study.executor import executor_of
 from femtune.study.reduction import TrainingProgress
 from femtune.updating import (
+    Sample,
     StartResult,
     multi_start,
     multi_start_reduced,
@@ -41,11 +43,12 @@ STARTS_FILE = "starts.jsonl"
 
 @dataclass(eq=False)
 class Starts:
-    """The file of one run: a line that says what it is of, then a line for every try of every start."""
+    """The file of one run: a line that says what it is of, then one for every sample and every try of every start."""
 
     folder: Path
     key: str
     known: dict[tuple[int, int], StartResult] = field(default_factory=dict)
+    samples: dict[int, Sample] = field(default_factory=dict)
 
     @property
     def _file(self) -> FinishedRuns:
@@ -54,15 +57,16 @@ class Starts:
     def begin(self, resume: bool) -> None:
         """Take over what an earlier run of the same left; an empty file otherwise (error ``run.unwritable``)."""
         try:
-            found = list(_starts(self._file.begin(resume)))
+            found = list(_entries(self._file.begin(resume)))
         except OSError as error:
             raise unwritable(self.folder, error) from error
-        self.known = {(start.number, start.tries): start for start in found}
+        self.known = {(start.number, start.tries): start for start in found if isinstance(start, StartResult)}
+        self.samples = {sample.number: sample for sample in found if isinstance(sample, Sample)}
 
-    def add(self, start: StartResult) -> None:
-        """A line for an end (error ``run.unwritable``)."""
+    def add(self, entry: StartResult | Sample) -> None:
+        """A line for an end or a sample (error ``run.unwritable``)."""
         try:
-            self._file.add(_line(start))
+            self._file.add(_line(entry) if isinstance(entry, StartResult) else _of_sample(entry))
         except OSError as error:
             raise unwritable(self.folder, error) from error
 
@@ -83,13 +87,23 @@ def _line(s: StartResult) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _starts(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult]:
+def _of_sample(s: Sample) -> dict[str, object]:
+    return {"sample": s.number, "x": s.x.tolist(), "objective": s.objective if np.isfinite(s.objective) else None}
+
+
+def _entries(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult | Sample]:
     """What the lines hold; what cannot be read is found again."""
     for line in lines:
         try:
-            yield _start(line)
+            yield _sample(line) if "sample" in line else _start(line)
         except (ValueError, KeyError, TypeError):
             return
+
+
+def _sample(line: Mapping[str, object]) -> Sample:
+    value = line["objective"]
+    objective = np.nan if value is None else float(str(value))
+    return Sample(int(str(line["sample"])), np.array(line["x"], float), objective)
 
 
 def _start(line: Mapping[str, object]) -> StartResult:
@@ -111,14 +125,18 @@ def find_from_starts(
     tell = _teller(starts, progress, rules.count)
     limits = reduction_rules(study)
     if limits is None:
-        return multi_start(problem, method, rules, nominal=at, known=starts.known, report=tell), None
+        found = multi_start(
+            problem, method, rules, nominal=at, known=starts.known, report=tell, executor=executor_of(study),
+            sampled=starts.samples, report_sample=_sample_teller(starts, progress, rules.samples),
+        )  # fmt: skip
+        return found, None
     told = TrainingProgress(progress, limits.full_solutions)
     told.begin(case.name for case in problem.cases)
-    found = multi_start_reduced(
+    reduced = multi_start_reduced(
         problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
         known=starts.known, report=tell, told=told,
     )  # fmt: skip
-    return found.starts, reduction_results(found.update, limits)
+    return reduced.starts, reduction_results(reduced.update, limits)
 
 
 def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartResult], None]:
@@ -129,6 +147,17 @@ def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartRe
         starts.add(start)
         ends.add(start.number)
         progress.step("starts that have ended", len(ends), count)
+
+    return tell
+
+
+def _sample_teller(starts: Starts, progress: Progress, count: int) -> Callable[[Sample], None]:
+    done = {sample.number for sample in starts.samples.values()}
+
+    def tell(sample: Sample) -> None:
+        starts.add(sample)
+        done.add(sample.number)
+        progress.step("samples of the objective", len(done), count)
 
     return tell
 

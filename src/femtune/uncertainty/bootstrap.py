@@ -576,7 +576,8 @@ def bootstrap_of(
     moving = np.array([p.name in active for p in problem.parameters.free])
     if side.renewed:
         side = replace(side, matrix=side.matrix[:0], target=side.target[:0], renewed=None)
-    problem, at = problem.to_send(at)
+    problem = problem.to_send()
+    at = problem.unsolved(at)
     found = Bootstrap(problem, at, side, moving, rules, misfit if problem.scatter == "estimated" else 1.0)
     assert found.groups
     found.check_determined()

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from femtune.updating.starts import (
         MultiStart,
         Optimum,
+        Sample,
         StartOutcome,
         StartResult,
         StartRules,
@@ -91,6 +92,7 @@ __all__ = [
     "ReducedUpdate",
     "ReductionRules",
     "Regularisation",
+    "Sample",
     "Search",
     "SensitivityMethod",
     "SideConstraint",

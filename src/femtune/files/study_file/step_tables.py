@@ -133,6 +133,7 @@ class UpdateTable(TomlTable):
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     hops: Annotated[int, Field(ge=0, le=1000)] = 0
+    samples: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     first: Literal["none", "equation-error"] = "none"
 
 
