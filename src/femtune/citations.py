@@ -45,6 +45,24 @@ _register(
     year="1940",
 )
 _register(
+    "efron1993",
+    "book",
+    author="Efron, B. and Tibshirani, R. J.",
+    title="An Introduction to the Bootstrap",
+    publisher="Chapman and Hall",
+    year="1993",
+)
+_register(
+    "hesterberg2015",
+    "article",
+    author="Hesterberg, T. C.",
+    title="What teachers should know about the bootstrap: resampling in the undergraduate statistics curriculum",
+    journal="The American Statistician",
+    volume="69",
+    number="4",
+    year="2015",
+)
+_register(
     "bard1974",
     "book",
     author="Bard, Y.",

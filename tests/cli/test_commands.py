@@ -28,6 +28,7 @@ _COMMANDS = [
     "select",
     "quantify",
     "update",
+    "bootstrap",
     "validate",
     "run",
     "report",

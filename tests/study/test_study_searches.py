@@ -98,6 +98,30 @@ def test_many_starts_are_kept_told_and_not_found_twice(beam: Bench) -> None:
     assert json.loads((Path(other.folder) / STARTS_FILE).read_text().splitlines()[0]) != json.loads(lines[0])
 
 
+@pytest.mark.slow
+def test_samples_are_kept_and_processes_give_the_same(beam: Bench) -> None:
+    text = f"{beam.parameters}[update]\nstarts = 3\nsamples = 8\nseed = 2\n"
+    run = steps.update(beam.study(text))
+    update = run.results.update
+    assert update is not None
+    assert update.starts is not None
+    assert update.starts.samples == 8
+    # the first start is the initial values
+    assert update.starts.starts[0].start == (1.0, 1.0)
+    path = Path(run.folder) / STARTS_FILE
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert ["sample" in json.loads(line) for line in lines[1:]] == [True] * 8 + [False] * 3
+    # broken off after the fifth sample
+    path.write_text("\n".join(lines[:6]) + "\n", encoding="utf-8")
+    again = steps.update(beam.study(text))
+    assert path.read_text(encoding="utf-8").splitlines() == lines
+    apart = steps.update(beam.study(f'{text}[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    for other in (again, apart):
+        assert other.results.update is not None
+        assert other.results.update.starts == update.starts
+        assert other.results.update.parameters == update.parameters
+
+
 def test_a_side_constraint_on_each_step(beam: Bench) -> None:
     """With enough iterations the end is that of the data, with a few it is not; the report names the constraint."""
     each = f'{beam.parameters}[update]\nregularisation = "link"\nweight = 1.0\nweight_on = "each-step"\n'
@@ -157,6 +181,8 @@ _PARAMETERS = "".join(
         ('regularisation = "link"\nweight = 1.0\nweight_on = "steps"', "study", "weight_on"),
         ("hops = 2", "study.starts", "applies to an update with several starts"),
         ('starts = 4\nfirst = "equation-error"', "study.starts", "requires reduced models"),
+        ("starts = 4\nsamples = 3", "study.starts", "the best 4 starts cannot be chosen from 3 samples"),
+        ("samples = 30", "study.starts", "applies to an update with several starts"),
     ],
 )
 def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, update: str, code: str, word: str) -> None:

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from femtune.errors import FemtuneError
+from femtune.executor import Executor, Processes, Serial
 from femtune.residuals import FrequencyResidual, ShapeResidual, UpdateProblem
 from femtune.status import Status
 from femtune.updating import (
     Link,
     MultiStart,
+    Sample,
     SensitivityMethod,
     StartOutcome,
     StartResult,
@@ -88,6 +90,46 @@ def test_what_is_known_is_not_done_again(problem: UpdateProblem, found: MultiSta
         np.testing.assert_array_equal(a.end, b.end)
     np.testing.assert_allclose(rest.best.x, full.best.x, atol=1e-7)
     assert full.sentences == rest.sentences == found.sentences
+
+
+@pytest.mark.slow
+def test_processes_find_the_same_to_the_last_bit(problem: UpdateProblem, found: MultiStart):
+    told: list[tuple[int, int]] = []
+    rules = StartRules(8, seed=3, hops=2)
+    other = multi_start(problem, rules=rules, executor=Processes(2), report=lambda s: told.append((s.number, s.tries)))
+    assert [s.end.tobytes() for s in other.starts] == [s.end.tobytes() for s in found.starts]
+    assert [(s.objective, s.tries, s.iterations) for s in other.starts] == [
+        (s.objective, s.tries, s.iterations) for s in found.starts
+    ]
+    assert other.sentences == found.sentences
+    assert [i.x.tobytes() for i in other.best.history] == [i.x.tobytes() for i in found.best.history]
+    np.testing.assert_array_equal(other.best.after.residuals, found.best.after.residuals)
+    # the end is on the cases of this process, which can go on from there
+    assert other.best.after.states[0].case is problem.cases[0]
+    np.testing.assert_allclose(problem.pair_again(other.best.after).residuals, other.best.after.residuals)
+    assert len(told) == sum(s.tries for s in found.starts)
+
+
+@pytest.mark.parametrize("executor", [Serial(), Processes(2)], ids=["serial", "processes"])
+def test_the_best_samples_are_the_starts(problem: UpdateProblem, executor: Executor):
+    rules, told = StartRules(4, seed=5, samples=12), list[Sample]()
+    found = multi_start(problem, rules=rules, executor=executor, report_sample=told.append)
+    points = starting_points(problem.parameters, rules)
+    assert len(points) == len(told) == 12
+    values = []
+    for x in points:
+        try:
+            values.append(problem.start(x).objective)
+        except FemtuneError:
+            values.append(np.nan)
+    np.testing.assert_allclose([s.objective for s in found.samples], values, rtol=1e-9)
+    best = points[np.argsort(values, kind="stable")[:3]]
+    np.testing.assert_array_equal([s.start for s in found.starts], [np.zeros(3), *best])
+    known = {s.number: s for s in told[:7]}
+    again: list[Sample] = []
+    rest = multi_start(problem, rules=rules, sampled=known, report_sample=again.append)
+    assert {s.number for s in again} == set(range(1, 13)) - set(known)
+    assert [s.end.tobytes() for s in rest.starts] == [s.end.tobytes() for s in found.starts]
 
 
 def test_starts_move_only_the_active_parameters_and_settle_constraints_once(problem: UpdateProblem):

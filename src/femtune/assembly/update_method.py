@@ -72,4 +72,4 @@ def _prior(table: UpdateTable, parameters: ParameterSet) -> Prior:
 
 def start_rules(table: UpdateTable) -> StartRules:
     """The starts that [update] asks for."""
-    return StartRules(table.starts, table.seed, table.hops)
+    return StartRules(table.starts, table.seed, table.hops, table.samples)

@@ -321,6 +321,27 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @_fresh
 @_json
 @_quiet
+def bootstrap(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
+    """Spread of the updated parameters by a bootstrap of the measured FRFs.
+
+    The model is updated first, as by `update`. An interrupted bootstrap continues from the runs that had ended. The
+    exit code is 1 if the update did not reach an optimum.
+    """
+    result = run_step("of_run:bootstrap", study, quiet, output=output, fresh=fresh)
+    out.say(result.remarks, quiet)
+    results, data = result.results, result.results.bootstrap
+    out.show("validate:bootstrap_document", study, results, as_json=as_json, quiet=quiet, data=data)
+    if out.missed_optimum(result) or data is None:
+        click.get_current_context().exit(1)
+
+
+@main.command()
+@_study
+@_output
+@_eigensolver
+@_fresh
+@_json
+@_quiet
 def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
     """Compare the updated model with data that the update did not use.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -48,6 +49,10 @@ class ConfiguredModel:
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
     projected: tuple[ProjectedTerm, ...] = field(repr=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process configures the model again."""
+        return configure, (self.model, self.configuration)
 
     @property
     def n_free(self) -> int:
@@ -96,6 +101,10 @@ class ModelPoint:
     configured: ConfiguredModel
     x: NDArray
     at_hz: float | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process, which assembles its own matrices."""
+        return {"configured": self.configured, "x": self.x, "at_hz": self.at_hz}
 
     @property
     def depends_on_frequency(self) -> bool:

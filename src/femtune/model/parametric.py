@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ class ParametricModel:
 
     `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
     says for each kind of matrix which entries of the table (n,) it needs. `tables` multiply entries by functions of
-    frequency.
+    frequency. `given` is the structure of which the model was made, before fields were split.
     """
 
     structure: Structure
@@ -55,6 +56,11 @@ class ParametricModel:
     terms: tuple[TermFunction, ...] = field(repr=False)
     used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
     tables: tuple[FrequencyTable, ...] = ()
+    given: Structure | None = field(default=None, repr=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process makes the model again: the matrices are larger than the structure."""
+        return parametric_model, (self.given, self.parameters, self.assignments, self.tables)
 
     def table(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
         """The value table with derivatives by the normalised free parameters x.
@@ -144,7 +150,7 @@ def parametric_model(
         ``parameter.zero-nominal``, ``parameter.whole-model``, ``parameter.without-effect``; several are shown together;
         ``parameter.offset-axis``, ``parameter.offset-range``, ``generic.moved-elsewhere``, ``table.fields``
     """
-    assignments, tables = tuple(assignments), tuple(tables)
+    assignments, tables, given = tuple(assignments), tuple(tables), structure
     errors = ErrorCollector()
     with errors.catch():
         _check_regions(structure, parameters, assignments)
@@ -167,7 +173,7 @@ def parametric_model(
     check_spans(structure, _at_bounds(bare))
     compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    found = replace(bare, structure=structure, terms=compiled.terms, used=compiled.used)
+    found = replace(bare, structure=structure, terms=compiled.terms, used=compiled.used, given=given)
     _check_tables_act(found)
     return found
 

@@ -228,6 +228,10 @@ class CaseState:
     groups: tuple[Group, ...] = ()
     known: EigenSolution | None = field(default=None, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process, which solves again what it needs."""
+        return {"case": self.case, "point": self.point, "groups": self.groups, "known": None}
+
     @cached_property
     def solution(self) -> EigenSolution:
         """The modes, solved once; errors as of `solve_modes`."""

@@ -13,8 +13,10 @@ from femtune.arrays import Reals
 from femtune.correlation import no_pairs
 from femtune.correlation.unit_factor import unit_factor
 from femtune.errors import FemtuneError
+from femtune.model.full_model import direct
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
+from femtune.residuals.frf.model_way import settled
 from femtune.residuals.pair import ByMode, OfPairs, PairResidual
 from femtune.residuals.pairing import Joined, join, keep_paired, modes_at_sensors, pair_case
 from femtune.residuals.state import followed, paired_afresh, state_at
@@ -181,11 +183,32 @@ class UpdateProblem:
         same = all(a.groups == b.groups for a, b in zip(states, at.states))
         return at if same and at.has_derivatives else self.assess(at.x, states)
 
+    def to_send(self) -> UpdateProblem:
+        """The problem as another process can load it.
+
+        Comparisons that are settled at their first state are as they were settled; full models are solved without the
+        journal, which belongs to this process.
+        """
+        return replace(self, cases=tuple(map(_to_send, self.cases)))
+
+    def unsolved(self, at: Evaluation) -> Evaluation:
+        """An evaluation with nothing solved, on the cases of this problem.
+
+        It keeps residuals, derivatives and pairing; modes are solved again where they are needed.
+        """
+        pairs = zip(self.cases, at.states, strict=True)
+        return replace(at, states=tuple(CaseState(c, c.configured.at(at.x), state.groups) for c, state in pairs))
+
     def assess(self, x: Reals, states: Sequence[CaseState], derivatives: bool = True) -> Evaluation:
         """Residual blocks of given states; without derivatives, which cost more than the modes, where not wanted."""
         everywhere = (ByMode(self.residuals),) if self.residuals else ()
         blocks = [b for s in states for r in (*everywhere, *s.case.residuals) for b in r.blocks(s, derivatives)]
         return Evaluation(np.asarray(x, dtype=float), tuple(states), tuple(blocks), derivatives, self.common_sd)
+
+
+def _to_send(case: ComparedCase) -> ComparedCase:
+    solver = direct if case.full is None else case.solver
+    return replace(case, residuals=tuple(settled(r) for r in case.residuals), solver=solver)
 
 
 def _paired_again(state: CaseState) -> CaseState:

@@ -9,11 +9,28 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.errors import FemtuneError
 
 # ----------------------------------------------------------------------------------------------------
 # ResidualBlock: what one comparison adds to r(p).
+
+
+@dataclass(frozen=True, eq=False)
+class LineSamples:
+    """Where the values of a block come from: measured complex values at frequency lines, which a bootstrap draws from.
+
+    Parameters
+    ----------
+    freq_hz : (n,) frequency line of each value
+    entry : (n,) number of the measured complex value; its real and imaginary parts have the same number
+    log_sd : (n,) σ of the logarithm, if the values are real (first) and imaginary parts of logarithms of ratios; None
+        for values that are linear in the measured ones
+    """
+
+    freq_hz: Reals
+    entry: Integers
+    log_sd: Reals | None = None
 
 
 @dataclass(frozen=True)
@@ -49,6 +66,7 @@ class ResidualBlock:
     covariance: Reals | None = field(default=None, repr=False)
     not_normal: str = ""
     common: Reals | None = field(default=None, repr=False)
+    samples: LineSamples | None = field(default=None, repr=False)
 
     @property
     def error(self) -> float:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from femtune.results.base import Alert, CitationRecord, Provenance, Record, StudyFacts, descriptions
+from femtune.results.bootstrap import BootstrapResults
 from femtune.results.correlation import CorrelationResults
 from femtune.results.journal import JournalResults
 from femtune.results.model import ModelFacts, ModelModes, SensorResults
@@ -57,6 +58,8 @@ class Results(Record):
     """The update; None if not run."""
     quantify: QuantifyResults | None = None
     """Variability of the parameters from repeated tests; None if the study has no [quantify]."""
+    bootstrap: BootstrapResults | None = None
+    """Spread of the parameters by a bootstrap of the FRFs; None if the study has no [bootstrap]."""
     write_back: WriteBackResults | None = None
     """The updated deck; None if none was written."""
     validation: ValidationResults | None = None
@@ -79,7 +82,7 @@ class Results(Record):
         """Keys in arrays.npz that these results refer to."""
         frfs = (response.frfs for response in self.responses)
         lines = self.plan.frequency_lines if self.plan is not None else None
-        single = [r for r in (self.plan, lines, self.selection, self.quantify, *frfs) if r is not None]
+        single = [r for r in (self.plan, lines, self.selection, self.quantify, self.bootstrap, *frfs) if r is not None]
         owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)

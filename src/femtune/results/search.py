@@ -88,6 +88,11 @@ class StartsResults(Record):
 
     seed: int
     """Of the Latin hypercube."""
+    samples: int = 0
+    """Points of the Latin hypercube at which the objective was evaluated to choose the starts; 0: the points are
+    the starts."""
+    unsolved_samples: int = 0
+    """Those of them at which the model could not be solved."""
     unique: bool
     """False if another optimum is equally good within the noise."""
     sentences: tuple[str, ...]
@@ -210,6 +215,8 @@ def starts_results(found: MultiStart, seed: int) -> StartsResults:
     outcomes, parameters = found.outcomes, found.parameters
     return StartsResults(
         seed=seed,
+        samples=len(found.samples),
+        unsolved_samples=sum(not np.isfinite(s.objective) for s in found.samples),
         unique=found.unique,
         sentences=found.sentences,
         noise=found.noise,

@@ -764,6 +764,16 @@ class RunResult(StepResult):
         return None if found is None else QuantifyResult(found, self.arrays)
 
     @property
+    def bootstrap(self) -> Rows:
+        """One line per parameter: result, mean and spread of the bootstrap runs; no rows if the run has none."""
+        columns = (
+            "parameter", "value", "mean", "sd", "cov_percent", "bias", "linear_sd", "fisher_sd", "fisher_cov_percent",
+            "interval_95", "at_bound_percent",
+        )  # fmt: skip
+        found = self.results.bootstrap
+        return Rows() if found is None else rows_of(found.parameters, *columns)
+
+    @property
     def deck(self) -> Path | None:
         """The updated deck; None if none was written."""
         written = self.results.write_back

@@ -11,10 +11,12 @@ from femtune.arguments import checked
 from femtune.assembly.described import StudySource, Test, source_of
 from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
+from femtune.files.study_file import BootstrapTable
 from femtune.results import folder as run_folder
 from femtune.results.provenance import Stopwatch, call, inputs_of
 from femtune.results.step_results import RunResult
 from femtune.steps.pages import report
+from femtune.study.bootstrap import forget_bootstrap
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -119,6 +121,48 @@ def validate(
 
 
 @checked
+def bootstrap(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    output: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> RunResult:
+    """Spread of the updated parameters by a bootstrap of the measured FRFs; see ``bootstrap`` of the result.
+
+    The model is updated first, as by `update`. Runs of an earlier, interrupted bootstrap are read from the run folder.
+
+    Parameters
+    ----------
+    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`; without a table
+        ``bootstrap`` the study gets one with its default values
+
+    Raises
+    ------
+    FemtuneError : as `update`; ``bootstrap.*`` where the study compares other data than FRFs, or has no optimum
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> sd = [ft.FrequencyResidual(sd=0.01)]
+    >>> noise = {"method": "noise", "runs": 50}
+    >>> found = ft.bootstrap(model, test, parameters=free, residuals=sd, bootstrap=noise).bootstrap
+    >>> [(row.parameter, row.cov_percent < 3.0) for row in found]
+    [('root', True), ('tip', True)]
+    """
+    study = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    return _run(study, "bootstrap", output, None, fresh, progress)
+
+
+@checked
 def run(
     source: StudySource,
     test: Test = None,
@@ -169,6 +213,8 @@ def _run(
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
         study = read_study(source, progress)
+        if word == "bootstrap" and study.file.bootstrap is None:
+            study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
         inputs = inputs_of(study)
@@ -177,6 +223,7 @@ def _run(
         study, journal = keeping(study, folder, fresh)
         if fresh:
             forget_starts(folder)
+            forget_bootstrap(folder)
         wide = study.file.write.wide if wide is None else wide
         return Run(study, folder, wide, watch, progress, inputs, journal).go()
 

@@ -26,6 +26,7 @@ from femtune.results.truncation import frf_truncations
 from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
+from femtune.study.bootstrap import bootstrap_at
 from femtune.study.damping_values import write_damping
 from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
 from femtune.study.find_parameters import find_parameters
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.journal.journal import Journal
     from femtune.residuals import Evaluation
+    from femtune.results.bootstrap import BootstrapResults
     from femtune.results.frf_validation import UnusedFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
@@ -75,6 +77,7 @@ class Known:
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     quantify : covariance of the parameters from the repeats
+    bootstrap : spread of the parameters by a bootstrap of the FRFs
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
     arrays : arrays of the records, by key
@@ -92,6 +95,7 @@ class Known:
     truncation: tuple[FrfTruncation, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     quantify: QuantifyResults | None = None
+    bootstrap: BootstrapResults | None = None
     written: WriteBack | None = None
     study_as_written: Study = _LATER
     as_written: ModelRecords | None = None
@@ -191,6 +195,7 @@ class Run:
             "selection": known.selection,
             "update": update,
             "quantify": known.quantify,
+            "bootstrap": known.bootstrap,
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs),
             "journal": journal_results(self.journal),
@@ -261,6 +266,12 @@ def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"quantify": quantify_at(run.study, known.repeats, known.parameters.result.x, arrays, run.progress)}
 
 
+def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    if run.study.file.bootstrap is None:
+        return {}
+    return {"bootstrap": bootstrap_at(run.study, known.parameters.result, run.folder, arrays, run.progress)}
+
+
 def _write_back(run: Run, known: Known, arrays: Arrays) -> Outcome:
     run.progress.step("writing the updated deck", 0, None)
     written = write_back(run.study, known.parameters.result, run.folder, run.wide)
@@ -308,7 +319,10 @@ UNTIL_UPDATED = (
     Step("correlate after", _correlate_after),
     Step("unused FRFs", _unused_frfs),
 )
-ONCE_UPDATED = (Step("quantify", _quantify, optional="variability of the parameters"),)
+ONCE_UPDATED = (
+    Step("quantify", _quantify, optional="variability of the parameters"),
+    Step("bootstrap", _bootstrap, optional="bootstrap"),
+)
 ON_WRITTEN_DECK = (
     Step("write back", _write_back),
     Step("correlate as written", _correlate_as_written),

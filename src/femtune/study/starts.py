@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,12 +12,15 @@ import numpy as np
 
 from femtune.assembly.components import reduction_rules
 from femtune.assembly.update_method import start_rules
+from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.results.folder import unwritable
 from femtune.results.reduction import reduction_results
 from femtune.status import Status
+from femtune.study.executor import executor_of
 from femtune.study.reduction import TrainingProgress
 from femtune.updating import (
+    Sample,
     StartResult,
     multi_start,
     multi_start_reduced,
@@ -40,39 +43,32 @@ STARTS_FILE = "starts.jsonl"
 
 @dataclass(eq=False)
 class Starts:
-    """The file of one run: a line that says what it is of, then a line for every try of every start."""
+    """The file of one run: a line that says what it is of, then one for every sample and every try of every start."""
 
     folder: Path
     key: str
     known: dict[tuple[int, int], StartResult] = field(default_factory=dict)
+    samples: dict[int, Sample] = field(default_factory=dict)
 
     @property
-    def path(self) -> Path:
-        """The file."""
-        return self.folder / STARTS_FILE
+    def _file(self) -> FinishedRuns:
+        return FinishedRuns(self.folder / STARTS_FILE, self.key)
 
     def begin(self, resume: bool) -> None:
         """Take over what an earlier run of the same left; an empty file otherwise (error ``run.unwritable``)."""
-        if resume:
-            self.known = _read(self.path, self.key)
         try:
-            self.path.unlink(missing_ok=True)
-            self._append({"key": self.key})
-            for start in self.known.values():
-                self._append(_line(start))
+            found = list(_entries(self._file.begin(resume)))
         except OSError as error:
             raise unwritable(self.folder, error) from error
+        self.known = {(start.number, start.tries): start for start in found if isinstance(start, StartResult)}
+        self.samples = {sample.number: sample for sample in found if isinstance(sample, Sample)}
 
-    def add(self, start: StartResult) -> None:
-        """A line for an end (error ``run.unwritable``)."""
+    def add(self, entry: StartResult | Sample) -> None:
+        """A line for an end or a sample (error ``run.unwritable``)."""
         try:
-            self._append(_line(start))
+            self._file.add(_line(entry) if isinstance(entry, StartResult) else _of_sample(entry))
         except OSError as error:
             raise unwritable(self.folder, error) from error
-
-    def _append(self, line: Mapping[str, object]) -> None:
-        with self.path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(line, ensure_ascii=False) + "\n")
 
 
 def forget_starts(folder: Path) -> None:
@@ -91,23 +87,26 @@ def _line(s: StartResult) -> dict[str, object]:
     }  # fmt: skip
 
 
-def _read(path: Path, key: str) -> dict[tuple[int, int], StartResult]:
-    """Whole lines of a file of the same key; a line that was broken off ends it."""
-    found: dict[tuple[int, int], StartResult] = {}
-    try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines()
-        if json.loads(head) != {"key": key}:
-            return {}
-        for text in lines:
-            start = _start(json.loads(text))
-            found[start.number, start.tries] = start
-    except (OSError, ValueError, KeyError, TypeError):
-        # what cannot be read is found again
-        return found
-    return found
+def _of_sample(s: Sample) -> dict[str, object]:
+    return {"sample": s.number, "x": s.x.tolist(), "objective": s.objective if np.isfinite(s.objective) else None}
 
 
-def _start(line: dict[str, object]) -> StartResult:
+def _entries(lines: Iterable[Mapping[str, object]]) -> Iterator[StartResult | Sample]:
+    """What the lines hold; what cannot be read is found again."""
+    for line in lines:
+        try:
+            yield _sample(line) if "sample" in line else _start(line)
+        except (ValueError, KeyError, TypeError):
+            return
+
+
+def _sample(line: Mapping[str, object]) -> Sample:
+    value = line["objective"]
+    objective = np.nan if value is None else float(str(value))
+    return Sample(int(str(line["sample"])), np.array(line["x"], float), objective)
+
+
+def _start(line: Mapping[str, object]) -> StartResult:
     objective, status = line["objective"], line["status"]
     return StartResult(
         int(str(line["number"])), np.array(line["start"], float), np.array(line["end"], float),
@@ -126,14 +125,18 @@ def find_from_starts(
     tell = _teller(starts, progress, rules.count)
     limits = reduction_rules(study)
     if limits is None:
-        return multi_start(problem, method, rules, nominal=at, known=starts.known, report=tell), None
+        found = multi_start(
+            problem, method, rules, nominal=at, known=starts.known, report=tell, executor=executor_of(study),
+            sampled=starts.samples, report_sample=_sample_teller(starts, progress, rules.samples),
+        )  # fmt: skip
+        return found, None
     told = TrainingProgress(progress, limits.full_solutions)
     told.begin(case.name for case in problem.cases)
-    found = multi_start_reduced(
+    reduced = multi_start_reduced(
         problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
         known=starts.known, report=tell, told=told,
     )  # fmt: skip
-    return found.starts, reduction_results(found.update, limits)
+    return reduced.starts, reduction_results(reduced.update, limits)
 
 
 def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartResult], None]:
@@ -144,6 +147,17 @@ def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartRe
         starts.add(start)
         ends.add(start.number)
         progress.step("starts that have ended", len(ends), count)
+
+    return tell
+
+
+def _sample_teller(starts: Starts, progress: Progress, count: int) -> Callable[[Sample], None]:
+    done = {sample.number for sample in starts.samples.values()}
+
+    def tell(sample: Sample) -> None:
+        starts.add(sample)
+        done.add(sample.number)
+        progress.step("samples of the objective", len(done), count)
 
     return tell
 

@@ -5,6 +5,15 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.uncertainty.bootstrap import (
+        Bootstrap,
+        BootstrapParameter,
+        BootstrapResult,
+        BootstrapRules,
+        BootstrapRun,
+        bootstrap_of,
+        bootstrap_result,
+    )
     from femtune.uncertainty.forward import ForwardCheck, ellipse, forward_check
     from femtune.uncertainty.held_out import Fit, HeldOutCheck, check_held_out, held_out_repeats
     from femtune.uncertainty.intervals import Bounds, IntervalResult, interval_bounds, interval_update
@@ -55,6 +64,11 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "Bootstrap",
+    "BootstrapParameter",
+    "BootstrapResult",
+    "BootstrapRules",
+    "BootstrapRun",
     "Bounds",
     "CloudResult",
     "CloudRules",
@@ -82,6 +96,8 @@ __all__ = [
     "StochasticResult",
     "StochasticRules",
     "StochasticStatus",
+    "bootstrap_of",
+    "bootstrap_result",
     "check_held_out",
     "check_repeats",
     "correlation_of",

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from femtune.updating.starts import (
         MultiStart,
         Optimum,
+        Sample,
         StartOutcome,
         StartResult,
         StartRules,
@@ -93,6 +94,7 @@ __all__ = [
     "ReducedUpdate",
     "ReductionRules",
     "Regularisation",
+    "Sample",
     "Search",
     "SensitivityMethod",
     "SideConstraint",

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, fdtri
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
+from femtune.executor import Executor, Serial, finish
+from femtune.executor.interface import nothing
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem
 from femtune.status import Status
@@ -159,6 +162,21 @@ def _lost(found: dict[int, StartOutcome]) -> list[str]:
     return [*out, f"{failed} {'start' if failed == 1 else 'starts'} could not be solved."] if failed else out
 
 
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A point at which the objective was evaluated before the starts were chosen.
+
+    Parameters
+    ----------
+    number : position in the Latin hypercube, from 1
+    objective : ½ rᵀr; NaN where the model could not be solved
+    """
+
+    number: int
+    x: Reals
+    objective: float
+
+
 @dataclass(frozen=True)
 class StartRules:
     """How many starts, and how hard each tries.
@@ -166,6 +184,8 @@ class StartRules:
     Parameters
     ----------
     count, seed : points of a Latin hypercube over the bounds
+    samples : if it is not zero, the objective is evaluated at a Latin hypercube of so many points, and the starts are
+        the nominal values and the best points
     hops : how many times a start whose end is worse than the best one sets out again: first from half way between its
         end and the middle of the bounds, then from points drawn at random
     """
@@ -173,6 +193,7 @@ class StartRules:
     count: int = 20
     seed: int = 0
     hops: int = 0
+    samples: int = 0
 
 
 DEFAULT_METHOD, DEFAULT_RULES = SensitivityMethod(), StartRules()
@@ -188,6 +209,7 @@ class MultiStart:
     optima : distinct ends, the best first
     noise : by how much objectives may differ for the data not to tell their points apart
     best : the update at the best end, with residuals and covariance; its history is that of its start's last try
+    samples : where the objective was evaluated before; none where the starts are the points of the hypercube
     """
 
     parameters: ParameterSet
@@ -195,6 +217,7 @@ class MultiStart:
     optima: tuple[Optimum, ...]
     noise: float
     best: UpdateResult = field(repr=False)
+    samples: tuple[Sample, ...] = field(default=(), repr=False)
 
     @property
     def outcomes(self) -> dict[int, StartOutcome]:
@@ -213,11 +236,11 @@ class MultiStart:
 
 
 def starting_points(parameters: ParameterSet, rules: StartRules) -> Reals:
-    """(count, k) normalised points of a Latin hypercube over the bounds."""
+    """(n, k) normalised points of a Latin hypercube over the bounds: of the samples if there are any, or the starts."""
     from scipy.stats import qmc  # noqa: PLC0415  half a second that an update from one start does not need
 
     lower, upper = parameters.bounds
-    unit = qmc.LatinHypercube(len(lower), rng=np.random.default_rng(rules.seed)).random(rules.count)
+    unit = qmc.LatinHypercube(len(lower), rng=np.random.default_rng(rules.seed)).random(rules.samples or rules.count)
     return np.asarray(lower + unit * (upper - lower))
 
 
@@ -232,6 +255,9 @@ def multi_start(
     active: Sequence[str] | None = None,
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
+    executor: Executor | None = None,
+    sampled: Mapping[int, Sample] | None = None,
+    report_sample: Callable[[Sample], None] | None = None,
 ) -> MultiStart:
     """Update from many initial points, keep every result, and state whether the result is unique.
 
@@ -244,6 +270,8 @@ def multi_start(
     active : names of the parameters that move; the others stay at their nominal values
     known : ends of an earlier run of the same by (number, tries), which are not repeated
     report : is called with every end as soon as it is known
+    executor : makes the runs; one after another where it is None
+    sampled, report_sample : the same of the samples, by their number
 
     Raises
     ------
@@ -252,11 +280,53 @@ def multi_start(
     before = nominal or problem.start(np.zeros(len(problem.parameters.free)))
     moving = moving_parameters(problem, active)
     side = method.regularisation.settle(linear_model(problem, before, moving))
+    executor = executor or Serial()
     given = starting_points(problem.parameters, rules) if points is None else np.asarray(points, dtype=float)
-    search = _Search(
-        problem, replace(method, regularisation=side), tuple(first), rules, active, known or {}, report or _tell_nobody
-    )
-    return search.go(np.where(moving, given, before.x), before)
+    given = np.where(moving, given, before.x)
+    samples: tuple[Sample, ...] = ()
+    if rules.samples and points is None:
+        work = _Sampled(first[0] if first else problem)
+        samples = tuple(_samples(work, given, executor, sampled or {}, report_sample or nothing))
+        given = _best_points(samples, before.x, rules.count)
+    tries = _Tries(problem, replace(method, regularisation=side), tuple(first), active)
+    search = _Search(tries, rules, known or {}, report or nothing, executor)
+    return replace(search.go(given, before), samples=samples)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """½ rᵀr of a problem; called with a point. NaN where it cannot be solved."""
+
+    problem: UpdateProblem
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"problem": self.problem.to_send()}
+
+    def __call__(self, x: Reals) -> float:
+        try:
+            states = self.problem.solved(x)
+            found = self.problem.assess(x, states, derivatives=False)
+            self.problem.check_compared(found)
+        except FemtuneError:
+            return float("nan")
+        return found.objective
+
+
+def _samples(
+    work: _Sampled, points: Reals, executor: Executor, known: Mapping[int, Sample], report: Callable[[Sample], None]
+) -> list[Sample]:
+    """The objective at all points."""
+    found = finish(
+        executor, work, list(points), {n - 1: s.objective for n, s in known.items()}, name="sample",
+        finished=lambda i, value: report(Sample(i + 1, points[i], value)),
+    )  # fmt: skip
+    return [Sample(i + 1, x, value) for i, (x, value) in enumerate(zip(points, found))]
+
+
+def _best_points(samples: Sequence[Sample], nominal: Reals, count: int) -> Reals:
+    """(count, k) the nominal point and the best samples."""
+    order = sorted((s for s in samples if np.isfinite(s.objective)), key=lambda s: (s.objective, s.number))
+    return np.array([nominal, *(s.x for s in order[: count - 1])])
 
 
 def follow_up(
@@ -270,60 +340,32 @@ def follow_up(
 
     A start that cannot be continued has failed at its old result.
     """
-    search = _Search(problem, replace(method, regularisation=side), (), DEFAULT_RULES, active, {}, _tell_nobody)
+    tries = _Tries(problem, replace(method, regularisation=side), (), active)
+    search = _Search(tries, DEFAULT_RULES, {}, nothing, Serial())
     return search.further(found.starts, problem.start(found.best.before.x))
 
 
-def _tell_nobody(start: StartResult) -> None:
-    """Ignores all progress."""
+_Task = tuple[StartResult, Reals]
+"""A start so far, and from where it sets out now."""
+_Try = tuple[StartResult, UpdateResult | None]
+"""What became of it, and the update where it was made here."""
 
 
-@dataclass(eq=False)
-class _Search:
+@dataclass(frozen=True, eq=False)
+class _Tries:
+    """One more run of a start; called with its task."""
+
     problem: UpdateProblem
     method: SensitivityMethod
     first: tuple[UpdateProblem, ...]
-    rules: StartRules
     active: Sequence[str] | None
-    known: Mapping[tuple[int, int], StartResult]
-    report: Callable[[StartResult], None]
-    best: UpdateResult | None = None
 
-    def go(self, points: Reals, before: Evaluation) -> MultiStart:
-        """All starts, then restarts of those with a higher objective."""
-        starts = [self._set_out(StartResult(i, x, x, np.nan, None, 0), x) for i, x in enumerate(points, start=1)]
-        for hop in range(self.rules.hops):
-            noise = self._noise(starts, before)
-            least = _least(starts)
-            lost = [i for i, s in enumerate(starts) if not (s.at_optimum and s.objective - least <= noise)]
-            for i in lost:
-                starts[i] = self._set_out(starts[i], self._hop(starts[i], hop))
-        return self._result(tuple(starts), before)
+    def __getstate__(self) -> dict[str, Any]:
+        first = tuple(problem.to_send() for problem in self.first)
+        return {**self.__dict__, "problem": self.problem.to_send(), "first": first}
 
-    def further(self, starts: Sequence[StartResult], before: Evaluation) -> MultiStart:
-        """All ends from where they are."""
-        again = []
-        for s in starts:
-            found = self._try(s, s.end) if s.status is not None else s
-            again.append(replace(found, tries=s.tries, end=s.end if found.status is None else found.end))
-        return self._result(tuple(again), before)
-
-    def _set_out(self, so_far: StartResult, x: Reals) -> StartResult:
-        """One more run of a start from x; the better result is kept."""
-        key = (so_far.number, so_far.tries + 1)
-        if key in self.known:
-            return self.known[key]
-        found = self._try(so_far, x)
-        better = not found.objective >= so_far.objective if found.status is not None else False
-        kept = (
-            found
-            if better or so_far.status is None
-            else replace(so_far, tries=found.tries, iterations=found.iterations)
-        )
-        self.report(kept)
-        return kept
-
-    def _try(self, so_far: StartResult, x: Reals) -> StartResult:
+    def __call__(self, task: _Task) -> _Try:
+        so_far, x = task
         tries, iterations = so_far.tries + 1, so_far.iterations
         for phase in self.first:
             x, more = self._phase(phase, x)
@@ -331,12 +373,12 @@ class _Search:
         try:
             result = update(self.problem, self.method, start=self.problem.start(x), active=self.active)
         except FemtuneError as error:
-            return StartResult(so_far.number, so_far.start, x, np.nan, None, tries, iterations, error.what)
-        objective = result.objective
-        if self.best is None or objective < self.best.objective:
-            self.best = result
+            return StartResult(so_far.number, so_far.start, x, np.nan, None, tries, iterations, error.what), None
         iterations += len(result.history) - 1
-        return StartResult(so_far.number, so_far.start, result.x, objective, result.status, tries, iterations)
+        found = StartResult(
+            so_far.number, so_far.start, result.x, result.objective, result.status, tries, iterations
+        )  # fmt: skip
+        return found, result
 
     def _phase(self, phase: UpdateProblem, x: Reals) -> tuple[Reals, int]:
         """Final point and iterations of a first phase; none if it cannot be solved."""
@@ -347,15 +389,75 @@ class _Search:
             return x, 0
         return result.x, len(result.history) - 1
 
+    def here(self, result: UpdateResult) -> UpdateResult:
+        """A result with its end on the problem of this process, which may have been found in another one."""
+        if all(state.case is case for state, case in zip(result.after.states, self.problem.cases)):
+            return result
+        return replace(result, after=self.problem.unsolved(result.after))
+
+
+@dataclass(eq=False)
+class _Search:
+    tries: _Tries
+    rules: StartRules
+    known: Mapping[tuple[int, int], StartResult]
+    report: Callable[[StartResult], None]
+    executor: Executor
+    best: UpdateResult | None = None
+
+    @property
+    def problem(self) -> UpdateProblem:
+        return self.tries.problem
+
+    def go(self, points: Reals, before: Evaluation) -> MultiStart:
+        """All starts, then restarts of those with a higher objective."""
+        starts = self._set_out([(StartResult(i, x, x, np.nan, None, 0), x) for i, x in enumerate(points, start=1)])
+        for hop in range(self.rules.hops):
+            noise = self._noise(starts, before)
+            least = _least(starts)
+            lost = [i for i, s in enumerate(starts) if not (s.at_optimum and s.objective - least <= noise)]
+            again = self._set_out([(starts[i], self._hop(starts[i], hop)) for i in lost])
+            for i, found in zip(lost, again):
+                starts[i] = found
+        return self._result(tuple(starts), before)
+
+    def further(self, starts: Sequence[StartResult], before: Evaluation) -> MultiStart:
+        """All ends from where they are."""
+        again = []
+        for s in starts:
+            found = self._remembered(self.tries((s, s.end))) if s.status is not None else s
+            again.append(replace(found, tries=s.tries, end=s.end if found.status is None else found.end))
+        return self._result(tuple(again), before)
+
+    def _set_out(self, tasks: Sequence[_Task]) -> list[StartResult]:
+        """One more run of some starts; of each the better result is kept."""
+        keys = [(so_far.number, so_far.tries + 1) for so_far, _ in tasks]
+        known: dict[int, _Try] = {i: (self.known[key], None) for i, key in enumerate(keys) if key in self.known}
+
+        def tell(i: int, found: _Try) -> None:
+            self.report(_better(tasks[i][0], found[0]))
+
+        every = finish(self.executor, self.tries, tasks, known, name="start", finished=tell)
+        return [
+            found[0] if i in known else _better(tasks[i][0], self._remembered(found)) for i, found in enumerate(every)
+        ]
+
+    def _remembered(self, found: _Try) -> StartResult:
+        """The start; its update is kept where it is the best so far."""
+        start, result = found
+        if result is not None and (self.best is None or result.objective < self.best.objective):
+            self.best = result
+        return start
+
     def _hop(self, start: StartResult, hop: int) -> Reals:
         lower, upper = self.problem.parameters.bounds
         rng = np.random.default_rng([self.rules.seed, start.number, hop])
         middle, drawn = 0.5 * (start.end + 0.5 * (lower + upper)), rng.uniform(lower, upper)
-        moving = moving_parameters(self.problem, self.active)
+        moving = moving_parameters(self.problem, self.tries.active)
         return np.where(moving, middle if hop == 0 else drawn, start.end)
 
     def _noise(self, starts: Sequence[StartResult], before: Evaluation) -> float:
-        moving = moving_parameters(self.problem, self.active)
+        moving = moving_parameters(self.problem, self.tries.active)
         n = len(before.residuals if self.best is None else self.best.after.residuals)
         return noise_level(_least(starts), n, int(moving.sum()))
 
@@ -370,11 +472,21 @@ class _Search:
         ends = [s for s in starts if s.status is not None]
         least = min(ends, key=lambda s: (not s.at_optimum, s.objective), default=None)
         if least is None:
-            return update(self.problem, replace(self.method, max_iterations=0), start=before, active=self.active)
+            none = replace(self.tries.method, max_iterations=0)
+            return update(self.problem, none, start=before, active=self.tries.active)
         if self.best is not None and np.array_equal(self.best.x, least.end):
-            return replace(self.best, before=before)
-        found = update(self.problem, self.method, start=self.problem.start(least.end), active=self.active)
+            return replace(self.tries.here(self.best), before=before)
+        start = self.problem.start(least.end)
+        found = update(self.problem, self.tries.method, start=start, active=self.tries.active)
         return replace(found, before=before)
+
+
+def _better(so_far: StartResult, found: StartResult) -> StartResult:
+    """What is kept of a start after one more run."""
+    better = not found.objective >= so_far.objective if found.status is not None else False
+    if better or so_far.status is None:
+        return found
+    return replace(so_far, tries=found.tries, iterations=found.iterations)
 
 
 def _least(starts: Sequence[StartResult]) -> float:

@@ -46,6 +46,8 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[update]`": study_file.UpdateTable,
     "## `[select]`": study_file.SelectTable,
     "## `[quantify]`": study_file.QuantifyTable,
+    "## `[bootstrap]`": study_file.BootstrapTable,
+    "## `[parallel]`": study_file.ParallelTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
     "## `[plan]`": study_file.PlanTable,

@@ -29,9 +29,11 @@ if TYPE_CHECKING:
     from femtune.files.study_file.response import LoadEntry, ResponseTable
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
+        BootstrapTable,
         CorrelateTable,
         ModesTable,
         OutputTable,
+        ParallelTable,
         ReductionTable,
         RigidFloorEntry,
         SensorEntry,
@@ -47,6 +49,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "BootstrapTable",
     "ChecksTable",
     "Comparison",
     "ComponentEntry",
@@ -66,6 +69,7 @@ __all__ = [
     "NearTable",
     "OutputTable",
     "PairEntry",
+    "ParallelTable",
     "ParameterEntry",
     "PlanTable",
     "QuantifyTable",

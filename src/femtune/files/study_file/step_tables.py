@@ -133,6 +133,7 @@ class UpdateTable(TomlTable):
     starts: Annotated[int, Field(ge=1, le=100_000)] = 1
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     hops: Annotated[int, Field(ge=0, le=1000)] = 0
+    samples: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     first: Literal["none", "equation-error"] = "none"
 
 
@@ -143,6 +144,24 @@ class ReductionTable(TomlTable):
     full_solutions: Annotated[int, Field(ge=4, le=10_000)] = 20
     order: Annotated[int, Field(ge=10, le=20_000)] = 600
     frf_tolerance: Annotated[float, Field(gt=0, lt=10)] = 0.01
+
+
+class BootstrapTable(TomlTable):
+    """[bootstrap]: spread of the parameters from the FRFs of one test, by drawing frequency lines again."""
+
+    method: Literal["lines", "entries", "noise"] = "lines"
+    runs: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    jacobian: Literal["shared", "own"] = "shared"
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
+    checked: Annotated[int, Field(ge=0, le=1000)] = 5
+
+
+class ParallelTable(TomlTable):
+    """[parallel]: where runs that do not depend on each other are made: starts, bootstrap runs."""
+
+    how: Literal["auto", "processes", "serial"] = "auto"
+    workers: Annotated[int, Field(ge=0, le=1024)] = 0
 
 
 class WriteTable(TomlTable):

@@ -24,9 +24,11 @@ from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
+    BootstrapTable,
     CorrelateTable,
     ModesTable,
     OutputTable,
+    ParallelTable,
     ReductionTable,
     RigidFloorEntry,
     SensorEntry,
@@ -96,6 +98,8 @@ class StudyFile(TomlTable):
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None
+    bootstrap: BootstrapTable | None = None
+    parallel: ParallelTable = Field(default_factory=ParallelTable)
     load: tuple[LoadEntry, ...] = ()
     write: WriteTable = Field(default_factory=WriteTable)
     output: OutputTable = Field(default_factory=OutputTable)

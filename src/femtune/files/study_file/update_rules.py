@@ -114,8 +114,11 @@ def _starts(data: Data, update: Data, source: StudyLines) -> Problems:
         for word, given in (("starts", several), ("[reduction]", "reduction" in data)):
             if given:
                 yield source.error(("update", "weight_on"), "study.regularisation/each-step-alone", {}, other=word)
-    for key in ("hops", "first"):
+    for key in ("hops", "samples", "first"):
         if update.get(key) not in (None, 0, "none") and not several:
             yield source.error(("update", key), "study.starts/one-start", {}, key=key)
+    samples, starts = number(update, "samples") or 0, number(update, "starts") or 1
+    if several and 0 < samples < starts:
+        yield source.error(("update", "samples"), "study.starts/few-samples", {}, samples=samples, starts=starts)
     if update.get("first") == "equation-error" and "reduction" not in data:
         yield source.error(("update", "first"), "study.starts/needs-reduction", {})

@@ -13,6 +13,7 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.response.basis import ModalBasis
 from femtune.model.response.dynamic_stiffness import DynamicStiffness
+from femtune.model.response.modal_damping import ModalDamper
 from femtune.model.response.ports import Ports
 
 _ROUNDING, _DIAGONAL, _SINGULAR, _LOST = 1e-14, 1e-10, 1e-12, 1e-5
@@ -62,7 +63,7 @@ def reduce(stiffness: DynamicStiffness, basis: ModalBasis, ports: Ports) -> Redu
     Q, point = basis.vectors, stiffness.point
     viscous, hysteretic = _projected(point.viscous, Q), _projected(point.hysteretic, Q)
     if stiffness.damper is not None:
-        modal = Q.T @ stiffness.damper.times(Q)
+        modal = _modal(stiffness.damper, Q)
         viscous, hysteretic = (
             (viscous, hysteretic + modal) if stiffness.damper.hysteretic else (viscous + modal, hysteretic)
         )
@@ -76,6 +77,12 @@ def _projected(matrix: sp.csr_array, Q: Reals) -> Reals:
         return np.zeros((Q.shape[1], Q.shape[1]))
     small, parts = Q.T @ (matrix @ Q), np.abs(Q).T @ (np.abs(matrix) @ np.abs(Q))
     return np.where(np.abs(small) <= _ROUNDING * parts, 0.0, small)
+
+
+def _modal(damper: ModalDamper, Q: Reals) -> Reals:
+    """QᵀDQ, zero where it is the rounding of larger parts: modal damping damps no rigid-body mode."""
+    small, parts = Q.T @ damper.times(Q), np.abs(Q).T @ np.abs(damper.momentum)
+    return np.where(np.abs(small) <= _ROUNDING * (parts * damper.rates) @ parts.T, 0.0, small)
 
 
 def slim(matrix: Reals) -> Reals:

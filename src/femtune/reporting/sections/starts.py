@@ -27,7 +27,8 @@ def starts(update: UpdateResults, facts: Sequence[ParameterFacts]) -> list[Block
     found = update.starts
     if found is None:
         return []
-    words = Paragraph(f"{len(found.starts)} starts, seed {found.seed}: {' '.join(found.sentences)}")
+    chosen = f", the initial values and the best of {found.samples} samples" if found.samples else ""
+    words = Paragraph(f"{len(found.starts)} starts{chosen}, seed {found.seed}: {' '.join(found.sentences)}")
     return [words, *_picture(update, found, facts), _table(update, found)] if found.optima else [words]
 
 

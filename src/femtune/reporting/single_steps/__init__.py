@@ -10,12 +10,13 @@ if TYPE_CHECKING:
     from femtune.reporting.single_steps.modes import modes_document, responses_document
     from femtune.reporting.single_steps.plan import plan_document
     from femtune.reporting.single_steps.select import selection_document
-    from femtune.reporting.single_steps.validate import quantify_document, validation_document
+    from femtune.reporting.single_steps.validate import bootstrap_document, quantify_document, validation_document
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Subject",
+    "bootstrap_document",
     "correlation_document",
     "info_document",
     "modes_document",

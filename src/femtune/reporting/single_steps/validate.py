@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from femtune.reporting.document import Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED, as_sentence
+from femtune.reporting.sections.bootstrap import bootstrap_blocks
 from femtune.reporting.sections.quantify import (
     check_tables,
     entry_tables,
@@ -45,6 +46,17 @@ def quantify_document(subject: Subject, found: QuantifyResults) -> Document:
         *([Section("intervals", "Intervals", tuple(interval_blocks(found)))] if found.intervals else []),
     )
     return subject.document(first, level, sections)
+
+
+def bootstrap_document(subject: Subject, results: Results) -> Document:
+    """The first sentence, or why there is no bootstrap."""
+    found = results.bootstrap
+    if found is None:
+        reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
+        return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
+    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))),)
+    level: Level = "info" if found.converged == found.runs else "warning"
+    return subject.document(found.sentences[0], level, sections)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -109,6 +109,7 @@ class AtFirstState(Residual):
         return self._settled[0][1] if self._settled else ()
 
 
-def settled(residual: Residual) -> Residual | None:
-    """The residual itself; of one that is settled at its first state, what it was settled to, None before."""
-    return residual.settled if isinstance(residual, AtFirstState) else residual
+def settled(residual: Residual) -> Residual:
+    """The residual as it was settled; itself where there is nothing to settle, or it was not asked yet."""
+    found = residual.settled if isinstance(residual, AtFirstState) else None
+    return found or residual

@@ -6,7 +6,7 @@ Source: handbook chapter, displacement residual in the frequency domain; logarit
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -25,7 +25,7 @@ from femtune.model.response import Ports, frf_gradient, matrix_ports
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
-from femtune.residuals.weights import ResidualBlock
+from femtune.residuals.weights import LineSamples, ResidualBlock
 
 # ----------------------------------------------------------------------------------------------------
 # Forms of the FRF residual: differences, or the logarithm of the ratio, of model and measured functions.
@@ -218,8 +218,11 @@ class FrfResidual(Residual):
         # logarithms are relative already
         size = np.abs(test) if self.form == "linear" else 1.0
         scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
-        sd = np.tile(sd, len(values) // len(test))
-        return self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
+        parts = len(values) // len(test)
+        lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], parts), np.tile(sd, parts)
+        samples = LineSamples(lines, np.tile(np.arange(len(test)), parts), None if self.form == "linear" else sd)
+        block = self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
+        return replace(block, samples=samples)
 
     def _not_finite(self, label: str) -> FemtuneError:
         return FemtuneError("residual.frf-not-finite", configuration=self.configuration, function=label)

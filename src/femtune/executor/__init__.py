@@ -1,0 +1,13 @@
+"""One executor for everything that repeats: starts, bootstrap runs, repeats, set-ups, external runs."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.executor.interface import Executor, Serial, finish
+    from femtune.executor.processes import Processes
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = ["Executor", "Processes", "Serial", "finish"]

@@ -1,0 +1,78 @@
+"""Runs that have ended, kept one by one: a line of JSON for each, behind a line that says what they are runs of.
+
+A line is on the disk before the next run is told of. Whatever ends the program, a power cut too, at most the line that
+was being written is lost; what was kept before it is never written again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from femtune.files.whole_file import write_whole
+
+Line = Mapping[str, Any]
+
+_MOST_BYTES = 1 << 30
+
+
+@dataclass(frozen=True)
+class FinishedRuns:
+    """The file of the runs of one kind in a run folder.
+
+    Parameters
+    ----------
+    path : the file
+    key : digest of all that the runs depend on; lines of another key are not used
+    """
+
+    path: Path
+    key: str
+
+    def begin(self, resume: bool) -> list[Line]:
+        """The lines of an earlier run of the same, if `resume`; otherwise the file begins anew (errors OSError)."""
+        lines, whole = self._read() if resume else ([], False)
+        if not whole:
+            text = "".join(_text(line) for line in ({"key": self.key}, *lines))
+            write_whole(self.path, text.encode())
+        return lines
+
+    def add(self, line: Line) -> None:
+        """A line for a run that has ended (errors OSError)."""
+        with self.path.open("ab") as stream:
+            stream.write(_text(line).encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def _read(self) -> tuple[list[Line], bool]:
+        """Whole lines of a file of the same key, and whether that is all that is in the file."""
+        try:
+            if self.path.is_symlink() or self.path.stat().st_size > _MOST_BYTES:
+                return [], False
+            content = self.path.read_bytes()
+        except OSError:
+            return [], False
+        found = list(_lines(content))
+        if not found or found[0] != {"key": self.key}:
+            return [], False
+        return found[1:], content == b"".join(_text(line).encode() for line in found)
+
+
+def _lines(content: bytes) -> Iterator[Line]:
+    """Lines up to the first one that is broken off or damaged."""
+    for text in content.split(b"\n")[:-1]:
+        try:
+            line = json.loads(text)
+        except (ValueError, RecursionError):
+            return
+        if not isinstance(line, dict):
+            return
+        yield line
+
+
+def _text(line: Line) -> str:
+    return json.dumps(dict(line), ensure_ascii=True, allow_nan=False) + "\n"

@@ -1,0 +1,176 @@
+"""[bootstrap] through whole runs: results and report, interrupted runs, refusals."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune import steps
+from femtune.results.step_results import RunResult
+from femtune.study.bootstrap import BOOTSTRAP_FILE
+
+from .conftest import Bench
+from .test_frf_residuals import DAMPED, PARAMETERS, TRULY, functions, measured, study_of
+
+FEW = PARAMETERS.partition('[[parameter]]\nname = "loss"')[0]
+FRF = 'kind = "frf"\ncount = 12\nmost = 40\nto_hz = 150.0\nfloor = 0.003\n'
+TABLE = "\n[bootstrap]\nruns = {runs}\nseed = 3\nchecked = 2\n"
+
+
+def bootstrapped(bench: Bench, runs: int = 12, more: str = "", table: str = TABLE, frf: str = FRF) -> Path:
+    if not (bench.folder / "frfs.uff").exists():
+        measured(bench, functions(bench.truth(TRULY, DAMPED), 0.003))
+    return study_of(bench, f"{frf}{table.format(runs=runs)}{more}", FEW)
+
+
+def check_same(run: RunResult, whole: RunResult) -> None:
+    """The same numbers to the last bit."""
+    one, other = run.results.bootstrap, whole.results.bootstrap
+    assert one is not None
+    assert other is not None
+    apart = {"seconds", "recalled", "executor"}
+    assert one.model_dump(exclude=apart) == other.model_dump(exclude=apart)
+    np.testing.assert_array_equal(run.arrays[one.samples_key], whole.arrays[other.samples_key])
+
+
+@pytest.mark.slow
+def test_a_run_with_a_bootstrap(bench: Bench) -> None:
+    run = steps.run(bootstrapped(bench))
+    found = run.results.bootstrap
+    assert found is not None
+    # three of the forty lines are below the noise in all functions
+    assert (found.runs, found.converged, found.drawn_from, found.checked) == (12, 12, 37, 2)
+    assert run.arrays[found.samples_key].shape == (12, 2)
+    assert found.largest_difference is not None
+    assert found.largest_difference < 0.1
+    for p, sample in zip(found.parameters, run.arrays[found.samples_key].T):
+        assert p.value == run.values[p.parameter]
+        assert p.mean == pytest.approx(sample.mean())
+        assert p.cov_percent == pytest.approx(100.0 * sample.std(ddof=1) / sample.mean())
+    assert [c.key for c in found.citations] == ["efron1993", "hesterberg2015"]
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "Bootstrap of the FRFs" in page
+    assert "Distribution of the parameters over the runs" in page
+    assert "Correlation of the parameters over the runs" in page
+    assert [row.parameter for row in run.bootstrap] == ["root", "tip"]
+    # the second time nothing is made again, and processes give the same numbers
+    again = steps.bootstrap(bootstrapped(bench))
+    assert again.results.bootstrap is not None
+    assert again.results.bootstrap.recalled == 12
+    check_same(again, run)
+    apart = steps.bootstrap(bootstrapped(bench, more='[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    assert apart.results.bootstrap is not None
+    assert apart.results.bootstrap.recalled == 0
+    assert "2 worker processes" in apart.results.bootstrap.executor
+    check_same(apart, run)
+    # more runs begin with those that are there
+    more = steps.bootstrap(bootstrapped(bench, 15))
+    assert more.results.bootstrap is not None
+    assert more.results.bootstrap.recalled == 12
+    np.testing.assert_array_equal(more.arrays[found.samples_key][:12], run.arrays[found.samples_key])
+
+
+# ends itself without any farewell: before a run is kept, after it, or in the middle of its line
+_KILLED = """
+import os, signal, sys
+from femtune import steps
+from femtune.journal import finished
+study, when, last = sys.argv[1], sys.argv[2], int(sys.argv[3])
+calls = 0
+add = finished.FinishedRuns.add
+def dying(self, line):
+    global calls
+    calls += 1
+    if calls == last and when == "amid":
+        text = finished._text(line).encode()
+        with self.path.open("ab") as stream:
+            stream.write(text[: len(text) // 2])
+    if calls == last and when != "after":
+        os.kill(os.getpid(), signal.SIGKILL)
+    add(self, line)
+    if calls == last:
+        os.kill(os.getpid(), signal.SIGKILL)
+finished.FinishedRuns.add = dying
+steps.bootstrap(study)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize(
+    ("how", "moments"),
+    [
+        ("serial", [("before", 1, 0), ("after", 4, 4), ("amid", 7, 6), ("after", 12, 12)]),
+        ("processes", [("amid", 5, 4), ("after", 12, 12)]),
+    ],
+)
+def test_killed_at_any_moment(bench: Bench, how: str, moments: list[tuple[str, int, int]]) -> None:
+    study = bootstrapped(bench, more=f'[parallel]\nhow = "{how}"\nworkers = 2\n')
+    whole = steps.bootstrap(study)
+    file = bench.folder / "run" / BOOTSTRAP_FILE
+    for when, last, kept in moments:
+        file.unlink()
+        ended = subprocess.run([sys.executable, "-c", _KILLED, str(study), when, str(last)], check=False)
+        assert ended.returncode == -signal.SIGKILL
+        before = file.read_bytes()
+        again = steps.bootstrap(study)
+        assert again.results.bootstrap is not None
+        assert again.results.bootstrap.recalled == kept
+        # lines that were whole are still the first ones
+        assert file.read_bytes().startswith(before[: before.rfind(b"\n") + 1])
+        check_same(again, whole)
+
+
+@pytest.mark.slow
+def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
+    first = steps.bootstrap(bootstrapped(bench))
+    other = steps.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
+    assert first.results.bootstrap is not None
+    assert other.results.bootstrap is not None
+    assert other.results.bootstrap.recalled == 0
+    assert first.results.bootstrap.parameters != other.results.bootstrap.parameters
+    # a line that is none is made again
+    file = bench.folder / "run" / BOOTSTRAP_FILE
+    head, *lines = file.read_text().splitlines()
+    spoilt = [{**json.loads(line), "x": ["far", 1.0]} if i == 3 else json.loads(line) for i, line in enumerate(lines)]
+    file.write_text("\n".join([head, *map(json.dumps, spoilt), ""]))
+    again = steps.bootstrap(bootstrapped(bench, frf=FRF.replace("most = 40", "most = 30")))
+    assert again.results.bootstrap is not None
+    assert again.results.bootstrap.recalled == 11
+    check_same(again, other)
+
+
+@pytest.mark.slow
+def test_modes_have_no_lines(beam: Bench) -> None:
+    run = steps.bootstrap(beam.study())
+    assert run.results.bootstrap is None
+    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.no-lines"]
+    assert told.level == "problem"
+    noise = steps.bootstrap(beam.study(f'{beam.parameters}[bootstrap]\nmethod = "noise"\nruns = 200\n'))
+    update, found = noise.results.update, noise.results.bootstrap
+    assert update is not None
+    assert found is not None
+    # linear here: the standard deviations are those of the update, known to 5 % from 200 runs
+    for p, q in zip(update.parameters, found.parameters):
+        assert p.sd is not None
+        assert q.sd == pytest.approx(p.sd, rel=0.25)
+
+
+def test_no_optimum(bench: Bench) -> None:
+    run = steps.bootstrap(bootstrapped(bench, more="[update]\nmax_iterations = 1\n"))
+    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.not-converged"]
+    check_shown("bootstrap.not-converged", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
+
+
+def test_stages_have_no_bootstrap(bench: Bench) -> None:
+    stage = '[[stage]]\nname = "all"\nparameters = ["root", "tip"]\nresiduals = ["frf"]\n'
+    run = steps.bootstrap(bootstrapped(bench, more=stage))
+    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.stages"]
+    check_shown("bootstrap.stages", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
