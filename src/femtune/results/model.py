@@ -656,7 +656,7 @@ def _of_drilling(name: str, solution: EigenSolution) -> Iterable[Alert]:
     found = list(drilling_modes(solution))
     if not found:
         return
-    shown = [f"mode {m.number} ({m.freq_hz:.5g} Hz, {100.0 * m.share:.2g} %)" for m in found[:_MOST_DRILLING]]
+    shown = [f"mode {m.number} ({m.freq_hz:.5g} Hz, {100.0 * m.share:.0f} %)" for m in found[:_MOST_DRILLING]]
     more = f" and {len(found) - _MOST_DRILLING} more" if len(found) > _MOST_DRILLING else ""
     grids = list(dict.fromkeys(grid for m in found for grid in m.grids))
     places = ", ".join(map(str, grids[:_MOST_GRIDS])) + (" …" if len(grids) > _MOST_GRIDS else "")

@@ -151,7 +151,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         consistent_mass=coupled_mass(building),
         hold_singular=hold_singular(building),
         dof_sets=read_dof_sets(building, grids),
-        drilling=drilling_factor(building),
+        drilling=drilling_factor(building, batches),
         damping=damping,
         assembled=direct,
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},

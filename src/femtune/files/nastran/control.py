@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.fem.structure import ElementBatch
 from femtune.files.nastran.building import Building
 from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.deck import Deck, DeckParameter
@@ -121,11 +122,16 @@ def hold_singular(building: Building) -> bool:
     return _switch(building, "AUTOSPC", words, True)
 
 
-def drilling_factor(building: Building) -> float:
-    """PARAM K6ROT, the stiffness of shells against turning about their normal; 100 without it."""
+def drilling_factor(building: Building, batches: Collection[ElementBatch]) -> float:
+    """PARAM K6ROT, the stiffness of shells against turning about their normal; 100 without it.
+
+    Zero where every shell is a membrane: commercial Nastran then ignores K6ROT, as its listing of a wing of membranes
+    and rods shows.
+    """
+    bends = [b.facts["has_bending"].any() for b in batches if "has_bending" in b.facts]
     value = real_param(building, "K6ROT", 100.0)
     if value >= 0.0:
-        return value
+        return value if any(bends) or not bends else 0.0
     with building.errors.catch():
         raise _bad_param("K6ROT", building.deck.params["K6ROT"], "zero or more")
     return 100.0
