@@ -195,6 +195,11 @@ class GoodnessResults(Record):
     """Number of independent residuals, tested or not; None in older results."""
     rank: int | None = None
     """Number of combinations of parameters that are fitted to them; None in older results."""
+    held: float | None = None
+    """Chi-square that the parameters would remove from the residuals without their bounds, by the linear model; null
+    where no bound is active, or the update has a regularisation or residuals that are not tested."""
+    held_p_value: float | None = None
+    """Probability of at least this value if the true parameters are within the bounds."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -549,7 +554,8 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     if not result.after.has_derivatives:
         return goodness_of_fit([])
     estimated = study.file.residuals.scatter == "estimated"
-    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "")
+    bounded = result.status.ok and bool(result.at_bound) and not len(result.side.matrix) and not len(result.side.held)
+    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "", bounded=bounded)
 
 
 def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
@@ -569,4 +575,6 @@ def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
         finding=found.finding.name,
         values=found.values,
         rank=found.rank,
+        held=found.held,
+        held_p_value=found.held_p_value,
     )
