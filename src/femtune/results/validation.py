@@ -295,6 +295,11 @@ _FORCED = "damping and forced response: only natural frequencies and mode shapes
 _DAMPING = "modal damping: no damping ratio of a test mode was compared with that of the model"
 _LEVELS = "forced response levels: all measured FRFs were used in the update; none was held out to compare its level"
 _LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
+_MASS = (
+    "total mass: the data determine only the ratio of stiffness to mass, and no measured mass is given (weighed_mass "
+    'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
+    "stiffnesses, and neither the residuals nor the standard deviations show it"
+)
 _MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
@@ -508,7 +513,20 @@ def _not_tested(
     else:
         yield from _kinds_not_tested(kinds)
     yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
-    yield from (_LINEARITY, *([] if study.file.checks.refinement else [_MESH]))
+    yield from (_LINEARITY, *([_MASS] if _of_ratio(study) else []), *([] if study.file.checks.refinement else [_MESH]))
+
+
+def _of_ratio(study: Study) -> bool:
+    """True if no data tell how large stiffness and mass are: none depends on it, nothing was weighed or added.
+
+    An error that all frequencies share is stated in `common_frequency_sd`, and then shown.
+    """
+    if study.file.residuals.common_frequency_sd > 0.0:
+        return False
+    used = [case for case in study.cases if case.used is not None]
+    known = any(case.entry.weighed_mass is not None or case.entry.masses for case in used)
+    compared = [r for case in used if case.used is not None for r in case.used.residuals]
+    return bool(compared) and not known and all(r.of_ratio for r in compared)
 
 
 def responses_not_tested(study: Study, predicted: bool, responses: Iterable[ResponseResults]) -> tuple[str, ...]:
