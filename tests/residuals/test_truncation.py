@@ -63,3 +63,8 @@ def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
     # what is missing with fewer is counted
     few = replace(residual, way=replace(residual.way, modes=(1, None)))
     assert truncation(few, state).missing == expected - 1
+    assert "residual vectors" not in truncation(few, state).lacks
+    # and residual vectors that the study leaves out are named
+    for way in (residual.way, few.way):
+        without = replace(residual, way=replace(way, residual_vectors=False))
+        assert truncation(without, state).lacks.endswith("and residual vectors (residual_vectors = false)")

@@ -180,6 +180,32 @@ def test_data_that_leave_nothing_over_are_an_alert(bench: Bench) -> None:
     assert "update.few-data" not in {a.code for a in spare.results.alerts}
 
 
+_OWN = '[[residual]]\nkind = "frequency"\nmodes = ["1", "3"]\nsd = 0.01\n'
+_SHAPES = '[[residual]]\nkind = "shape"\nsd = 0.05\nscaling = '
+
+
+@pytest.mark.parametrize(
+    ("tail", "said"),
+    [
+        ("", True),
+        (f'{_OWN}{_SHAPES}"unit-norm"\n[[residual]]\nkind = "mac"\nsd = 0.1\n', True),
+        (f'{_OWN}{_SHAPES}"mass"\nmass_scaled = true\n', False),
+        (f'{_OWN}[[residual]]\nkind = "mass"\nmass = 9.85\nsd = 0.002\n', False),
+        ("weighed_mass = 9.85", False),
+        ("masses = [{ node = 3, mass = 0.5 }]", False),
+        ("[residuals]\nfrequency_sd = 0.01\ncommon_frequency_sd = 0.04\n", False),
+    ],
+)
+def test_a_mass_that_was_not_measured_is_told(bench: Bench, tail: str, said: bool) -> None:
+    """Frequencies, MAC and shapes of any length are those of a structure with twice the stiffness and mass."""
+    bench.uff(bench.measure(bench.truth()))
+    case = '[[configuration]]\nname = "free"\ntest = "beam.uff"\n'
+    key = tail.startswith(("weighed", "masses"))
+    text = f"{case}{tail}\n{bench.parameters}" if key else f"{case}{bench.parameters}{tail}"
+    found = _validation(steps.update(bench.study(text, test=None)))
+    assert any(line.startswith("total mass: ") for line in found.not_tested) is said
+
+
 def test_an_unmodelled_spring_is_no_noise(bench: Bench) -> None:
     """The real beam stands on a spring that the deck lacks."""
     sprung = bench.text.replace("CONM2", "CELAS2,77,3.+5,4,3\nCONM2")

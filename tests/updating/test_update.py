@@ -158,6 +158,15 @@ def test_exact():
     assert update(problem_of(simulated_case(chain(), (0.0,) * 4, range(4), 4))).status is Status.EXACT  # type: ignore
 
 
+def test_a_tiny_standard_deviation_does_not_make_all_residuals_zero():
+    """Frequencies that are met to 1e-12 leave shapes with errors of several standard deviations."""
+    case = noisy(simulated_case(chain(), TRUTH, range(4), 2), 0.0, 0.1, 4)  # type: ignore[arg-type]
+    result = update(problem_of(case, residuals=(FrequencyResidual(1e-12), ShapeResidual(0.02))))
+    assert result.status.ok
+    assert result.status is not Status.EXACT
+    assert np.abs(result.after.residuals).max() > 1.0
+
+
 def test_iteration_limit():
     problem = problem_of(simulated_case(chain(), TRUTH, range(4), 4))  # type: ignore[arg-type]
     result = update(problem, SensitivityMethod(max_iterations=1))

@@ -7,6 +7,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 from scipy.stats import chi2, kstest
 
 from femtune.residuals import ResidualBlock
@@ -99,6 +100,48 @@ def test_every_combination_of_size_and_order(r: np.ndarray, finding: Finding, ou
     assert ("too large" in found.sentence) == finding.name.startswith("SMALL")
     assert ("; the largest is" in found.sentence) == finding.larger
     assert "p = 1" not in found.sentence
+
+
+@pytest.mark.parametrize(("held", "finding"), [(2.0, Finding.NOISE), (5.0, Finding.BOUNDED)])
+def test_what_bounds_keep_is_tested(held: float, finding: Finding) -> None:
+    """Residuals in the range of two columns have a chi-square of 4 or 25 on two degrees of freedom."""
+    J = np.eye(16)[:, :2]
+    r = np.concatenate([[held, 0.0], np.random.default_rng(3).choice([1.0, -1.0], 14)])
+    found = goodness_of_fit(_blocks(r, J), bounded=True)
+    assert found.held == pytest.approx(held**2)
+    assert found.held_p_value == pytest.approx(np.exp(-0.5 * held**2))
+    assert found.finding is finding
+    assert ("of 25 if they were not bounded, p = 3.7e-06; without it, chi-square 14 on 14" in found.sentence) == (
+        finding is Finding.BOUNDED
+    )
+    assert goodness_of_fit(_blocks(r, J)).finding is Finding.NOISE
+    large = goodness_of_fit(_blocks(np.concatenate([[held, 0.0], 9.0 * r[2:]]), J), bounded=True)
+    assert large.finding.larger
+    assert ("bounds keep more" in large.sentence) == (finding is Finding.BOUNDED)
+
+
+def test_bounds_are_tested_where_no_degrees_of_freedom_are_left() -> None:
+    found = goodness_of_fit(_blocks(np.array([6.0, 0.0]), np.eye(2)), bounded=True)
+    assert (found.finding, found.outcome, found.p_value) == (Finding.BOUNDED, Outcome.FAIL, None)
+    assert "a chi-square of 36" in found.sentence
+    macs = [replace(b, not_normal="a MAC is not normal") for b in _blocks(np.ones(2), np.eye(2), "MAC")]
+    assert goodness_of_fit([*_blocks(np.array([6.0, 0.0]), np.eye(2)), *macs], bounded=True).held is None
+
+
+@pytest.mark.slow
+def test_true_values_within_bounds_are_rarely_contradicted() -> None:
+    """The least squares within bounds of a true value on a corner: held below the level in at most 1 % of 2,000 draws.
+
+    Three standard deviations of a rate of 1 % are 0.7 %.
+    """
+    rng, J = np.random.default_rng(6), np.random.default_rng(7).standard_normal((12, 3))
+    low = 0
+    for _ in range(2000):
+        e = rng.standard_normal(12)
+        x = lsq_linear(J, -e, (np.zeros(3), np.full(3, np.inf))).x
+        found = goodness_of_fit(_blocks(e + J @ x, J), bounded=True)
+        low += found.bounds_contradict
+    assert low / 2000 <= 0.017
 
 
 def test_values_and_rank_count_kinds_that_are_not_tested_too() -> None:

@@ -75,6 +75,11 @@ class Residual(ABC):
     on_modes: ClassVar[bool] = False
     not_normal: ClassVar[str] = ""
 
+    @property
+    def of_ratio(self) -> bool:
+        """True where a common factor on stiffness, mass and damping of the model changes no value."""
+        return False
+
     @classmethod
     def of_study(cls, asked: Asked) -> Residual:
         """The residual that a [[residual]] table asks for; errors point to the table or to one of its keys."""

@@ -57,6 +57,11 @@ class FrequencyResidual(PairResidual):
     key = "frequency"
     label = "frequency"
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
+
     @classmethod
     def of_study(cls, asked: Asked) -> FrequencyResidual | FrequencyCovariance:
         """See `Residual`; errors ``residual.no-scatter``, ``residual.weights``, ``residual.covariance``."""
@@ -98,6 +103,11 @@ class FrequencyCovariance(OfPairs):
     form: Form = "frequency"
     key = FrequencyResidual.key
     label = FrequencyResidual.label
+
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
 
     def of_pairs(self, pairs: Sequence[PairedMode]) -> Sequence[ResidualBlock]:
         """One value a paired mode, whitened together: relative errors e, of which the covariance is C_ij/(f_i f_j)."""

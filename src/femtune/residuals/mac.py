@@ -58,6 +58,11 @@ class MacResidual(PairResidual):
     label = "MAC"
     not_normal = "1 − MAC is a quadratic form of the noise, which always raises it; a shape residual can be tested"
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
+
     @classmethod
     def of_study(cls, asked: Asked) -> MacResidual:
         """See `Residual`."""

@@ -43,6 +43,11 @@ class ByMode(OfPairs):
 
     parts: tuple[PairResidual, ...]
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return all(r.of_ratio for r in self.parts)
+
     def of_kinds(self, keys: Collection[str]) -> Residual | None:
         """The parts of some kinds."""
         parts = tuple(part for part in self.parts if part.key in keys)
@@ -59,6 +64,11 @@ class OfModes(OfPairs):
 
     residual: OfPairs
     labels: tuple[str, ...]
+
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return self.residual.of_ratio
 
     def of_kinds(self, keys: Collection[str]) -> Residual | None:
         """Itself where its residual is of one of these kinds."""

@@ -96,6 +96,11 @@ class PoleResidual(OfPairs):
     of_frequencies: ClassVar[bool] = True
     """Whether errors of the measured frequencies matter even where every pole is compared by itself."""
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
+
     @classmethod
     @abstractmethod
     def order(cls, modes: int) -> int:

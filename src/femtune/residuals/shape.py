@@ -152,6 +152,11 @@ class ShapeResidual(PairResidual):
     key = "shape"
     label = "shape"
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return self.scaling != "mass"
+
     @classmethod
     def of_study(cls, asked: Asked) -> ShapeResidual:
         """See `Residual`; errors ``dof.missing``, ``residual.not-mass-scaled``, ``residual.weights`` …"""

@@ -40,6 +40,13 @@ FEWEST_SAMPLES = 1000
 _MOST_UNPAIRED = 8
 
 
+_MISFITS = {
+    Finding.SYSTEMATIC.name: "update.misfit/systematic",
+    Finding.BOUNDED.name: "update.misfit/bounded",
+}
+"""Other wordings of the alert by finding."""
+
+
 def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> tuple[Alert, ...]:
     """Alerts of a finished run with `others` among them, the most serious first."""
     found = [
@@ -119,8 +126,8 @@ def _of_update(results: Results) -> Iterable[Alert]:
 def _of_goodness(found: GoodnessResults) -> Iterable[Alert]:
     """Residuals that are no noise, and data too few to show what the model neglects."""
     if found.verdict == "fail":
-        systematic = found.finding == Finding.SYSTEMATIC.name
-        yield alert("warning", "update.misfit/systematic" if systematic else "update.misfit", outcome=found.sentence)
+        code = _MISFITS.get(found.finding, "update.misfit")
+        yield alert("warning", code, outcome=found.sentence)
     if found.values is None or found.rank is None or not found.rank:
         return
     spare = found.values - found.rank

@@ -195,6 +195,11 @@ class GoodnessResults(Record):
     """Number of independent residuals, tested or not; None in older results."""
     rank: int | None = None
     """Number of combinations of parameters that are fitted to them; None in older results."""
+    held: float | None = None
+    """Chi-square that the parameters would remove from the residuals without their bounds, by the linear model; null
+    where no bound is active, or the update has a regularisation or residuals that are not tested."""
+    held_p_value: float | None = None
+    """Probability of at least this value if the true parameters are within the bounds."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -290,6 +295,11 @@ _FORCED = "damping and forced response: only natural frequencies and mode shapes
 _DAMPING = "modal damping: no damping ratio of a test mode was compared with that of the model"
 _LEVELS = "forced response levels: all measured FRFs were used in the update; none was held out to compare its level"
 _LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
+_MASS = (
+    "total mass: the data determine only the ratio of stiffness to mass, and no measured mass is given (weighed_mass "
+    'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
+    "stiffnesses, and neither the residuals nor the standard deviations show it"
+)
 _MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
@@ -503,7 +513,20 @@ def _not_tested(
     else:
         yield from _kinds_not_tested(kinds)
     yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
-    yield from (_LINEARITY, *([] if study.file.checks.refinement else [_MESH]))
+    yield from (_LINEARITY, *([_MASS] if _of_ratio(study) else []), *([] if study.file.checks.refinement else [_MESH]))
+
+
+def _of_ratio(study: Study) -> bool:
+    """True if no data tell how large stiffness and mass are: none depends on it, nothing was weighed or added.
+
+    An error that all frequencies share is stated in `common_frequency_sd`, and then shown.
+    """
+    if study.file.residuals.common_frequency_sd > 0.0:
+        return False
+    used = [case for case in study.cases if case.used is not None]
+    known = any(case.entry.weighed_mass is not None or case.entry.masses for case in used)
+    compared = [r for case in used if case.used is not None for r in case.used.residuals]
+    return bool(compared) and not known and all(r.of_ratio for r in compared)
 
 
 def responses_not_tested(study: Study, predicted: bool, responses: Iterable[ResponseResults]) -> tuple[str, ...]:
@@ -549,7 +572,8 @@ def goodness(study: Study, result: UpdateResult) -> GoodnessOfFit:
     if not result.after.has_derivatives:
         return goodness_of_fit([])
     estimated = study.file.residuals.scatter == "estimated"
-    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "")
+    bounded = result.status.ok and bool(result.at_bound) and not len(result.side.matrix) and not len(result.side.held)
+    return goodness_of_fit(result.after.weighted, untested=_ESTIMATED if estimated else "", bounded=bounded)
 
 
 def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
@@ -569,4 +593,6 @@ def goodness_results(found: GoodnessOfFit) -> GoodnessResults:
         finding=found.finding.name,
         values=found.values,
         rank=found.rank,
+        held=found.held,
+        held_p_value=found.held_p_value,
     )

@@ -34,6 +34,8 @@ from femtune.updating.smallest_change import ALLOWED, SmallestChange, change_row
 
 
 _ROUNDING, _FAR_ABOVE, _TINY_PART, _NEAR = 1e-7, 1e4, 1e-10, 1e-9
+_ZERO, _ROUNDING_OF_ONE = 1e-6, 1e-5
+"""Largest residual that counts as zero, and as a part of its change by a whole length of step."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class Walk:
         if bound.any():
             return Status.CONVERGED_AT_BOUNDS
         exact = 0.5 * self.chi_square(point.evaluation) < max(1e-16, self.rounding(point))
-        return Status.EXACT if exact else Status.CONVERGED
+        return Status.EXACT if exact and self.all_zero(point) else Status.CONVERGED
 
     def of_result(self, evaluation: Evaluation) -> Point:
         """The evaluation with what determines the result: a side constraint of single steps does not."""
@@ -164,6 +166,12 @@ class Walk:
         changes, most = self._changes(point)
         whole, without = (_half_square(_ROUNDING * c) for c in (changes, np.minimum(changes, most)))
         return min(whole, max(without, _TINY_PART * self.first))
+
+    def all_zero(self, point: Point) -> bool:
+        """True if each residual by itself is rounding: a tiny standard deviation of some says nothing of the others."""
+        changes, _ = self._changes(point)
+        known = self.of_result(point.evaluation).residuals
+        return bool((np.abs(known) <= np.maximum(_ZERO, _ROUNDING_OF_ONE * changes)).all())
 
     def modes_cross(self, point: Point) -> bool:
         """True if some residuals and one combination of parameters are far more sensitive than all others.

@@ -39,13 +39,15 @@ class Finding(Enum):
     SYSTEMATIC = "the residuals have the stated size, but they are not random"
     LARGE = "the residuals are larger than noise of the stated size"
     LARGE_SYSTEMATIC = "the residuals are larger than noise of the stated size, and they are not random"
+    BOUNDED = "the bounds keep residuals that noise of the stated size does not explain"
 
     @property
     def outcome(self) -> Outcome:
         """Residuals of the stated size or larger that are no noise fail; smaller ones pass, random or not."""
         if self is Finding.NOT_TESTED:
             return Outcome.NOT_TESTED
-        return Outcome.FAIL if self in (Finding.SYSTEMATIC, Finding.LARGE, Finding.LARGE_SYSTEMATIC) else Outcome.PASS
+        failed = (Finding.SYSTEMATIC, Finding.LARGE, Finding.LARGE_SYSTEMATIC, Finding.BOUNDED)
+        return Outcome.FAIL if self in failed else Outcome.PASS
 
     @property
     def larger(self) -> bool:
@@ -72,6 +74,9 @@ class GoodnessOfFit:
     untested : by kind of residual, why it is not in the test
     values, rank : independent values of all residuals, and how many combinations of the parameters fit themselves to
         them; of those not in the test too
+    held, held_p_value : chi-square that the parameters would remove from the residuals without bounds, and the chance
+        of as much where the true values are within the bounds: the true values leave a chi-square distribution with
+        `rank` degrees of freedom, and the minimum within the bounds is not above them. None where no bound is active
     """
 
     chi_square: float | None
@@ -85,10 +90,22 @@ class GoodnessOfFit:
     untested: tuple[tuple[str, str], ...] = ()
     values: int = 0
     rank: int = 0
+    held: float | None = None
+    held_p_value: float | None = None
 
     @property
     def finding(self) -> Finding:
-        """Size and order of the residuals together."""
+        """Size and order of the residuals together, and what the bounds keep of them."""
+        found = self._of_size_and_order
+        return Finding.BOUNDED if self.bounds_contradict and found.outcome is not Outcome.FAIL else found
+
+    @property
+    def bounds_contradict(self) -> bool:
+        """True if noise does not explain what the parameters would remove without bounds."""
+        return self.held_p_value is not None and self.held_p_value < LEVEL
+
+    @property
+    def _of_size_and_order(self) -> Finding:
         if self.p_value is None:
             return Finding.NOT_TESTED
         random = self.runs_p_value is None or self.runs_p_value >= LEVEL
@@ -107,11 +124,23 @@ class GoodnessOfFit:
     def sentence(self) -> str:
         """Outcome in words with the numbers."""
         if self.p_value is None or self.chi_square is None:
-            return f"{self.finding.value}: {self._why_not()}"
+            return f"{self.finding.value}: {self._held() if self.bounds_contradict else self._why_not()}"
         degrees = "degree" if self.degrees_of_freedom == 1 else "degrees"
         numbers = f"chi-square {self.chi_square:.4g} on {self.degrees_of_freedom} {degrees} of freedom"
         largest = self._largest() if self.finding.larger else ""
-        return f"{self.finding.value}: {numbers}, {_chance(self.p_value)}{self._runs()}{largest}"
+        tested = f"{numbers}, {_chance(self.p_value)}{self._runs()}{largest}"
+        if self.finding is Finding.BOUNDED:
+            return f"{self.finding.value}: {self._held()}; without it, {tested}"
+        held = f"; bounds keep more: {self._held()}" if self.bounds_contradict else ""
+        return f"{self.finding.value}: {tested}{held}"
+
+    def _held(self) -> str:
+        assert self.held is not None
+        assert self.held_p_value is not None
+        return (
+            f"the parameters would remove a chi-square of {self.held:.4g} if they were not bounded, "
+            f"{_chance(self.held_p_value)}"
+        )
 
     def _why_not(self) -> str:
         if self.untested:
@@ -138,6 +167,7 @@ def goodness_of_fit(
     blocks: Sequence[ResidualBlock],
     *,
     untested: str = "",
+    bounded: bool = False,
 ) -> GoodnessOfFit:
     """Test the residuals of an update at its last point.
 
@@ -148,19 +178,33 @@ def goodness_of_fit(
     ----------
     blocks : with derivatives
     untested : why none of them can be tested; "" where they can
+    bounded : whether bounds, and nothing else, keep the parameters from the least squares of all blocks; where all
+        kinds are tested, it is tested whether noise explains what they keep
     """
     why = {b.kind: untested or b.not_normal for b in blocks if untested or b.not_normal}
     kept = [b.whitened() for b in blocks if b.kind not in why]
     skipped, (values, rank) = tuple(why.items()), _counts(blocks)
     chi2, dof = _chi_square(kept)
+    held, chance_held = _held(kept) if bounded and not skipped else (None, None)
     if dof <= 0:
-        return GoodnessOfFit(None, 0, None, untested=skipped, values=values, rank=rank)
+        return GoodnessOfFit(
+            None, 0, None, untested=skipped, values=values, rank=rank, held=held, held_p_value=chance_held
+        )
     rest, spread = _left_over(kept)
     runs, chance = _runs(rest)
     at = int(np.argmax(np.abs(rest) / spread))
     label = [b.label for b in kept for _ in b.values][at]
     numbers = GoodnessOfFit(chi2, dof, _p_value(chi2, dof), runs, chance, float(rest[at] / spread[at]), label)
-    return replace(numbers, by_kind=tuple(_by_kind(kept)), untested=skipped, values=values, rank=rank)
+    return replace(
+        numbers, by_kind=tuple(_by_kind(kept)), untested=skipped, values=values, rank=rank, held=held,
+        held_p_value=chance_held,
+    )  # fmt: skip
+
+
+def _held(blocks: Sequence[ResidualBlock]) -> tuple[float, float]:
+    r, U = _range(blocks)
+    found = float(np.sum((U.T @ r) ** 2))
+    return found, _p_value(found, U.shape[1])
 
 
 def _counts(blocks: Sequence[ResidualBlock]) -> tuple[int, int]:

@@ -135,6 +135,11 @@ class AntiresonanceResidual(Residual):
     # zeros need the static response to the forces, and the whole model
     on_modes = False
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
+
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks of a case at a point, of the full model."""
         return self.compare(full_modes(state, self.modes), derivatives)

@@ -53,6 +53,11 @@ class AskedAntiresonances(AtFirstState):
     key = AntiresonanceResidual.key
     label = AntiresonanceResidual.label
 
+    @property
+    def of_ratio(self) -> bool:
+        """See `Residual`."""
+        return True
+
     @classmethod
     def of_study(cls, asked: Asked) -> AskedAntiresonances:
         """See `Residual`; errors ``residual.no-frfs``, ``residual.no-antiresonances``, ``dof.missing``."""

@@ -37,6 +37,7 @@ class Truncation:
     largest, mean : largest and root mean square error of the residuals, in standard deviations
     relative : largest |H/H_direct − 1|
     function, line_hz : where `largest` is
+    vectors : whether residual vectors are added to the modes
     """
 
     configuration: str
@@ -52,6 +53,7 @@ class Truncation:
     relative: float
     function: str
     line_hz: float
+    vectors: bool = True
 
     @property
     def small(self) -> bool:
@@ -67,8 +69,10 @@ class Truncation:
         if self.missing:
             first, last = self.modes + 1, self.modes + self.missing
             which = f"mode {first}" if self.missing == 1 else f"modes {first} to {last}"
-            return f"{which}, between {self.reach_hz:.4g} and {wanted:.4g} Hz"
-        return f"the modes above {max(self.reach_hz, wanted):.4g} Hz"
+            which = f"{which}, between {self.reach_hz:.4g} and {wanted:.4g} Hz"
+        else:
+            which = f"the modes above {max(self.reach_hz, wanted):.4g} Hz"
+        return which if self.vectors else f"{which}, and residual vectors (residual_vectors = false)"
 
 
 def truncations(state: CaseState) -> Iterator[Truncation]:
@@ -118,6 +122,7 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
         _relative(values[known], exact[known]),
         f"{few.measured.responses[i]} / {few.measured.references[j]}",
         float(few.measured.freq_hz[k]),
+        way.residual_vectors,
     )
 
 
