@@ -101,6 +101,24 @@ def test_a_record_is_cut_short_where_more_than_two_percent_stand_still(still: in
     assert [n.code for n in check_record(_record(values))] == ["record.cut-short"] * told
 
 
+def test_fast_signals_are_clipped_at_single_samples() -> None:
+    """Noise up to half the sampling rate hardly stays at its limit for three samples."""
+    values = _values()
+    noise = np.random.default_rng(3).standard_normal(5000)
+    values[1] = values[0].std() * np.clip(noise, -2.5, 2.5)
+    assert [n.code for n in check_record(_record(values))] == ["record.clipped"]
+    values[1] = values[0].std() * np.round(noise, 1)
+    assert check_record(_record(values)) == ()
+
+
+def test_a_force_that_is_zero_between_impacts_is_not_clipped() -> None:
+    values = _values()
+    values[1] = 0.0
+    for start in range(100, 5000, 500):
+        values[1, start : start + 30] = (1.0 + start / 5000.0) * np.sin(np.pi * np.arange(30) / 29.0) ** 2
+    assert "record.clipped" not in [n.code for n in check_record(_record(values))]
+
+
 def test_a_wave_that_repeats_has_one_extreme_a_period_and_is_not_clipped() -> None:
     values = _values()
     values[1] = np.tile(0.1 * np.random.default_rng(2).standard_normal(50), 100)
@@ -140,6 +158,20 @@ def test_reciprocity_is_a_difference(eight_modes: Any) -> None:
     values[5, 0] *= 1.4
     (notice,) = check_frfs(dataclasses.replace(frfs, values=values))
     assert notice.code == "frf.not-reciprocal"
+
+
+def test_directions_that_are_not_coupled_are_not_judged(eight_modes: Any) -> None:
+    """Their functions are noise, of which one and the other differ by 140 %."""
+    frfs = eight_modes.frfs(_LINES)
+    values, rng = frfs.values.copy(), np.random.default_rng(5)
+    size = np.abs(values[0, 0]).mean()
+    for i, j in ((5, 0), (0, 1)):
+        values[i, j] = 1e-3 * size * (rng.standard_normal(len(_LINES)) + 1j * rng.standard_normal(len(_LINES)))
+    noisy = dataclasses.replace(frfs, values=values)
+    (pair,) = reciprocity(noisy)
+    assert pair.difference > 1.0
+    assert pair.coupling < 0.02
+    assert "frf.not-reciprocal" not in [n.code for n in check_frfs(noisy)]
 
 
 def test_dead_responses_are_named(eight_modes: Any) -> None:

@@ -194,3 +194,32 @@ def test_bad_input(name: str, rubber: Bench):
         steps.respond(rubber.study(f"{PARAMETERS}{tail}", test=None))
     assert code in str(caught.value)
     assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("method", ["dynamic", "mdre", "serep"])
+def test_shapes_are_expanded_with_the_stiffness_of_their_frequency(rubber: Bench, method: str):
+    """The modes of the model with the tables, measured at three grid points, are expanded to the fourth."""
+    rubber.write("beam.bdf", DECK.replace(RUBBER, TRUE_RUBBER))
+    model = true_model(rubber)
+    real = modes_at_own_frequency(model.at(np.zeros(0)), 4)
+    labels = [f"{n}{d}+" for n in (2, 4, 5) for d in ("Y", "Z")]
+    test = rubber.measure(rubber.folder / "beam.bdf", *labels)
+    assert test.modes is not None
+    structure = model.model.structure
+    rows = [structure.nodes.dof(d.node, d.component) for d in test.modes.dofs]
+    whole = model.transformation.tocsr() @ np.stack([m.shape for m in real], axis=1)
+    modes = replace(test.modes, freq_hz=np.array([m.freq_hz for m in real]), shapes=whole[rows])
+    rubber.uff(replace(test, modes=modes))
+    expand = f'[correlate]\nexpand = "{method}"\nexpand_noise = 1e-6\n'
+    tail = f"{PARAMETERS}{TABLES}[residuals]\nfrequency_sd = 0.01\n{expand}"
+    found = steps.run(rubber.study(tail))
+    record = found.results.correlations[0].expansion
+    assert record is not None
+    at_third = found.arrays[record.shapes_key][2, 1:3]
+    wanted = whole[[structure.nodes.dof(3, c) for c in (2, 3)]]
+    np.testing.assert_allclose(at_third, wanted, atol=1e-4 * np.abs(whole).max())
+
+
+def test_no_sturm_count_is_said_to_be_hidden(rubber: Bench):
+    found = steps.modes(rubber.study(f"{PARAMETERS}{TABLES}", test=None))[0]
+    assert found.sturm_sentence == "not tested: the stiffness depends on frequency"

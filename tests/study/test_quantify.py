@@ -186,6 +186,16 @@ def test_intervals_are_those_of_the_extreme_frequencies(bench: Bench):
     assert titles[-2:] == ["Intervals of the parameters", "Extreme frequencies"]
 
 
+def test_intervals_with_a_frequency_table_are_a_sentence(repeated):
+    """They ended the run with table.no-frequency."""
+    bench, _, hz = repeated
+    _table(bench, hz)
+    table = '[[frequency_table]]\nfields = ["MAT1 1 E"]\nfreq_hz = [0.0, 1000.0]\nfactor = [1.0, 1.001]\n'
+    box = steps.quantify(_study(bench, f"intervals = true\n{table}")).record.intervals
+    assert not box.ok
+    assert "not computed for values that depend on frequency" in box.sentence
+
+
 def test_intervals_that_contradict_are_a_sentence(repeated):
     """The smallest third frequency with the largest first one: no box has both."""
     bench, _, hz = repeated

@@ -115,6 +115,9 @@ def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
     assert record.count == (8 if not more else 4)
     assert found.report is not None
     assert label in found.report.read_text(encoding="utf-8")
+    assert found.results.validation is not None
+    told = [s for s in found.results.validation.not_tested if "damping" in s or "forced response" in s]
+    assert told == ["forced response: no measured FRFs were compared with those of the model"]
 
 
 @pytest.mark.quick(1)

@@ -158,13 +158,13 @@ def serep(solution: EigenSolution, sensors: sp.csr_array, modes: Sequence[int]) 
 
 
 def dynamic_expansion(solution: EigenSolution, sensors: sp.csr_array, freq_hz: float) -> DynamicExpansion:
-    """Dynamic expansion at a frequency.
+    """Dynamic expansion at a frequency, with the stiffness of this frequency.
 
     Raises
     ------
     SingularMatrixError : with the sensors held, the rest of the structure resonates at this frequency
     """
-    point, C = solution.point, sp.csr_array(sensors)
+    point, C = solution.point.at_frequency(freq_hz), sp.csr_array(sensors)
     alpha = float(point.stiffness.diagonal().mean()) / max(float((C.data**2).mean()) if C.nnz else 0.0, 1e-300)
     A = sp.csr_array(point.stiffness - (2.0 * np.pi * freq_hz) ** 2 * point.mass + alpha * (C.T @ C))
     vectors = factorise(A).solve(np.asfortranarray(C.T.toarray()))
@@ -175,7 +175,7 @@ def dynamic_expansion(solution: EigenSolution, sensors: sp.csr_array, freq_hz: f
 def minimum_residual(
     solution: EigenSolution, sensors: sp.csr_array, freq_hz: float, noise: float = 0.01
 ) -> MinimumResidual:
-    """Minimum dynamic residual at a frequency.
+    """Minimum dynamic residual at a frequency, with the stiffness of this frequency.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def minimum_residual(
     ------
     SingularMatrixError : the dynamic stiffness is singular
     """
-    point, values, C = solution.point, solution.eigenvalues, sp.csr_array(sensors)
+    point, values, C = solution.point.at_frequency(freq_hz), solution.eigenvalues, sp.csr_array(sensors)
     shift = 0.0 if values[0] > _RIGID * values.max() else min(solution.shift, 0.0)
     K = sp.csr_array(point.stiffness - shift * point.mass)
     eigenvalue = (2.0 * np.pi * freq_hz) ** 2

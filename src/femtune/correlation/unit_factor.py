@@ -11,6 +11,11 @@ from femtune.modal import ModeSet
 from femtune.modal.shape_criteria import mac_where_defined
 
 FACTORS = {
+    1e6: "coordinates in millimetres and sections in metres, or the reverse (the square of 1000)",
+    25.4: "lengths in inches and in millimetres (25.4)",
+    25.4**2: "coordinates in inches and sections in millimetres, or the reverse (the square of 25.4)",
+    1.0 / 0.0254: "lengths in inches and in metres (39.37)",
+    0.0254**-2: "coordinates in inches and sections in metres, or the reverse (the square of 39.37)",
     1000.0: "a modulus or length in other units (the square root of 1e6)",
     1000.0**0.5: "kilograms and tonnes (the square root of 1000)",
     386.0886**0.5: "weight instead of mass in inches (the square root of 386.09)",

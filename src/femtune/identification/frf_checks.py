@@ -16,8 +16,8 @@ from femtune.modal.frf_set import KINDS
 
 POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
-RECIPROCAL = 0.25
-"""Relative difference of H_ij and H_ji that is reported."""
+RECIPROCAL, COUPLED = 0.25, 0.02
+"""Relative difference of H_ij and H_ji that is reported, and their least size relative to the driving points."""
 KNOWN_FACTORS = {
     "g instead of m/s²": 9.80665,
     "mm instead of m": 1000.0,
@@ -29,11 +29,16 @@ KNOWN_FACTORS = {
 
 @dataclass(frozen=True)
 class Reciprocity:
-    """Difference of two functions that should be one: |H_ij − H_ji| over their mean, norms over the lines."""
+    """Difference of two functions that should be one: |H_ij − H_ji| over their mean, norms over the lines.
+
+    `coupling` is this mean over the geometric mean of both driving points: where it is small, as between directions
+    that a symmetric structure does not couple, the difference is one of noise.
+    """
 
     first: str
     second: str
     difference: float
+    coupling: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +98,10 @@ def reciprocity(frfs: FrfSet) -> tuple[Reciprocity, ...]:
             known = np.isfinite(one) & np.isfinite(other)
             size = np.linalg.norm(one[known]) + np.linalg.norm(other[known])
             gap = float(2.0 * np.linalg.norm(one[known] - other[known]) / size) if size else float("nan")
-            found.append(Reciprocity(str(frfs.references[p.reference]), str(frfs.references[q.reference]), gap))
+            own = [np.linalg.norm(np.nan_to_num(frfs.values[r.response, r.reference])[known]) for r in (p, q)]
+            coupling = float(0.5 * size / np.sqrt(own[0] * own[1])) if all(own) else float("inf")
+            first, second = (str(frfs.references[r.reference]) for r in (p, q))
+            found.append(Reciprocity(first, second, gap, coupling))
     return tuple(found)
 
 
@@ -222,5 +230,5 @@ def _driving(frfs: FrfSet) -> Iterator[Notice]:
 
 def _not_reciprocal(frfs: FrfSet) -> Iterator[Notice]:
     for pair in reciprocity(frfs):
-        if pair.difference > RECIPROCAL:
+        if pair.difference > RECIPROCAL and pair.coupling > COUPLED:
             yield Notice("frf.not-reciprocal", first=pair.first, second=pair.second, difference=pair.difference)

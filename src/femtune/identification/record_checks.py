@@ -15,6 +15,8 @@ DEAD = 1e-3
 """A channel whose rms is below this part of the median of its quantity is dead."""
 CLIPPED_RUNS = 3
 """Runs of equal extreme samples that are more than chance."""
+CLIPPED, PILED, NEXT = 10, 4, 5
+"""Samples at an extreme that are more than chance: this many, and this many times those of any of the next values."""
 DRIFT = 0.5
 """Part of a channel's power in its trend (a polynomial of third degree) above which it drifts."""
 CUT = 0.02
@@ -71,16 +73,30 @@ def _dead(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:
 
 
 def _clipped(values: Reals) -> NDArray[np.bool_]:
-    """Several runs of three or more equal samples at an extreme: a wave has one such sample, coarse steps a few."""
+    """Many equal samples at an extreme other than zero, the value of a force between impacts.
+
+    Several runs of three or more: a wave has one such sample, coarse steps a few. Or single samples, where the signal
+    is fast, that are far more than those of the values next to the extreme.
+    """
     found = []
     for row in values:
-        runs = 0
-        for extreme in (row.max(), row.min()):
-            at = np.concatenate([[False], row == extreme, [False]])
-            starts, ends = np.flatnonzero(np.diff(at.astype(int)) == 1), np.flatnonzero(np.diff(at.astype(int)) == -1)
-            runs = max(runs, int(np.sum(ends - starts >= 3)))
-        found.append(runs >= CLIPPED_RUNS and len(np.unique(row)) > 16)
+        levels, counts = np.unique(row, return_counts=True)
+        ends = [(levels[-1], counts[-1], counts[-1 - NEXT : -1]), (levels[0], counts[0], counts[1 : 1 + NEXT])]
+        found.append(
+            len(levels) > 16
+            and any(
+                _runs(row == extreme) >= CLIPPED_RUNS or (count >= CLIPPED and count > PILED * beside.max())
+                for extreme, count, beside in ends
+                if extreme != 0.0
+            )
+        )
     return np.array(found)
+
+
+def _runs(at: NDArray[np.bool_]) -> int:
+    """Runs of three or more."""
+    steps = np.diff(np.concatenate([[False], at, [False]]).astype(int))
+    return int(np.sum(np.flatnonzero(steps == -1) - np.flatnonzero(steps == 1) >= 3))
 
 
 def _drifting(values: Reals) -> NDArray[np.bool_]:

@@ -385,6 +385,7 @@ def _modal(built: BuiltModel) -> str:
 _MOST_GROUNDING = 10
 
 _NOT_TESTED = "not tested: the factorisation hides the inertia"
+_AT_OWN_FREQUENCY = "not tested: the stiffness depends on frequency"
 
 
 def model_facts(study: Study) -> ModelFacts:
@@ -631,6 +632,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
     counted = solution.sturm_count >= 0
     below = int((solution.eigenvalues < solution.sturm_shift).sum())
     shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
+    untested = _AT_OWN_FREQUENCY if solution.point.depends_on_frequency else _NOT_TESTED
     sentence = f"the Sturm count is {solution.sturm_count} eigenvalues below {shift_hz:.6g} Hz; {below} were found"
     return ModelModes(
         configuration=name,
@@ -640,7 +642,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         sturm_shift_hz=shift_hz if counted else None,
         sturm_count=solution.sturm_count if counted else None,
         modes_below_shift=below if counted else None,
-        sturm_sentence="; ".join([sentence if counted else _NOT_TESTED, *_by_whom(solution)]),
+        sturm_sentence="; ".join([sentence if counted else untested, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
         solver=solution.method,
         alerts=tuple(_of_drilling(name, solution)),

@@ -292,6 +292,7 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
 
 
 _FORCED = "damping and forced response: only natural frequencies and mode shapes were compared"
+_NO_RESPONSE = "forced response: no measured FRFs were compared with those of the model"
 _DAMPING = "modal damping: no damping ratio of a test mode was compared with that of the model"
 _LEVELS = "forced response levels: all measured FRFs were used in the update; none was held out to compare its level"
 _LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
@@ -537,13 +538,16 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
     predicted : whether FRFs that were not used are beside those of the model
     responses : those of [response] at the end
     """
-    # no residual and no criterion compares the damping ratio of a mode
+    with_ratios = any(c.entry.kind in ("complex-eigenvalue", "damping") for c in study.file.comparisons)
+    of_modes = () if with_ratios else (_DAMPING,)
     if predicted:
-        return (_DAMPING,)
+        return of_modes
     if compares_frfs(study):
-        return _DAMPING, _LEVELS
+        return *of_modes, _LEVELS
     measured = any(r.frfs is not None and r.frfs.test_values_key for r in responses)
-    return () if measured else (_FORCED,)
+    if measured:
+        return ()
+    return (_NO_RESPONSE,) if with_ratios else (_FORCED,)
 
 
 def compares_frfs(study: Study) -> bool:

@@ -26,6 +26,8 @@ def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: 
     ------
     FemtuneError : ``quantify.interval`` for more than eight parameters whose effect is not known to be monotone
     """
+    if outputs.paired.states[0].case.configured.model.tables:
+        return _without("they are not computed for values that depend on frequency ([[frequency_table]])", 0)
     measured = np.nanmin(hz, axis=0), np.nanmax(hz, axis=0)
     half = np.maximum(_HALF_WIDTH * found.sd, _LEAST * found.start_sd)
     signs, counted = _signs(outputs), Counted(outputs)
@@ -34,11 +36,13 @@ def parameter_intervals(outputs: FrequencyOutputs, found: StochasticResult, hz: 
     try:
         box = interval_update(counted, measured, (found.mean - half, found.mean + half), signs)
     except FemtuneError as error:
-        return IntervalResults(
-            ok=False, proven=False, sentence=f"No intervals of the parameters were found: {error.what}.",
-            solutions=counted.solutions, parameters=(), outputs=(),
-        )  # fmt: skip
+        return _without(error.what, counted.solutions)
     return _record(outputs, found, box, measured)
+
+
+def _without(reason: str, solutions: int) -> IntervalResults:
+    sentence = f"No intervals of the parameters were found: {reason}."
+    return IntervalResults(ok=False, proven=False, sentence=sentence, solutions=solutions, parameters=(), outputs=())
 
 
 def _signs(outputs: FrequencyOutputs) -> Reals:

@@ -69,7 +69,12 @@ def _note(record: ExpansionResults) -> str:
     else:
         words += "The error at sensors that are left out is not tested: there is only one sensor. "
     modes = ", ".join(map(str, record.serep_modes)) or NONE
-    return f"{words}SEREP uses model modes {modes}."
+    words += f"SEREP uses model modes {modes}."
+    unknown = {e.method for m in record.modes for e in m.errors if e.error_percent is None}
+    if record.groups and unknown:
+        words += f" {NONE}: the other sensors do not determine the shape"
+        words += "; for SEREP use fewer modes (expand_modes)." if "serep" in unknown else "."
+    return words
 
 
 # ----------------------------------------------------------------------------------------------------
