@@ -257,6 +257,12 @@ def test_the_page_can_be_kept_as_results(free: Path) -> None:
     assert again == found.results
     assert set(again.array_keys()) <= set(found.arrays)
     page = html_text(build_plan_page(again, found.arrays))
+    assert {c.key for c in again.citations} == {
+        "kammer2005",
+        "kammer2004",
+        *["fedorov1972"] * bool(found.record.exchanges),
+    }
+    assert "Kammer" in page
     assert "T1" in page
     assert "AutoMAC" in page
 
@@ -266,6 +272,21 @@ def test_how_a_plan_shows_itself(free: Path) -> None:
     assert repr(found).startswith("PlanResult: as the deck: 1 triaxial, 4 uniaxial sensors for 3 target modes")
     assert found.sensors.column("kind").tolist() == ["triaxial"] + ["uniaxial"] * 4
     assert found.modes[0].number == 7
+
+
+def test_options_replace_single_keys_of_the_study(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate_deck())
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "m-kg-s"\n[plan]\nmodes = [7, 8, 9]\nuniaxial = 9\n'
+        "region = { box = [[0.0, 0.0, -1.0], [0.4, 0.6, 1.0]] }\n[[plan.suspension]]\nnodes = [1, 9]\n"
+        "stiffness = [1.0, 1.0, 1.0]\n"
+    )
+    found = steps.plan(study, uniaxial=4)
+    assert len(found.record.sensors) == 4
+    assert found.record.candidate_points == 5 * (_NY + 1)
+    assert found.record.suspension is not None
+    assert [m.number for m in found.record.modes] == [7, 8, 9]
 
 
 def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from femtune.reporting.document import (
     AlertBox,
     Cell,
     Figure,
+    Heading,
     KeyNumber,
     KeyNumbers,
     Listing,
@@ -274,7 +275,9 @@ def mode_table(plan: PlanResults) -> Table:
 def plan_method(source: ReportSource) -> list[Block]:
     """How the candidates were found, and how the sensors were placed."""
     plan = _plan(source)
-    return [Listing(tuple(method_sentences(plan)))]
+    cited = tuple(c.text for c in source.results.citations)
+    sources: list[Block] = [Heading("Publications"), Listing(cited)] if cited else []
+    return [Listing(tuple(method_sentences(plan))), *sources]
 
 
 def method_sentences(plan: PlanResults) -> list[str]:

@@ -21,13 +21,14 @@ from femtune.files.study_file.kinds import number_list
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
 from femtune.results.base import alert
-from femtune.results.model import model_facts, model_modes
+from femtune.results.model import model_modes
 from femtune.results.plan import PlannedSensor, PlannedSet, PlanResults, TargetMode
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.shapes import grid_translations, mode_shapes
 from femtune.results.solved import nominal, solve
 from femtune.results.step_results import PlanResult
+from femtune.results.update import citations
 from femtune.study.planning.candidates import (
     Sites,
     Uniaxial,
@@ -119,12 +120,25 @@ def plan_test(
     results = Results(
         provenance=provenance(inputs, watch),
         study=facts if study.units_known else facts.model_copy(update={"units": ""}),
-        model=model_facts(study),
         modes=(model_modes(case.name, "before", solution),),
         mode_shapes=(_drawn(case, solution, arrays),),
         plan=record,
+        citations=citations(_papers(record)),
     )
     return PlanResult(record, results, arrays, remarks=tuple(found.remarks), files=files.written)
+
+
+def _papers(record: PlanResults) -> list[str]:
+    """Keys of the publications on what ran."""
+    kinds = {s.kind for s in record.sensors if not s.given}
+    search = ["kammer1991"] if record.method == "elimination" else ["kammer2005"]
+    return [
+        *(search if record.aim == "modes" and kinds & {"triaxial", "uniaxial"} else []),
+        *(["kammer2004"] if record.aim == "modes" and "triaxial" in kinds else []),
+        *(["fedorov1972"] if record.exchanges else []),
+        *(["atkinson2007"] if record.aim == "parameters" else []),
+        *(["williams1985"] if record.exciters else []),
+    ]
 
 
 def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str | None, progress: Progress) -> Study:
@@ -235,7 +249,7 @@ class _Plan:
         table, targets = self.table, self.targets
         given = given_sensors(self.study, self.case, self.solution, targets.positions, table)
         triaxial, uniaxial = self._counts(given)
-        masses = masses_at(self.study, self.case, self.sites.rows)
+        masses = masses_at(self.study, self.case, table, self.sites.rows)
         names = tuple(str(j + 1) for j in targets.positions)
         known = self._for_parameters(given)
         plan = SensorPlan(table, self.sites, masses, given, self.xyz, names, known)

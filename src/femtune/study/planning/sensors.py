@@ -75,6 +75,7 @@ def given_sensors(
     FemtuneError : ``plan.placed``, ``model.unknown-node``
     """
     nodes, found = study.model.structure.nodes, []
+    masses = masses_at(study, case, table, np.arange(len(nodes.ids))) if table.placed else np.zeros(0)
     taken: set[tuple[int, int]] = set()
     for i, text in enumerate(table.placed):
         where = study.file.where("plan", "placed", i)
@@ -91,8 +92,7 @@ def given_sensors(
         motion = grid_translations(case.configured, solution, np.array([row]))[0][:, targets]
         shapes = axes @ motion if axis is None else axes[[axis]] @ motion
         kind: SensorKind = "triaxial" if axis is None else "uniaxial"
-        mass = float(masses_at(study, case, np.array([row]))[0])
-        found.append(SiteSensor(kind, row, axes, axis, shapes, mass, given=True))
+        found.append(SiteSensor(kind, row, axes, axis, shapes, float(masses[row]), given=True))
     return tuple(found)
 
 
