@@ -373,6 +373,64 @@ _register(
     volume="40",
     year="1932",
 )
+_register(
+    "kammer1991",
+    "article",
+    author="Kammer, D. C.",
+    title="Sensor placement for on-orbit modal identification and correlation of large space structures",
+    journal="Journal of Guidance, Control, and Dynamics",
+    volume="14",
+    number="2",
+    pages="251--259",
+    year="1991",
+)
+_register(
+    "kammer2004",
+    "article",
+    author="Kammer, D. C. and Tinker, M. L.",
+    title="Optimal placement of triaxial accelerometers for modal vibration tests",
+    journal="Mechanical Systems and Signal Processing",
+    volume="18",
+    number="1",
+    pages="29--41",
+    year="2004",
+)
+_register(
+    "kammer2005",
+    "article",
+    author="Kammer, D. C.",
+    title="Sensor set expansion for modal vibration testing",
+    journal="Mechanical Systems and Signal Processing",
+    volume="19",
+    number="4",
+    pages="700--713",
+    year="2005",
+)
+_register(
+    "fedorov1972",
+    "book",
+    author="Fedorov, V. V.",
+    title="Theory of Optimal Experiments",
+    publisher="Academic Press",
+    year="1972",
+)
+_register(
+    "williams1985",
+    "inproceedings",
+    author="Williams, R. and Crowley, J. and Vold, H.",
+    title="The multivariate mode indicator function in modal analysis",
+    booktitle="Proceedings of the 3rd International Modal Analysis Conference",
+    pages="66--70",
+    year="1985",
+)
+_register(
+    "atkinson2007",
+    "book",
+    author="Atkinson, A. C. and Donev, A. N. and Tobias, R. D.",
+    title="Optimum Experimental Designs, with SAS",
+    publisher="Oxford University Press",
+    year="2007",
+)
 
 
 def citation(key: str) -> Citation:

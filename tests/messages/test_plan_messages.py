@@ -67,6 +67,9 @@ def _refused(folder: Path, text: str, **options: Any) -> FemtuneError:
         ("plan.exciters, no candidate", '[plan]\nmodes = [1, 2]\nexciters = 1\nexciter_nodes = [1]\n'),
         ("plan.exciters, rotation", '[plan]\nmodes = [1, 2]\nexciters_placed = ["2RX+"]\n'),
         ("plan.exciters, still", '[plan]\nmodes = [1, 2]\nexciters_placed = ["1X+"]\n'),
+        ("plan.parameters, none", '[plan]\nmodes = [1, 2]\naim = "parameters"\n'),
+        ("plan.parameters, elimination", '[plan]\naim = "parameters"\nmethod = "elimination"\n'),
+        ("plan.parameters, sd", "[plan]\nshape_sd = 0.0\n"),
         ("plan.suspension", '[plan]\nmodes = [1, 2]\n[[plan.suspension]]\nnodes = [2]\nstiffness = [1.0, 1.0, 1.0]\n'),
     ],
 )  # fmt: skip
@@ -150,6 +153,14 @@ def test_alerts_of_the_setup(tmp_path: Path) -> None:
     for one in found.record.alerts:
         words = re.sub(r"[0-9]+\.[0-9]+", "1.00", one.sentence)
         check_shown(one.code, f"[{one.code}] {words}")
+
+
+def test_parameters_that_the_test_tells_nothing_of(tmp_path: Path) -> None:
+    parameter = '[[parameter]]\nname = "nu"\nfields = ["PBAR 1 J"]\nlower = 0.99\nupper = 1.01\n'
+    text = parameter + "[plan]\nmodes = [1, 2]\nuniaxial = 3\n"
+    found = steps.plan(_study(tmp_path, text))
+    (alert,) = [a for a in found.record.alerts if a.code == "plan.uninformed"]
+    check_shown(alert.code, f"[{alert.code}] {alert.sentence}")
 
 
 def test_modes_that_look_alike_at_the_sensors(tmp_path: Path) -> None:

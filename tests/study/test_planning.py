@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterable
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import pyuff
 from click.testing import CliRunner
+from scipy.stats import qmc
 
 from femtune import Study, steps
+from femtune.arrays import Reals
 from femtune.cli import main
 from femtune.errors import FemtuneError
 from femtune.files.uff import scan_uff
@@ -21,6 +26,7 @@ from femtune.reporting import build_plan_page, html_text
 from femtune.results.results import Results
 from femtune.results.step_results import PlanResult
 from femtune.study.planning.candidates import surface_normals
+from structures.plan_chain import BOUNDS, NAMES, chain_deck, chain_modes, scatter_of_updates
 
 _NX, _NY = 8, 6
 
@@ -251,6 +257,12 @@ def test_the_page_can_be_kept_as_results(free: Path) -> None:
     assert again == found.results
     assert set(again.array_keys()) <= set(found.arrays)
     page = html_text(build_plan_page(again, found.arrays))
+    assert {c.key for c in again.citations} == {
+        "kammer2005",
+        "kammer2004",
+        *["fedorov1972"] * bool(found.record.exchanges),
+    }
+    assert "Kammer" in page
     assert "T1" in page
     assert "AutoMAC" in page
 
@@ -260,6 +272,21 @@ def test_how_a_plan_shows_itself(free: Path) -> None:
     assert repr(found).startswith("PlanResult: as the deck: 1 triaxial, 4 uniaxial sensors for 3 target modes")
     assert found.sensors.column("kind").tolist() == ["triaxial"] + ["uniaxial"] * 4
     assert found.modes[0].number == 7
+
+
+def test_options_replace_single_keys_of_the_study(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate_deck())
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[study]\ntitle = "Plate"\ndeck = "plate.bdf"\nunits = "m-kg-s"\n[plan]\nmodes = [7, 8, 9]\nuniaxial = 9\n'
+        "region = { box = [[0.0, 0.0, -1.0], [0.4, 0.6, 1.0]] }\n[[plan.suspension]]\nnodes = [1, 9]\n"
+        "stiffness = [1.0, 1.0, 1.0]\n"
+    )
+    found = steps.plan(study, uniaxial=4)
+    assert len(found.record.sensors) == 4
+    assert found.record.candidate_points == 5 * (_NY + 1)
+    assert found.record.suspension is not None
+    assert [m.number for m in found.record.modes] == [7, 8, 9]
 
 
 def test_only_the_configuration_that_is_asked_for_is_planned(tmp_path: Path) -> None:
@@ -379,3 +406,91 @@ def test_everything_is_on_the_page_and_in_the_files(free: Path, tmp_path: Path) 
         assert words in page
     assert table.read_text().splitlines()[-1].startswith(f"E1,exciter,{found.record.exciters[0].node},")
     assert found.record.exciters[0].node in read_geometry(scan_uff(frame))[0].nodes
+
+
+_CALIBRATION = {"frequency_sd": 0.002, "shape_sd": 0.03}
+
+
+def _chain(folder: Path, **more: Any) -> Study:
+    fields = {name: [f"PELAS {g + 1} K"] for g, name in enumerate(NAMES)}
+    parameters = [{"name": n, "fields": f, "lower": BOUNDS[0], "upper": BOUNDS[1]} for n, f in fields.items()]
+    plan = {"modes": "1 THRU 4", "directions": ("X",), "uniaxial_threshold": 0.0, **_CALIBRATION, **more}
+    return Study(model=chain_deck(folder), units="m-kg-s", parameters=parameters, modes={"count": 6}, plan=plan)
+
+
+def _expected(nodes: list[int], at: Reals | None = None) -> tuple[Reals, Reals]:
+    """F of the chain by central differences, per prior standard deviation, and standard deviations with the prior."""
+    x, step, sd = np.ones(3) if at is None else at, 1e-5, (BOUNDS[1] - BOUNDS[0]) / np.sqrt(12.0)
+    rows = np.array(nodes) - 2
+    hz, shapes = chain_modes(x, 4)
+    entry_sd = _CALIBRATION["shape_sd"] * np.abs(shapes).max(axis=0)
+
+    def unit(z: Reals) -> Reals:
+        phi = chain_modes(z, 4)[1]
+        phi = phi * np.sign((phi * shapes).sum(axis=0))
+        return phi[rows] / np.linalg.norm(phi[rows], axis=0)
+
+    blocks = []
+    for e in step * np.eye(3):
+        f = (chain_modes(x + e, 4)[0] - chain_modes(x - e, 4)[0]) / (2.0 * step) / hz / _CALIBRATION["frequency_sd"]
+        u = (unit(x + e) - unit(x - e)) / (2.0 * step) * np.linalg.norm(shapes[rows], axis=0) / entry_sd
+        blocks.append(np.concatenate([f, u.ravel()]) * sd)
+    J = np.array(blocks).T
+    F = J.T @ J
+    return F, sd * np.sqrt(np.diag(np.linalg.inv(np.eye(3) + F)))
+
+
+def test_expected_standard_deviations_beside_differences(tmp_path: Path) -> None:
+    found = steps.plan(_chain(tmp_path, uniaxial=6))
+    F, expected = _expected([s.node for s in found.record.sensors])
+    sd = (BOUNDS[1] - BOUNDS[0]) / np.sqrt(12.0)
+    assert [p.name for p in found.record.parameters] == list(NAMES)
+    assert found.parameters.column("expected_sd") == pytest.approx(expected, rel=1e-5)
+    assert found.parameters.column("data_sd") == pytest.approx(sd * np.sqrt(np.diag(np.linalg.inv(F))), rel=1e-5)
+    assert found.parameters.column("prior_sd") == pytest.approx([sd] * 3)
+    assert (found.parameters.column("frequencies_sd") > expected).all()
+    assert "σ expected" in html_text(build_plan_page(found.results, found.arrays))
+
+
+@pytest.mark.parametrize("criterion", ["D", "A"])
+def test_sensors_for_the_parameters_are_the_best_of_all_sets(tmp_path: Path, criterion: str) -> None:
+    found = steps.plan(_chain(tmp_path, aim="parameters", criterion=criterion, uniaxial=4))
+
+    def score(nodes: Iterable[int]) -> float:
+        F = np.eye(3) + _expected(list(nodes))[0]
+        return float(np.linalg.slogdet(F)[1] if criterion == "D" else -np.trace(np.linalg.inv(F)))
+
+    own = score(s.node for s in found.record.sensors)
+    # 1,001 sets of four of the fourteen masses
+    every = [score(some) for some in combinations(range(2, 16), 4)]
+    assert own == pytest.approx(max(every), rel=1e-3 if criterion == "D" else 0.03)
+    assert own >= np.quantile(every, 0.99)
+    assert all(p.candidates_sd is not None and p.candidates_sd <= p.expected_sd for p in found.record.parameters)
+
+
+def test_points_within_the_bounds(tmp_path: Path) -> None:
+    found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=6, points=4, average="worst", seed=3))
+    lower, upper = BOUNDS
+    unit = qmc.LatinHypercube(3, rng=np.random.default_rng(3)).random(3)
+    nodes = [s.node for s in found.record.sensors]
+    each = [_expected(nodes)[1], *(_expected(nodes, lower + (upper - lower) * u)[1] for u in unit)]
+    assert found.parameters.column("expected_sd") == pytest.approx(each[0], rel=1e-5)
+    assert found.parameters.column("worst_sd") == pytest.approx(np.max(each, axis=0), rel=1e-4)
+
+
+def test_given_and_triaxial_sensors_count_for_the_parameters(tmp_path: Path) -> None:
+    found = steps.plan(_chain(tmp_path, aim="parameters", triaxial=2, uniaxial=2, placed=("15X+",)))
+    nodes = [s.node for s in found.record.sensors]
+    assert nodes[0] == 15
+    assert found.parameters.column("expected_sd") == pytest.approx(_expected(nodes)[1], rel=1e-5)
+
+
+@pytest.mark.slow
+def test_the_scatter_of_1000_simulated_tests_is_the_expected_one(tmp_path: Path) -> None:
+    found = steps.plan(_chain(tmp_path, aim="parameters", uniaxial=6))
+    shapes = chain_modes(np.ones(3), 4)[1]
+    entry_sd = _CALIBRATION["shape_sd"] * np.abs(shapes).max(axis=0)
+    masses = np.array([s.node - 1 for s in found.record.sensors])
+    factors = scatter_of_updates(masses, np.arange(1, 5), _CALIBRATION["frequency_sd"], entry_sd, 1000)
+    # the standard error of a standard deviation of 1000 values is 2.2 %
+    assert factors.std(axis=0) == pytest.approx(found.parameters.column("data_sd"), rel=0.1)

@@ -5,6 +5,14 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.planning.calibration import (
+        CalibrationObjective,
+        CalibrationPoint,
+        ClusterShapes,
+        data_sd,
+        expected_sd,
+        joined_information,
+    )
     from femtune.planning.exciters import driving_point_levels, mode_indicator, place_exciters
     from femtune.planning.independence import (
         Candidates,
@@ -25,18 +33,24 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "CalibrationObjective",
+    "CalibrationPoint",
     "Candidates",
     "ChosenSensors",
+    "ClusterShapes",
     "Placed",
     "RecordLength",
     "SensorOutcome",
     "Suspended",
     "calibration_lines",
+    "data_sd",
     "driving_point_levels",
     "eliminate",
     "expand",
+    "expected_sd",
     "farthest_points",
     "information_of",
+    "joined_information",
     "log_det",
     "mesh_distances",
     "mode_indicator",

@@ -9,7 +9,9 @@ Sources: Kammer 1991 (elimination), Kammer and Tinker 2004 (triaxial sensors), K
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,6 +201,7 @@ def expand(
     threshold: float = 0.0,
     *,
     exchange: bool = True,
+    objective: Objective | None = None,
 ) -> ChosenSensors:
     """Add `count` candidates one by one, each the one that increases det Q most.
 
@@ -211,6 +214,7 @@ def expand(
     placed : sensors that are there already, which also reject candidates
     threshold : T_s, least part of the output of a candidate that no single placed sensor reproduces; 0 rejects none
     exchange : False for the plain expansion of a set
+    objective : another one in place of det Q
 
     Raises
     ------
@@ -218,7 +222,7 @@ def expand(
     """
     fixed = _fixed(candidates, placed)
     check_independent(candidates, fixed)
-    search = _Search(candidates, fixed, placed, threshold)
+    search = _Search(candidates, objective or _Independence(candidates, fixed), placed, threshold)
     while len(search.chosen) < count and search.open.any():
         search.add()
     exchanges = search.exchange() if exchange else 0
@@ -226,21 +230,43 @@ def expand(
     return ChosenSensors(np.array(search.chosen, np.int64), rejected, exchanges)
 
 
+class Objective(Protocol):
+    """What a set of sensors is chosen for."""
+
+    def scores(self, chosen: Sequence[int]) -> Reals:
+        """(s,) score of the chosen candidates with each candidate added, on a logarithmic or another fixed scale."""
+        ...
+
+
+class _Independence:
+    """log det Q."""
+
+    def __init__(self, candidates: Candidates, fixed: Reals) -> None:
+        # modes of any scale count alike while the set does not determine them all
+        scale = np.sqrt(np.maximum(np.diag(fixed + information_of(candidates.rows)), 1e-300))
+        self._rows = candidates.rows / scale
+        self._fixed = fixed / np.outer(scale, scale) + _START * np.eye(len(scale))
+
+    def scores(self, chosen: Sequence[int]) -> Reals:
+        Q = self._fixed + information_of(self._rows[list(chosen)])
+        gains = _determinants(np.eye(self._rows.shape[1]) + _shares(self._rows, Q))
+        return np.asarray(log_det(Q) + np.log(np.maximum(gains, 1e-300)))
+
+
 class _Search:
     """A set that grows; `blocked` counts for each candidate the placed sensors that exclude it."""
 
-    def __init__(self, candidates: Candidates, fixed: Reals, placed: tuple[Placed, ...], threshold: float) -> None:
-        self._shapes, self._rows, self._threshold = candidates.shapes, candidates.rows, threshold
-        # modes of any scale count alike while the set does not determine them all
-        self._scale = np.sqrt(np.maximum(np.diag(fixed + information_of(self._rows)), 1e-300))
-        self._rows = self._rows / self._scale
-        self._size = np.sqrt(np.maximum(np.diag(information_of(self._shapes)), 1e-300))
-        self._Q = fixed / np.outer(self._scale, self._scale) + _START * np.eye(len(self._scale))
+    def __init__(
+        self, candidates: Candidates, objective: Objective, placed: tuple[Placed, ...], threshold: float
+    ) -> None:
+        self._objective, self._threshold = objective, threshold
+        size = np.sqrt(np.maximum(np.diag(information_of(candidates.shapes)), 1e-300))
+        self._shapes = candidates.shapes / size
         self.chosen: list[int] = []
         self.blocked = np.zeros(len(candidates), np.int64)
         for sensors in placed:
             for sensor in sensors.shapes:
-                self.blocked += self._alike(sensor)
+                self.blocked += self._alike(sensor / size)
 
     @property
     def open(self) -> Flags:
@@ -250,26 +276,21 @@ class _Search:
     def _alike(self, sensor: Reals) -> Flags:
         if self._threshold <= 0.0:
             return np.zeros(len(self._shapes), bool)
-        return unlike(self._shapes / self._size, sensor / self._size) < self._threshold
+        return unlike(self._shapes, sensor) < self._threshold
 
     def _excluded_by(self, i: int) -> NDArray[np.int64]:
         out = self._alike(self._shapes[i])
         out[i] = True
         return out.astype(np.int64)
 
-    def _gains(self, Q: Reals) -> Reals:
-        """Factor on det Q that each candidate brings."""
-        return _determinants(np.eye(self._rows.shape[1]) + _shares(self._rows, Q))
-
     def add(self) -> None:
         """Place the best candidate."""
-        best = int(np.argmax(np.where(self.open, self._gains(self._Q), -1.0)))
+        best = int(np.argmax(np.where(self.open, self._objective.scores(self.chosen), -np.inf)))
         self.chosen.append(best)
-        self._Q = self._Q + information_of(self._rows[best])
         self.blocked += self._excluded_by(best)
 
     def exchange(self) -> int:
-        """Exchange sensors one by one while det Q grows; the number of exchanges."""
+        """Exchange sensors one by one while the score grows; the number of exchanges."""
         exchanges = 0
         for _ in range(_MOST_ROUNDS):
             done = sum(self._exchange_one(place) for place in range(len(self.chosen)))
@@ -280,14 +301,13 @@ class _Search:
 
     def _exchange_one(self, place: int) -> bool:
         old = self.chosen[place]
-        Q = self._Q - information_of(self._rows[old])
         blocked = self.blocked - self._excluded_by(old)
-        gains = self._gains(Q)
-        best = int(np.argmax(np.where(blocked == 0, gains, -1.0)))
-        if best == old or gains[best] <= (1.0 + _BETTER) * gains[old]:
+        scores = self._objective.scores(self.chosen[:place] + self.chosen[place + 1 :])
+        best = int(np.argmax(np.where(blocked == 0, scores, -np.inf)))
+        if best == old or scores[best] <= scores[old] + _BETTER:
             return False
         self.chosen[place] = best
-        self._Q, self.blocked = Q + information_of(self._rows[best]), blocked + self._excluded_by(best)
+        self.blocked = blocked + self._excluded_by(best)
         return True
 
 

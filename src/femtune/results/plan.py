@@ -108,6 +108,29 @@ class SuspensionResults(Record):
     """Change of the frequency of each elastic target mode by the springs, in %; 0 for a rigid-body mode."""
 
 
+class ExpectedParameter(Record):
+    """Standard deviation of a free parameter that an update with the planned test would have."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Its unit; "" for a factor."""
+    nominal: float
+    """Initial value."""
+    prior_sd: float
+    """Standard deviation of the prior."""
+    expected_sd: float
+    """Expected standard deviation with the prior, at the initial values."""
+    worst_sd: float
+    """The largest at the points within the bounds; that at the initial values if there are no others."""
+    data_sd: float | None
+    """Expected standard deviation from the data alone; None if they do not determine the parameter."""
+    frequencies_sd: float
+    """Expected standard deviation with the prior and the frequencies alone."""
+    candidates_sd: float | None
+    """Expected standard deviation if all candidates were measured; None if it was not computed."""
+
+
 class PlannedSensor(Record):
     """A sensor of the plan."""
 
@@ -182,6 +205,19 @@ class PlanResults(Record):
     """All candidate points with three directions, or their uniaxial directions if no triaxial sensor is placed."""
     lines: tuple[tuple[int, int], ...]
     """Trace lines between the grid points of sensors."""
+    aim: str = "modes"
+    """"modes", or "parameters" for sensors that determine the parameters best."""
+    criterion: str | None = None
+    """"D" or "A" for sensors for the parameters; None for others."""
+    points: int = 1
+    """Number of points of the parameters at which the sensors for the parameters are judged."""
+    frequency_sd: float | None = None
+    """Relative standard deviation of a frequency that is assumed; None if the study has no free parameters."""
+    shape_sd: float | None = None
+    """Standard deviation of a shape entry that is assumed, relative to the largest entry of the mode at all candidates;
+    None if the study has no free parameters."""
+    parameters: tuple[ExpectedParameter, ...] = ()
+    """Expected standard deviations of the free parameters."""
     exciters: tuple[PlannedExciter, ...] = ()
     """Exciters."""
     excitation: tuple[ModeExcitation, ...] = ()

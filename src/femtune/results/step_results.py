@@ -265,6 +265,12 @@ class PlanResult(StepResult):
         return rows_of(self.record.excitation, "number", "exciter", "level", "indicator")
 
     @property
+    def parameters(self) -> Rows:
+        """Free parameters: standard deviation of the prior, and those that an update with this test would have."""
+        columns = ("name", "unit", "nominal", "prior_sd", "expected_sd", "worst_sd", "data_sd", "frequencies_sd")
+        return rows_of(self.record.parameters, *columns)
+
+    @property
     def calibration_lines(self) -> NDArray[np.float64] | None:
         """(lines,) frequency lines for a calibration in Hz; None if there are none."""
         lines = self.record.frequency_lines

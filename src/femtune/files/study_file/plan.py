@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Text, TomlTable
+from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Spread, Text, TomlTable
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, number, table
@@ -47,6 +47,13 @@ class PlanTable(TomlTable):
     weighting: Literal["none", "kinetic-energy"] = "none"
     triaxial_threshold: Threshold = 0.05
     uniaxial_threshold: Threshold = 0.01
+    aim: Literal["modes", "parameters"] = "modes"
+    criterion: Literal["D", "A"] = "D"
+    points: Annotated[int, Field(ge=1, le=1000)] = 1
+    average: Literal["mean", "worst"] = "mean"
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    frequency_sd: Spread = 0.005
+    shape_sd: Spread = 0.02
     exciters: Annotated[int, Field(ge=0, le=100)] = 0
     exciters_placed: tuple[DofLabel, ...] = ()
     exciter_nodes: Numbers | None = None
@@ -68,6 +75,11 @@ def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneErro
     if "modes" in plan and "band_hz" in plan:
         shown = {key: plan[key] for key in ("modes", "band_hz")}
         yield source.error(("plan", "band_hz"), "plan.target-modes", shown)
+    if plan.get("aim") == "parameters" and plan.get("method") == "elimination":
+        yield source.error(("plan", "method"), "plan.parameters", {"aim": "parameters", "method": "elimination"})
+    for key in ("frequency_sd", "shape_sd"):
+        if number(plan, key) == 0.0:
+            yield source.error(("plan", key), "plan.parameters/standard-deviation", {key: 0.0}, key=key)
     band = plan.get("band_hz")
     if isinstance(band, tuple | list) and len(band) == 2:
         low, high = (number({"at": value}, "at") for value in band)

@@ -11,6 +11,7 @@ from femtune.reporting.document import (
     AlertBox,
     Cell,
     Figure,
+    Heading,
     KeyNumber,
     KeyNumbers,
     Listing,
@@ -21,7 +22,17 @@ from femtune.reporting.document import (
 )
 from femtune.reporting.figures.matrix import SIDE_BY_SIDE, MatrixPicture, matrix_svg
 from femtune.reporting.figures.sensors import Marks, sensors_svg
-from femtune.reporting.numbers import NONE, counted, freq, listed, short, signed_percent, unit_fraction, with_unit
+from femtune.reporting.numbers import (
+    NONE,
+    counted,
+    freq,
+    listed,
+    short,
+    signed_percent,
+    unit_fraction,
+    value,
+    with_unit,
+)
 from femtune.reporting.sections.mode_shapes import structure_of
 
 if TYPE_CHECKING:
@@ -151,6 +162,33 @@ def exciter_tables(plan: PlanResults, unit: str) -> list[Block]:
     return [Table("", heads, tuple(rows)), Table("Excitation of the target modes", of_modes, tuple(modes), note)]
 
 
+def plan_parameters(source: ReportSource) -> list[Block]:
+    """Expected standard deviations of the parameters."""
+    return parameter_blocks(_plan(source)) or [Paragraph("The study has no free parameters.", "muted")]
+
+
+def parameter_blocks(plan: PlanResults) -> list[Block]:
+    """A table with what was assumed; nothing without parameters."""
+    if not plan.parameters or plan.frequency_sd is None or plan.shape_sd is None:
+        return []
+    several, known = plan.points > 1, plan.parameters[0].candidates_sd is not None
+    titles = ["Parameter", "Unit", ">Initial value", ">σ prior", ">σ expected"]
+    titles += [">σ worst in the bounds"] * several + [">σ data alone", ">σ frequencies alone"]
+    heads = columns(*titles, *[">σ all candidates"] * known)
+    rows = []
+    for p in plan.parameters:
+        worst, every = [short(p.worst_sd)] * several, [short(p.candidates_sd)] * known
+        undetermined = "undetermined" if p.data_sd is None else short(p.data_sd)
+        sds = (short(p.prior_sd), short(p.expected_sd), *worst, undetermined, short(p.frequencies_sd), *every)
+        rows.append(row(p.name, p.unit, value(p.nominal), *sds))
+    assumed = (
+        "Standard deviations that an update with the target modes at these sensors would have, to first order. Assumed "
+        f"are standard deviations of {short(100.0 * plan.frequency_sd)} % of each frequency, and of each shape entry "
+        f"of {short(100.0 * plan.shape_sd)} % of the largest entry of the mode at all candidates."
+    )
+    return [Table("", heads, tuple(rows), assumed)]
+
+
 def plan_setup(source: ReportSource) -> list[Block]:
     """Frequency lines, masses of the sensors, suspension."""
     return setup_blocks(_plan(source), source.results.study.units)
@@ -237,7 +275,9 @@ def mode_table(plan: PlanResults) -> Table:
 def plan_method(source: ReportSource) -> list[Block]:
     """How the candidates were found, and how the sensors were placed."""
     plan = _plan(source)
-    return [Listing(tuple(method_sentences(plan)))]
+    cited = tuple(c.text for c in source.results.citations)
+    sources: list[Block] = [Heading("Publications"), Listing(cited)] if cited else []
+    return [Listing(tuple(method_sentences(plan))), *sources]
 
 
 def method_sentences(plan: PlanResults) -> list[str]:
@@ -251,6 +291,10 @@ def method_sentences(plan: PlanResults) -> list[str]:
         "kinetic-energy": "Candidates are weighted by kinetic energy: shapes are multiplied by the square root of "
         "the mass at the grid point.",
     }
+    if plan.criterion is not None:
+        what = {"D": "determinant of the information on", "A": "sum of the variances of"}[plan.criterion]
+        where = "at the initial values" if plan.points == 1 else f"at {plan.points} points within the bounds"
+        words["expansion"] = f"sensors were placed one by one for the {what} the parameters, {where}"
     found = [
         f"Candidates: {counted(plan.candidate_points, 'grid point')} that move in at least one target mode, with "
         f"{counted(plan.candidate_directions, 'uniaxial direction')}.",

@@ -9,6 +9,7 @@ from femtune.reporting.sections.plan import (
     exciter_tables,
     method_sentences,
     mode_table,
+    parameter_blocks,
     plan_numbers,
     sensor_table,
     setup_blocks,
@@ -31,6 +32,7 @@ def plan_document(subject: Subject, plan: PlanResults) -> Document:
             "sensors", "Sensors", (sensor_table(plan, subject.length_unit), *exciter_tables(plan, subject.length_unit))
         ),
         Section("modes", "Target modes", (mode_table(plan),)),
+        Section("parameters", "Expected standard deviations of the parameters", tuple(parameter_blocks(plan))),
         Section("setup", "Frequency lines, masses, suspension", tuple(setup_blocks(plan, _units(subject)))),
         Section("method", "Method", (Listing(tuple(method_sentences(plan))),)),
     )

@@ -204,7 +204,12 @@ def _moving_axes(sites: Sites, found: Uniaxial) -> Uniaxial:
     return Uniaxial(found.site[some], found.axis[some])
 
 
-def masses_at(study: Study, case: StudyCase, rows: Integers) -> Reals:
-    """(n,) mean of the diagonal entries of the mass matrix at the translations of grid points, before constraints."""
+def masses_at(study: Study, case: StudyCase, table: PlanTable, rows: Integers) -> Reals:
+    """(n,) mean of the diagonal entries of the mass matrix at the translations of grid points, before constraints.
+
+    Ones where nothing is weighted by kinetic energy: the matrix of a large model takes its time.
+    """
+    if table.weighting == "none":
+        return np.ones(len(rows))
     diagonal = grid_matrix(study.model, case.configured.configuration, "mass").diagonal()
     return np.asarray(np.maximum(diagonal[6 * rows[:, None] + np.arange(3)], 0.0).mean(axis=1))

@@ -21,13 +21,14 @@ from femtune.files.study_file.kinds import number_list
 from femtune.model.response.rigid import is_rigid
 from femtune.planning import information_of, mesh_distances, outcome_of, rank_of, set_independence, trace_lines
 from femtune.results.base import alert
-from femtune.results.model import model_facts, model_modes
+from femtune.results.model import model_modes
 from femtune.results.plan import PlannedSensor, PlannedSet, PlanResults, TargetMode
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.shapes import grid_translations, mode_shapes
 from femtune.results.solved import nominal, solve
 from femtune.results.step_results import PlanResult
+from femtune.results.update import citations
 from femtune.study.planning.candidates import (
     Sites,
     Uniaxial,
@@ -46,6 +47,7 @@ from femtune.study.planning.excitation import (
     mode_excitation,
 )
 from femtune.study.planning.files import NO_FILES, PlanFiles, check_plan_files, write_plan_files
+from femtune.study.planning.parameters import Calibration, calibration, expected_parameters
 from femtune.study.planning.sensors import PlacedSensors, SensorPlan, SiteSensor, candidate_shapes, given_sensors
 from femtune.study.solutions import looking_up
 from femtune.units import unit_system
@@ -66,6 +68,8 @@ _ALIKE = 0.5
 """AutoMAC of two target modes from which an alert says that they look alike."""
 _LOADED_PERCENT = 0.5
 """Shift of a frequency by the masses of the sensors from which an alert says so."""
+_UNINFORMED = 0.9
+"""Expected over prior standard deviation of a parameter from which an alert says that the test tells nothing of it."""
 _SOFT = 0.2
 """Highest frequency of a soft suspension relative to the first elastic mode."""
 _PREFIX = {"triaxial": "T", "uniaxial": "U", "visualisation": "V"}
@@ -109,19 +113,32 @@ def plan_test(
         solution = solve(found.study, case, nominal(found.study))
     progress.step("placing the sensors", 0, None)
     with watch.step("sensors"), errors_at(study.file.where("plan")):
-        plan = _Plan(study, case, solution, table)
+        plan = _Plan(found.study, case, solution, table, progress)
         record = plan.record(arrays)
     write_plan_files(study, record, files)
     facts = study_facts(study)
     results = Results(
         provenance=provenance(inputs, watch),
         study=facts if study.units_known else facts.model_copy(update={"units": ""}),
-        model=model_facts(study),
         modes=(model_modes(case.name, "before", solution),),
         mode_shapes=(_drawn(case, solution, arrays),),
         plan=record,
+        citations=citations(_papers(record)),
     )
     return PlanResult(record, results, arrays, remarks=tuple(found.remarks), files=files.written)
+
+
+def _papers(record: PlanResults) -> list[str]:
+    """Keys of the publications on what ran."""
+    kinds = {s.kind for s in record.sensors if not s.given}
+    search = ["kammer1991"] if record.method == "elimination" else ["kammer2005"]
+    return [
+        *(search if record.aim == "modes" and kinds & {"triaxial", "uniaxial"} else []),
+        *(["kammer2004"] if record.aim == "modes" and "triaxial" in kinds else []),
+        *(["fedorov1972"] if record.exchanges else []),
+        *(["atkinson2007"] if record.aim == "parameters" else []),
+        *(["williams1985"] if record.exciters else []),
+    ]
 
 
 def _read(source: Path | str | StudyFile, options: Mapping[str, Any], units: str | None, progress: Progress) -> Study:
@@ -211,8 +228,11 @@ def _wanted(study: Study, solution: EigenSolution, table: PlanTable) -> Integers
 class _Plan:
     """Targets, candidates and sensors of one configuration."""
 
-    def __init__(self, study: Study, case: StudyCase, solution: EigenSolution, table: PlanTable) -> None:
+    def __init__(
+        self, study: Study, case: StudyCase, solution: EigenSolution, table: PlanTable, progress: Progress
+    ) -> None:
         self.study, self.case, self.solution, self.table = study, case, solution, table
+        self.progress = progress
         self.targets = _targets(study, solution, table)
         self.mesh = surface_mesh(case)
         self.xyz = study.model.structure.nodes.xyz
@@ -229,9 +249,10 @@ class _Plan:
         table, targets = self.table, self.targets
         given = given_sensors(self.study, self.case, self.solution, targets.positions, table)
         triaxial, uniaxial = self._counts(given)
-        masses = masses_at(self.study, self.case, self.sites.rows)
+        masses = masses_at(self.study, self.case, table, self.sites.rows)
         names = tuple(str(j + 1) for j in targets.positions)
-        plan = SensorPlan(table, self.sites, masses, given, self.xyz, names)
+        known = self._for_parameters(given)
+        plan = SensorPlan(table, self.sites, masses, given, self.xyz, names, known)
         placed = plan.place(triaxial, uniaxial, table.visualisation)
         anywhere = outcome_of(candidate_shapes(self.sites, plan.uniaxial, bool(triaxial)))
         shapes = np.concatenate([s.shapes for s in placed.sensors])
@@ -241,6 +262,7 @@ class _Plan:
         arrays["plan/auto_mac"] = chosen.auto_mac
         sensors = self._sensors(placed.sensors)
         setup = self._setup(placed.sensors, sensors, plan.uniaxial, arrays)
+        setup |= self._expected(placed.sensors, known, plan.uniaxial)
         return PlanResults(
             configuration=self.case.name,
             modes=tuple(self._mode(j, chosen, anywhere) for j in range(len(targets.positions))),
@@ -262,6 +284,40 @@ class _Plan:
             alerts=(*self._alerts(placed, chosen), *self._alerts_of_setup(setup)),
             **setup,
         )
+
+    def _for_parameters(self, given: tuple[SiteSensor, ...]) -> Calibration | None:
+        """Derivatives at all candidates, where the sensors are placed for the parameters."""
+        if self.table.aim != "parameters":
+            return None
+        if not self.study.parameters.free:
+            raise FemtuneError("plan.parameters/none", where=self.study.file.where("plan", "aim"))
+        return self._calibration(np.union1d(self.sites.rows, np.array([s.row for s in given], np.int64)))
+
+    def _calibration(self, rows: Integers) -> Calibration:
+        self.progress.step("derivatives of the target modes", 0, None)
+        return calibration(
+            self.study, self.case, self.solution, self.targets.positions, self.sites, rows, self.table, self.progress
+        )
+
+    def _expected(
+        self, sensors: tuple[SiteSensor, ...], known: Calibration | None, uniaxial: Uniaxial
+    ) -> dict[str, Any]:
+        """Expected standard deviations of the parameters; fields of the record by name."""
+        table, every = self.table, None
+        if not self.study.parameters.free or self.targets.rigid.all():
+            return {}
+        if known is None:
+            known = self._calibration(np.unique([s.row for s in sensors]))
+        else:
+            every = known.of_candidates(self.sites, uniaxial, bool(table.triaxial))
+        return {
+            "aim": table.aim,
+            "criterion": table.criterion if table.aim == "parameters" else None,
+            "points": table.points,
+            "frequency_sd": table.frequency_sd,
+            "shape_sd": table.shape_sd,
+            "parameters": expected_parameters(self.study, known, sensors, every),
+        }
 
     def _setup(
         self, sensors: tuple[SiteSensor, ...], records: tuple[PlannedSensor, ...], uniaxial: Uniaxial, arrays: Arrays
@@ -294,6 +350,9 @@ class _Plan:
         )
 
     def _alerts_of_setup(self, setup: Mapping[str, Any]) -> Iterator[Alert]:
+        vague = [p.name for p in setup.get("parameters", ()) if p.expected_sd > _UNINFORMED * p.prior_sd]
+        if vague:
+            yield alert("warning", "plan.uninformed", names=", ".join(vague), percent=100.0 * _UNINFORMED)
         low = [str(e.number) for e in setup.get("excitation", ()) if e.level < self.table.exciter_level]
         if low:
             percent = 100.0 * self.table.exciter_level

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from femtune.model import EigenSolution
     from femtune.planning import ChosenSensors
     from femtune.results.plan import SensorKind
+    from femtune.study.planning.parameters import Calibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,7 @@ def given_sensors(
     FemtuneError : ``plan.placed``, ``model.unknown-node``
     """
     nodes, found = study.model.structure.nodes, []
+    masses = masses_at(study, case, table, np.arange(len(nodes.ids))) if table.placed else np.zeros(0)
     taken: set[tuple[int, int]] = set()
     for i, text in enumerate(table.placed):
         where = study.file.where("plan", "placed", i)
@@ -90,8 +92,7 @@ def given_sensors(
         motion = grid_translations(case.configured, solution, np.array([row]))[0][:, targets]
         shapes = axes @ motion if axis is None else axes[[axis]] @ motion
         kind: SensorKind = "triaxial" if axis is None else "uniaxial"
-        mass = float(masses_at(study, case, np.array([row]))[0])
-        found.append(SiteSensor(kind, row, axes, axis, shapes, mass, given=True))
+        found.append(SiteSensor(kind, row, axes, axis, shapes, float(masses[row]), given=True))
     return tuple(found)
 
 
@@ -121,7 +122,9 @@ class SensorPlan:
         given: Sequence[SiteSensor],
         xyz: Reals,
         names: tuple[str, ...],
+        calibration: Calibration | None = None,
     ) -> None:
+        self._calibration = calibration
         self._names, self._table, self._sites, self._masses, self._xyz = names, table, sites, masses, xyz
         self.sensors = list(given)
         self.rejected = self.exchanges = 0
@@ -157,16 +160,20 @@ class SensorPlan:
         used = [s.row for s in self.sensors]
         return np.flatnonzero(~np.isin(self._sites.rows, used))
 
-    def _search(self, shapes: Reals, mass: Reals, count: int, kind: SensorKind) -> ChosenSensors:
+    def _search(self, shapes: Reals, site: Integers, axes: Reals, count: int, kind: SensorKind) -> ChosenSensors:
         if count > len(shapes):
             raise FemtuneError("plan.too-many-sensors", wanted=count, kind=kind, candidates=len(shapes))
         table = self._table
         threshold = table.triaxial_threshold if kind == "triaxial" else table.uniaxial_threshold
-        candidates = Candidates(shapes, None if table.weighting == "none" else self._factor(mass), self._names)
+        weights = None if table.weighting == "none" else self._factor(self._masses[site])
+        candidates = Candidates(shapes, weights, self._names)
+        objective = None
+        if self._calibration is not None:
+            objective = self._calibration.objective(self._sites.rows[site], axes, self.sensors)
         if table.method == "elimination":
             found = eliminate(candidates, count, self._placed(), threshold)
         else:
-            found = expand(candidates, count, self._placed(), threshold, exchange=table.exchange)
+            found = expand(candidates, count, self._placed(), threshold, exchange=table.exchange, objective=objective)
         self.rejected += found.rejected
         self.exchanges += found.exchanges
         if len(found.chosen) < count:
@@ -175,14 +182,14 @@ class SensorPlan:
 
     def _triaxial(self, count: int) -> None:
         free = self._free()
-        found = self._search(self._sites.local[free], self._masses[free], count, "triaxial")
+        found = self._search(self._sites.local[free], free, self._sites.axes[free], count, "triaxial")
         self.sensors += [self._sensor("triaxial", int(free[i]), None) for i in found.chosen]
 
     def _uniaxial(self, count: int) -> None:
         open_ = self._open_axes()
         site, axis = self.uniaxial.site[open_], self.uniaxial.axis[open_]
         shapes = self._sites.local[site, axis][:, None, :]
-        found = self._search(shapes, self._masses[site], count, "uniaxial")
+        found = self._search(shapes, site, self._sites.axes[site, axis][:, None, :], count, "uniaxial")
         self.sensors += [self._sensor("uniaxial", int(site[i]), int(axis[i])) for i in found.chosen]
 
     def _open_axes(self) -> Integers:
