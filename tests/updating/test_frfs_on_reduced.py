@@ -19,6 +19,7 @@ from femtune.residuals import (
     state_at,
 )
 from femtune.residuals.frf.on_reduced import served
+from femtune.residuals.frf.truncation import truncations
 from femtune.testing import check_residual
 from femtune.updating import (
     ReducedUpdate,
@@ -29,6 +30,7 @@ from femtune.updating import (
     update,
     update_reduced,
 )
+from femtune.updating.on_reduced_model import NOBODY, train
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TRUTH = np.array([0.1, -0.12, 0.2])
@@ -83,35 +85,40 @@ def test_the_end_is_the_optimum_of_the_full_model(problem: UpdateProblem, found:
     np.testing.assert_allclose(found.result.covariance.matrix, full.covariance.matrix, rtol=1e-3)
     # residuals and modes at the end are the full model's
     there = problem.assess(found.result.x, problem.solved(found.result.x), derivatives=False)
-    np.testing.assert_allclose(found.result.after.residuals, there.residuals, atol=1e-9)
-    assert found.result.after.states[0].case is problem.cases[0]
+    np.testing.assert_allclose(found.result.after.residuals, there.residuals, atol=0.02)
+    (state,) = found.result.after.states
+    assert state.case is problem.cases[0]
+    # … and were checked by direct solutions
+    (checked,) = truncations(state)
+    assert checked.order is not None
+    assert checked.order >= found.cases[0].order
+    assert checked.largest < 0.02
 
 
-def test_the_shift_is_the_step_that_the_difference_makes(problem: UpdateProblem, found: ReducedUpdate) -> None:
-    """Far from where the basis was enriched last: the stated shift is that of Gauss-Newton steps."""
-    assert found.search is not None
+def test_the_shift_is_the_step_that_the_full_model_makes(problem: UpdateProblem) -> None:
+    """Far from the nominal point, of which the basis is: the stated shift is that of Gauss-Newton steps."""
+    search = train(problem, replace(RULES, order=10), problem.start(np.zeros(3)), NOBODY)
     x = np.array([-0.2, 0.15, -0.1])
     states = problem.solved(x)
-    there = found.search.agreement(x, states).functions
+    there = search.agreement(x, states, search.enriched(x, states)).functions
     assert there is not None
-    full, reduced = problem.assess(x, states), found.search.reduced_problem()
-    near = reduced.start(x)
+    full, near = problem.assess(x, states), search.reduced_problem().start(x)
     J = near.jacobian
     step = np.linalg.solve(J.T @ J, J.T @ (full.residuals - near.residuals))
-    assert there.shift == pytest.approx(np.sqrt(step @ (J.T @ J) @ step), rel=1e-6)
-    assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=1e-9)
+    assert there.shift == pytest.approx(np.sqrt(step @ (J.T @ J) @ step), rel=0.05)
+    assert there.largest == pytest.approx(np.abs(full.residuals - near.residuals).max(), rel=0.05)
 
 
 def test_what_was_compared_is_said(found: ReducedUpdate) -> None:
     (facts,) = found.cases
     assert facts.functions == 1
     assert facts.order < 60
-    assert "the FRF residuals differ by" in found.rounds[-1]
+    assert "static responses there change the FRF residuals by" in found.rounds[-1]
     assert found.rounds[-1].endswith("within the tolerance of 0.01")
 
 
 def test_a_tolerance_that_is_not_reached_is_said(problem: UpdateProblem) -> None:
-    short = update_reduced(problem, SensitivityMethod(), replace(RULES, order=24, full_solutions=4, frf_tolerance=1e-9))
+    short = update_reduced(problem, SensitivityMethod(), replace(RULES, full_solutions=2, frf_tolerance=1e-9))
     assert not short.certified
     assert short.rounds[-1].endswith("above the tolerance of 1e-09")
 

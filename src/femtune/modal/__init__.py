@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.modal.equalise import Equalised, equalise_damping, half_band_lines
     from femtune.modal.frf_set import FrfSet, as_kind, fdac, frac, frequency_shift
     from femtune.modal.mode_set import ModeSet
     from femtune.modal.shape_criteria import (
@@ -24,6 +25,7 @@ else:
 
 __all__ = [
     "Channel",
+    "Equalised",
     "FrfSet",
     "ModeSet",
     "Rotation",
@@ -35,10 +37,12 @@ __all__ = [
     "comac",
     "cross_orthogonality",
     "enhanced_comac",
+    "equalise_damping",
     "fdac",
     "frac",
     "freq_and_damping",
     "frequency_shift",
+    "half_band_lines",
     "mac",
     "mac_without_each",
     "modal_scale_factor",

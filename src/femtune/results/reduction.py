@@ -58,14 +58,14 @@ class ReducedModelResults(Record):
 
 
 class ReducedFrfResults(Record):
-    """FRFs of the reduced models compared with those of the full model at the final point, in the residuals used."""
+    """Change of the FRF residuals by the modes and static responses of the full model at the final point."""
 
     mean_difference: float
-    """Root mean square of the differences, in standard deviations of the measured values."""
+    """Root mean square of the change, in standard deviations of the measured values."""
     largest_difference: float
-    """The largest difference, likewise."""
+    """The largest change, likewise."""
     shift: float
-    """How far the differences move the combination of parameters that they move most, in its standard deviation."""
+    """How far the change moves the combination of parameters that it moves most, in its standard deviation."""
     tolerance: float
     """Largest shift that the study allows."""
 

@@ -47,6 +47,8 @@ class FrfTruncation(Record):
     """Key of the residual that limits the number of modes: "count = 4"; "" if the highest line determines it."""
     sentence: str
     """Outcome in a sentence."""
+    reduced_order: int | None = None
+    """Order of the reduced model that the FRFs are computed with; None for modes of the full model."""
 
 
 def frf_truncations(
@@ -79,6 +81,7 @@ def _record(found: Truncation, stage: Literal["before", "after"]) -> FrfTruncati
         missing="" if found.small else found.lacks,
         limit=found.limit,
         sentence=_sentence(found, stage),
+        reduced_order=found.order,
     )
 
 
@@ -86,8 +89,9 @@ def _sentence(found: Truncation, stage: str) -> str:
     if not len(found.lines_hz):
         return "the FRFs are solved for directly at each frequency line, without truncation"
     used = "1 mode" if found.modes == 1 else f"{found.modes} modes"
+    used = f"{used} up to {found.reach_hz:.4g} Hz" if found.order is None else f"a reduced model of order {found.order}"
     error = (
-        f"{stage} the update, FRFs of {used} up to {found.reach_hz:.4g} Hz differ from direct solutions at "
+        f"{stage} the update, FRFs of {used} differ from direct solutions at "
         f"{len(found.lines_hz)} lines by at most {found.largest:.2g} σ of the measured values "
         f"({found.function} at {found.line_hz:.4g} Hz)"
     )

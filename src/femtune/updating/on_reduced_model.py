@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -26,8 +25,8 @@ from femtune.model.reduce import (
     divide,
 )
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
-from femtune.residuals.frf.model_way import settled
-from femtune.residuals.frf.on_reduced import ReducedFrfs, WithSlopes, modes_for, port_rows, served, wanted_of
+from femtune.residuals.frf.on_reduced import ReducedFrfs, modes_for, port_rows, served, wanted_of
+from femtune.residuals.frf.residual import KnownFunctions
 from femtune.residuals.state import reduced_case
 from femtune.updating.equation_error import equation_error_phases
 from femtune.updating.result import Iteration, UpdateResult
@@ -48,6 +47,7 @@ KEPT = 3
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
+_FINER_RESPONSES = 0.1
 
 
 class Told(Protocol):
@@ -152,7 +152,7 @@ class ReducedCaseFacts:
 
 @dataclass(frozen=True)
 class FrfAgreement:
-    """FRF residuals of the reduced models beside those of the full ones at one point.
+    """FRF residuals of reduced models at one point, without and with the full models' modes and responses there.
 
     Parameters
     ----------
@@ -190,9 +190,9 @@ class Agreement:
         return self.frequency <= rules.tolerance and same
 
 
-def frf_agreement(reduced: Sequence[ResidualBlock], full: Sequence[ResidualBlock]) -> FrfAgreement:
-    """Blocks of the reduced models, with their Jacobians, beside those of the full ones."""
-    off = np.concatenate([f.values - r.values for r, f in zip(reduced, full, strict=True)])
+def frf_agreement(reduced: Sequence[ResidualBlock], better: Sequence[ResidualBlock]) -> FrfAgreement:
+    """Blocks of the reduced models beside those of the same models with the full ones' modes and responses."""
+    off = np.concatenate([b.values - r.values for r, b in zip(reduced, better, strict=True)])
     jacobian = np.concatenate([r.jacobian for r in reduced])
     U, size, _ = la.svd(jacobian, full_matrices=False)
     U = U[:, size > _DETERMINED * size.max(initial=0.0)]
@@ -256,49 +256,59 @@ class ReducedSearch:
         """Full modes of the cases that are reduced, as many as something there needs."""
         return [_most_modes(states[i], functions) for i, functions in zip(self.reduced, self.functions)]
 
-    def agreement(self, x: Reals, states: list[CaseState]) -> Agreement:
-        """The reduced models beside the full ones at a point where these are solved."""
-        errors = []
+    def errors(self, x: Reals, states: list[CaseState]) -> list[float]:
+        """Worst relative frequency errors of the reduced models at a point where the full ones are solved."""
+        out = []
         for trainer, trained, solution in zip(self.trainers, self.trained, self.solutions(states)):
             values = solution.eigenvalues[: min(solution.wanted, trainer.rules.count)]
-            errors.append(float(certified_error(trained.model, x, values).max(initial=0.0)))
+            out.append(float(certified_error(trained.model, x, values).max(initial=0.0)))
+        return out
+
+    def agreement(self, x: Reals, states: list[CaseState], better: Sequence[Trained]) -> Agreement:
+        """The reduced models beside the full ones at a point where these are solved.
+
+        Parameters
+        ----------
+        better : the models enriched there, see `enriched`
+        """
+        errors = self.errors(x, states)
         if not any(self.functions):
             return Agreement(tuple(errors), None)
-        pairs = self._function_blocks(x, states, full=True)
-        return Agreement(tuple(errors), frf_agreement(*pairs))
+        pair = ([b for _, blocks in self._functions(x, of) for b in blocks] for of in (self.trained, better))
+        return Agreement(tuple(errors), frf_agreement(*pair))
 
-    def _function_blocks(
-        self, x: Reals, states: list[CaseState], full: bool
-    ) -> tuple[list[ResidualBlock], list[ResidualBlock]]:
-        """Blocks of all FRF residuals that are served: of the reduced models, and of the full ones without slopes."""
-        ours, theirs = list[ResidualBlock](), list[ResidualBlock]()
-        cases = self.reduced_problem().cases
-        for i, functions in zip(self.reduced, self.functions):
-            state = CaseState(cases[i], cases[i].configured.at(x))
-            ours += [b for r in cases[i].residuals if isinstance(r, ReducedFrfs) for b in r.blocks(state, True)]
-            if full:
-                theirs += [b for r in functions for b in r.blocks(states[i], False)]
-        return ours, theirs
+    def _functions(
+        self, x: Reals, trained: Sequence[Trained]
+    ) -> Iterator[tuple[tuple[int, FrfResidual, KnownFunctions], list[ResidualBlock]]]:
+        """FRF residuals that some reduced models serve: the case's position, functions, and blocks."""
+        for i, functions, model in zip(self.reduced, self.functions, (t.model for t in trained)):
+            case = reduced_case(self.problem.cases[i], model, functions)
+            state = CaseState(case, case.configured.at(x))
+            for residual in case.residuals:
+                if isinstance(residual, ReducedFrfs):
+                    found = residual.functions(state, True)
+                    own = residual.own
+                    yield (i, own, KnownFunctions(*found, model.order)), own.compared(*found)
 
-    def assess(self, x: Reals, states: list[CaseState]) -> Evaluation:
-        """Residuals of the full models with derivatives, those of the FRFs by the reduced models."""
-        blocks = iter(self._function_blocks(x, states, full=False)[0])
-        with_slopes = list(states)
-        for i, functions in zip(self.reduced, self.functions):
-            case = states[i].case
-            counts = [len(r.blocks(states[i], False)) for r in functions]
-            of = {id(r): WithSlopes(r, tuple(islice(blocks, n))) for r, n in zip(functions, counts)}
-            residuals = tuple(of.get(id(settled(r)), r) for r in case.residuals)
-            with_slopes[i] = _as(states[i], replace(case, residuals=residuals))
-        return replace(self.problem.assess(x, with_slopes), states=tuple(states))
+    def assess(self, x: Reals, states: list[CaseState], better: Sequence[Trained]) -> Evaluation:
+        """Residuals of the full models; of FRFs those of the bases that hold the full models' modes and responses."""
+        for (i, residual, functions), _ in self._functions(x, better):
+            residual.keep(states[i], functions)
+        return self.problem.assess(x, states)
 
-    def enrich(self, x: Reals, states: list[CaseState]) -> bool:
-        """Add the full modes at a point to the bases; False if they contain all of them already."""
-        before = [t.model.order for t in self.trained]
+    def enriched(self, x: Reals, states: list[CaseState]) -> list[Trained]:
+        """The models with the full modes, and the static responses that FRFs need, at a point where they are solved."""
+        if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, states)):
+            # nothing would use them
+            return self.trained
         finer = [_finer(t, self.rules.tolerance) for t in self.trainers]
         triples = zip(finer, self.trained, self.solutions(states))
-        self.trained = [t.enriched(m, x, s) for t, m, s in triples]
-        return before != [t.model.order for t in self.trained]
+        return [t.enriched(m, x, s) for t, m, s in triples]
+
+    def take(self, better: list[Trained]) -> bool:
+        """Go on with enriched models; False if they are no larger."""
+        before, self.trained = self.trained, better
+        return [t.model.order for t in before] != [t.model.order for t in better]
 
     def facts(self, errors: Sequence[float]) -> tuple[ReducedCaseFacts, ...]:
         """Facts of each reduced model, with its certified errors at the end."""
@@ -374,12 +384,13 @@ def update_reduced(
         found = _search(search, method, x, report, active)
         told.searched(len(rounds) + 1)
         x, states = found.x, problem.solved(found.x)
-        there = search.agreement(x, states)
+        better = search.enriched(x, states)
+        there = search.agreement(x, states, better)
         agree = there.within(rules)
         rounds.append(round_sentence(len(rounds) + 1, search, there))
-        if agree or search.used_up or not search.enrich(x, states):
+        if agree or search.used_up or not search.take(better):
             break
-    full = search.assess(x, states)
+    full = search.assess(x, states, better)
     return ReducedUpdate(
         on_full_model(problem, method, before, full, found, search.history),
         search.facts(there.frequencies), tuple(rounds), agree, search, there.functions,
@@ -441,17 +452,13 @@ def _most_modes(state: CaseState, functions: Sequence[FrfResidual]) -> EigenSolu
     return max([state.solution, *found] if state.case.on_modes else found, key=lambda s: s.wanted)
 
 
-def _as(state: CaseState, case: ComparedCase) -> CaseState:
-    """The state of a case with other residuals, with all that is solved there."""
-    out = replace(state, case=case, known=state.solved)
-    out.further.update(state.further)
-    return out
-
-
 def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | ComponentTrainer:
     """A trainer that keeps smaller parts of new modes: at an end shapes count, whose error is that of a root."""
     negligible = min(trainer.rules.negligible, 1e-2 * float(np.sqrt(tolerance)))
-    return replace(trainer, rules=replace(trainer.rules, negligible=negligible))
+    responses = _FINER_RESPONSES * trainer.rules.responses
+    finer = replace(trainer.rules, negligible=negligible, responses=responses)
+    # full solutions where a search ends are told as such
+    return replace(trainer, rules=finer, report=lambda trained: None)
 
 
 def _solve(case: ComparedCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:
@@ -491,8 +498,9 @@ def round_sentence(number: int, search: ReducedSearch, there: Agreement) -> str:
         return sentence
     verdict = _verdict(frfs.shift <= search.rules.frf_tolerance)
     return (
-        f"{sentence}; the FRF residuals differ by {frfs.mean:.2g} (root mean square) and at most {frfs.largest:.2g} "
-        f"standard deviations, which moves the parameters by {frfs.shift:.2g} standard deviations, "
+        f"{sentence}; the full model's modes and static responses there change the FRF residuals by {frfs.mean:.2g} "
+        f"(root mean square) and at most {frfs.largest:.2g} standard deviations, and would move the parameters by "
+        f"{frfs.shift:.2g} standard deviations, "
         f"{verdict} of {search.rules.frf_tolerance:.2g}"
     )
 
@@ -580,7 +588,7 @@ def multi_start_reduced(
     else:
         found = multi_start(reduced, method, rules, points=points, active=active, known=known, report=report)
     found = run.certify(found, lambda p: p, method)
-    full = run.search.assess(found.best.x, run.states)
+    full = run.search.assess(found.best.x, run.states, run.better)
     best = on_full_model(problem, method, before, full, found.best, found.best.history)
     assert run.there is not None
     facts = run.search.facts(run.there.frequencies)
@@ -600,13 +608,14 @@ class _Run:
     active: Sequence[str] | None
     rounds: list[str]
     states: list[CaseState] = field(default_factory=list)
+    better: list[Trained] = field(default_factory=list)
     there: Agreement | None = None
     agree: bool = False
 
     def certify(self, found: MultiStart, compared: Compared, method: SensitivityMethod) -> MultiStart:
         """The ends of starts once the full models agree at the best of them, or no more full solutions are allowed."""
         while not self._look(found.best.x) and not self.search.used_up:
-            if not self.search.enrich(found.best.x, self.states):
+            if not self.search.take(self.better):
                 break
             reduced = compared(self.search.reduced_problem())
             found = follow_up(found, reduced, method, found.best.side, self.active)
@@ -615,7 +624,8 @@ class _Run:
     def _look(self, x: Reals) -> bool:
         self.told.searched(len(self.rounds) + 1)
         self.states = self.problem.solved(x)
-        self.there = self.search.agreement(x, self.states)
+        self.better = self.search.enriched(x, self.states)
+        self.there = self.search.agreement(x, self.states, self.better)
         self.agree = self.there.within(self.reduction)
         self.rounds.append(round_sentence(len(self.rounds) + 1, self.search, self.there))
         return self.agree

@@ -38,6 +38,10 @@ class TrainingStatus(Enum):
         return self is TrainingStatus.CONVERGED
 
 
+RESPONSES = 0.02
+"""Part of the response to a force, in energy norm, that the basis may lack; its square is the error of FRFs."""
+
+
 @dataclass(frozen=True)
 class TrainingRules:
     """What a reduced model is trained to.
@@ -50,6 +54,7 @@ class TrainingRules:
     order : largest order of the basis
     inner, corners : candidates inside the box and at corners of it
     negligible : see `extend`
+    responses : the same of what modes miss of the responses to the forces of FRFs
     """
 
     count: int
@@ -59,6 +64,7 @@ class TrainingRules:
     inner: int = 48
     corners: int = 0
     negligible: float = NEGLIGIBLE
+    responses: float = RESPONSES
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +216,6 @@ TRIED = 8
 """Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
 an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
 
-RESPONSES = 0.02
-"""As `negligible`, of what modes miss of the responses to forces, whose error has the size of the square in FRFs."""
-
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
 
 
@@ -263,7 +266,7 @@ class Trainer:
     def _with_responses(self, basis: Reals, metric: SymmetricMatrix, solution: EigenSolution) -> Reals:
         """The basis with what the modes of a solution miss of the responses to the forces of FRFs."""
         for wanted in self.functions:
-            basis = extend(basis, missed_responses(solution, wanted.forces), metric, RESPONSES)
+            basis = extend(basis, missed_responses(solution, wanted.forces), metric, self.rules.responses)
         return basis
 
     def resume(self, saved: SavedBasis) -> Trained:

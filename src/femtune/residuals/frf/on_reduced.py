@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -82,10 +82,11 @@ class ReducedFrfs(Residual):
 
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
         """Residual blocks at a state of the reduced model; errors as of the residual."""
-        return self.own.compared(*self.functions(cast(ReducedModes, state.solution), derivatives))
+        return self.own.compared(*self.functions(state, derivatives))
 
-    def functions(self, modes: ReducedModes, derivatives: bool) -> tuple[Complexes, Complexes]:
+    def functions(self, state: CaseState, derivatives: bool) -> tuple[Complexes, Complexes]:
         """As `FrfResidual.functions`."""
+        modes = cast(ReducedModes, state.solution)
         lines, back = self.own.model_lines
         s = np.asarray(2j * np.pi * lines, dtype=np.complex128)
         way = self.own.way
@@ -107,26 +108,3 @@ def on_reduced(case: ComparedCase, residuals: Sequence[FrfResidual], rows: Reals
     parts = iter(np.split(rows, ends[:-1]) if len(ends) else [])
     of = {id(r): ReducedFrfs(r, next(parts), next(parts)) for r in residuals}
     return tuple(of.get(id(settled(r)), r) for r in case.residuals)
-
-
-@dataclass(frozen=True, eq=False)
-class WithSlopes(Residual):
-    """An FRF residual of the full model with the Jacobian of the reduced one, where their functions are the same.
-
-    Parameters
-    ----------
-    own : of the full model
-    slopes : blocks of the reduced model at the same point
-    """
-
-    own: FrfResidual
-    slopes: tuple[ResidualBlock, ...]
-    key = FrfResidual.key
-    label = FrfResidual.label
-
-    def blocks(self, state: CaseState, derivatives: bool) -> list[ResidualBlock]:
-        """Residual blocks of the full model."""
-        found = self.own.blocks(state, derivatives=False)
-        if not derivatives:
-            return found
-        return [replace(block, jacobian=own.jacobian) for block, own in zip(found, self.slopes, strict=True)]

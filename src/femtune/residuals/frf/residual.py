@@ -98,6 +98,20 @@ def _rows(nodes: NodeTable, dofs: DofSet) -> sp.csr_array:
 
 
 @dataclass(frozen=True, eq=False)
+class KnownFunctions:
+    """A residual's functions at its lines (outputs, inputs, lines), and their derivatives (…, p).
+
+    Parameters
+    ----------
+    order : of the reduced model, whose basis holds the modes of the full model and its static responses at the point
+    """
+
+    values: Complexes
+    gradient: Complexes
+    order: int
+
+
+@dataclass(frozen=True, eq=False)
 class FrfResidual(Residual):
     """H_model against H_test at some lines of some functions, weighted by the standard deviation of each value.
 
@@ -129,8 +143,19 @@ class FrfResidual(Residual):
     on_modes = False
 
     def blocks(self, state: CaseState, derivatives: bool = True) -> list[ResidualBlock]:
-        """Residual blocks of a case at a point, of the full model."""
-        return self.compare(self.way.model(state, self.highest_hz), derivatives)
+        """Residual blocks of a case at a point, of the full model; of functions that are known there, with these."""
+        known = self.known(state)
+        if known is None:
+            return self.compare(self.way.model(state, self.highest_hz), derivatives)
+        return self.compared(known.values, known.gradient if derivatives else known.gradient[..., :0])
+
+    def known(self, state: CaseState) -> KnownFunctions | None:
+        """Functions at a state that were found on a reduced model; None where the full model has to be asked."""
+        return state.shared.get(("functions", self))
+
+    def keep(self, state: CaseState, functions: KnownFunctions) -> None:
+        """Make functions those of a state."""
+        state.shared["functions", self] = functions
 
     @property
     def highest_hz(self) -> float:

@@ -38,6 +38,7 @@ class Truncation:
     relative : largest |H/H_direct − 1|
     function, line_hz : where `largest` is
     vectors : whether residual vectors are added to the modes
+    order : of the reduced model that they are of; None for superposed modes of the full model
     """
 
     configuration: str
@@ -54,6 +55,7 @@ class Truncation:
     function: str
     line_hz: float
     vectors: bool = True
+    order: int | None = None
 
     @property
     def small(self) -> bool:
@@ -63,6 +65,8 @@ class Truncation:
     @property
     def lacks(self) -> str:
         """The modes that are missing, in words."""
+        if self.order is not None:
+            return f"vectors that a reduced model of order {self.order} lacks"
         if self.modes is None or self.reach_hz is None:
             return "no modes"
         wanted = TIMES_HIGHEST_LINE * self.highest_hz
@@ -96,14 +100,14 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
     solved = model if isinstance(model, EigenSolution) else None
     count = None if solved is None else solved.wanted
     reach = None if solved is None else float(solved.freq_hz[-1])
-    if way.method == "direct":
+    reduced = residual.known(state)
+    if way.method == "direct" and reduced is None:
         none = np.zeros(0)
         return Truncation(residual.configuration, way.method, count, reach, None, way.limit, top, none, 0, 0, 0, "", 0)
-    assert solved is not None
-    values = residual.functions(solved)[0]
+    values = residual.functions(model)[0] if reduced is None else reduced.values
     at = _lines(residual, np.abs(values))
     few, values = _at_lines(residual, at), values[:, :, at]
-    exact = replace(few, way=replace(way, method="direct")).functions(solved)[0]
+    exact = replace(few, way=replace(way, method="direct")).functions(model)[0]
     known = np.isfinite(few.sd)
     differences, _ = FORMS[residual.form](values[known], np.zeros((int(known.sum()), 0), complex), exact[known])
     errors = np.abs(differences.reshape(-1, int(known.sum()))).max(axis=0) / few.sd[known]
@@ -113,7 +117,7 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
         way.method,
         count,
         reach,
-        _missing(solved, top),
+        None if reduced is not None or solved is None else _missing(solved, top),
         way.limit,
         top,
         few.measured.freq_hz,
@@ -123,6 +127,7 @@ def truncation(residual: FrfResidual, state: CaseState) -> Truncation:
         f"{few.measured.responses[i]} / {few.measured.references[j]}",
         float(few.measured.freq_hz[k]),
         way.residual_vectors,
+        None if reduced is None else reduced.order,
     )
 
 
