@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.executor.cluster import Cluster
     from femtune.executor.interface import Executor, Serial, finish
     from femtune.executor.processes import Processes
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["Executor", "Processes", "Serial", "finish"]
+__all__ = ["Cluster", "Executor", "Processes", "Serial", "finish"]

@@ -95,11 +95,14 @@ def _gather(
             remark(Notice("executor.worker-replaced", run=f"{name} {at + 1}", status=value))
             pool.put_back(at)
         else:
-            raise _error(kind, value, name, at)
+            raise error_of(kind, value, name, at)
     return [results[i] for i in range(count)]
 
 
-def _error(kind: str, value: Any, name: str, at: int) -> FemtuneError:
+def error_of(kind: str, value: Any, name: str, at: int) -> FemtuneError:
+    """The error that an answer stands for, other than that of a run that is done."""
+    if kind == "killed":
+        return FemtuneError("executor.worker-died/cluster", run=f"{name} {at + 1}")
     if kind == "error":
         return of_run(value, name, at)
     if kind == "not-loaded":

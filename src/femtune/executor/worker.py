@@ -67,10 +67,11 @@ def main() -> None:
         return
     write(answers, pickle.dumps(("ready", None)))
     while True:
-        write(answers, _answer(work, inbox.get()))
+        write(answers, answer(work, inbox.get()))
 
 
-def _answer(work: Any, task: bytes) -> bytes:
+def answer(work: Any, task: bytes) -> bytes:
+    """What became of a task, to be sent back."""
     try:
         return pickle.dumps(("done", work(pickle.loads(task))), protocol=5)
     except FemtuneError as error:

@@ -160,8 +160,10 @@ class BootstrapTable(TomlTable):
 class ParallelTable(TomlTable):
     """[parallel]: where runs that do not depend on each other are made: starts, bootstrap runs."""
 
-    how: Literal["auto", "processes", "serial"] = "auto"
+    how: Literal["auto", "processes", "serial", "cluster"] = "auto"
     workers: Annotated[int, Field(ge=0, le=1024)] = 0
+    address: Text = "tcp://127.0.0.1:8786"
+    remote: bool = False
 
 
 class WriteTable(TomlTable):

@@ -1,0 +1,82 @@
+"""Runs on a Dask cluster: the same results, and addresses of this machine only."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from tests.executor.runs import Solve, breaks, refuses
+from tests.messages.shown import check_shown
+
+from femtune.errors import FemtuneError
+from femtune.executor import Cluster, Serial
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    """Two workers on this machine."""
+    distributed = pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, env={"OMP_NUM_THREADS": "1"}
+    ) as local:
+        with distributed.Client(local, set_as_default=False) as client:
+            client.run(sys.path.insert, 0, str(_ROOT))
+        yield Cluster(local.scheduler_address)
+
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.mark.slow
+def test_a_cluster_is_serial_to_the_last_bit(cluster: Cluster) -> None:
+    kept = {}
+    found = cluster.run(Solve(8), range(12), finished=kept.__setitem__)
+    assert found == Serial().run(Solve(8), range(12))
+    assert kept == dict(enumerate(found))
+    assert cluster.run(Solve(8), []) == []
+
+
+@pytest.mark.slow
+def test_errors_of_runs_name_the_run(cluster: Cluster) -> None:
+    with pytest.raises(FemtuneError) as error:
+        cluster.run(refuses, range(8), name="start")
+    assert error.value.values == {"start": 4, "task": 3}
+    with pytest.raises(FemtuneError, match=r"start 3 ended in an error: ZeroDivisionError"):
+        cluster.run(breaks, [5, 6, 2], name="start")
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.7:8786", "10.0.0.7:8786", "tcp://cluster.example:8786", "tcp://"])
+def test_other_machines_are_refused(address: str) -> None:
+    with pytest.raises(FemtuneError) as error:
+        Cluster(address).run(abs, [1])
+    assert error.value.code == "executor.not-loopback"
+    if address == "tcp://10.0.0.7:8786":
+        check_shown("executor.not-loopback", error.value)
+
+
+def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError("Timed out trying to connect")
+
+    monkeypatch.setattr("femtune.executor.cluster.require", lambda *_, **__: SimpleNamespace(Client=refuse))
+    with pytest.raises(FemtuneError) as error:
+        Cluster("tcp://127.0.0.1:8786").run(abs, [1])
+    check_shown("executor.no-cluster", error.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_nobody_answers(host: str) -> None:
+    pytest.importorskip("distributed", reason="the extra cluster is not installed")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(FemtuneError) as error:
+        Cluster(f"tcp://{host}:{port}", timeout_s=0.5).run(abs, [1])
+    assert error.value.code == "executor.no-cluster"
