@@ -78,14 +78,14 @@ def test_bars_with_lumped_mass_err_as_the_refinement_says(bars: int, tmp_path: P
     solution = _modes(cantilever(bars, False), tmp_path, 4)
     true = solution.freq_hz / _cantilever_hz(4) - 1.0
     assert true.min() < -0.02 if bars == 4 else -0.005
-    assert _change(solution).error == pytest.approx(true, rel=0.01)
+    assert _change(solution).error == pytest.approx(true, rel=0.03)
 
 
 def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: Path) -> None:
     """Fourth order: the change is 15/16 of the error, and 4/3 of it a quarter too much."""
     solution = _modes(cantilever(4, True), tmp_path, 4)
     true = solution.freq_hz / _cantilever_hz(4) - 1.0
-    assert _change(solution).error == pytest.approx(1.25 * true, rel=0.01)
+    assert _change(solution).error == pytest.approx(1.25 * true, rel=0.02)
 
 
 @pytest.mark.parametrize(("triangles", "rel"), [(False, 0.15), (True, 0.35)], ids=["CQUAD4", "CTRIA3"])
@@ -122,24 +122,25 @@ def test_elements_that_are_off_stay_off(tmp_path: Path) -> None:
     assert _change(off).refined_hz == pytest.approx(_change(_modes(cantilever(4, True), tmp_path, 4)).refined_hz)
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ("SPOINT,900\nCELAS2,99,1.+6,900,0\nCMASS2,98,1.,900,0\nENDDATA", "scalar points"),
-        ("CTETRA,99,7,1,3,2,8\nPSOLID,7,1\nGRID,8,,0.5,0.5,0.\nENDDATA", "CTETRA cannot be refined"),
-    ],
-)
-def test_what_cannot_be_refined_says_why(change: str, says: str, tmp_path: Path) -> None:
-    text = cantilever(4, True).replace("ENDDATA", change)
-    if "CTETRA" in change:
-        text = text.replace("GRID,3,,0.50000000,0.,0.", "GRID,3,,0.50000000,0.,0.2")
-    found = mesh_change(_modes(text, tmp_path, 3))
-    assert isinstance(found, str)
-    assert says in found
+def test_modes_that_change_places_are_matched_by_their_shapes(tmp_path: Path) -> None:
+    """The fourth bending mode of six bars with lumped mass lies below the first one along the axis, of twelve above."""
+    solution = _modes(cantilever(6, False), tmp_path, 8)
+    refined = _change(solution).refined_hz
+    fine = _modes(cantilever(12, False), tmp_path, 8).freq_hz
+    assert solution.freq_hz[6] < solution.freq_hz[7]
+    assert refined[7] == pytest.approx(fine[6], rel=1e-3)
+    assert refined[6] == pytest.approx(fine[7], rel=2e-3)
+
+
+def test_models_of_springs_and_masses_have_no_mesh(tmp_path: Path) -> None:
+    text = _deck(["GRID,1", "CELAS2,1,100.,1,1", "CMASS2,2,1.,1,1"], True).replace("SPC = 1\n", "")
+    found = mesh_change(_modes(text, tmp_path, 1))
+    assert found == "the model has no bars, shells or solids"
 
 
 def test_large_models_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     solution = _modes(cantilever(4, True), tmp_path, 3)
     monkeypatch.setattr("femtune.model.mesh_error.MOST_DOFS", 20)
     assert mass_change(solution) == "the model has 30 DOFs, more than 20"
-    assert mesh_change(solution) == "the refined model would have 54 DOFs, more than 20"
+    assert mesh_change(solution) == "the refined model would have at least 54 DOFs, more than 20"
+    assert str(mesh_change(solution, 10)).endswith("more than 10; refinement = true in [checks] computes it")

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from femtune import steps
+from femtune.errors import FemtuneError
 
 Bench = Any
 
@@ -15,10 +16,29 @@ def _by_check(checks: Any) -> dict[str, Any]:
     return {c.check: c for c in checks}
 
 
-def test_info_knows_the_mass_only(beam: Bench) -> None:
-    (check,) = steps.info(beam.study()).record.checks
-    assert (check.check, check.verdict) == ("weighed mass", "not tested")
-    assert "no measured mass" in check.sentence
+def test_info_knows_the_mass_and_the_mesh(beam: Bench) -> None:
+    found = _by_check(steps.info(beam.study()).record.checks)
+    assert {name: c.verdict for name, c in found.items()} == {"weighed mass": "not tested", "mesh": "fail"}
+    assert "no measured mass" in found["weighed mass"].sentence
+    modes = steps.modes(beam.study())[0]
+    assert modes.mesh.modes == found["mesh"].modes
+    for m in modes.mesh.modes:
+        assert m.freq_hz == modes.freq_hz[m.mode - 1]
+        assert m.converged_hz == pytest.approx(m.freq_hz / (1.0 + m.error_percent / 100.0))
+    # the fourth is the last measured one
+    assert min(m.error_percent for m in modes.mesh.modes[:4]) == pytest.approx(found["mesh"].measured)
+    assert modes.mesh.modes[5].error_percent < found["mesh"].measured
+
+
+def test_info_says_why_the_mesh_is_not_tested(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes that cannot be solved are no reason to say nothing of the deck."""
+
+    def no_modes(*_: object) -> None:
+        raise FemtuneError("eigen.no-mass", configuration="as the deck")
+
+    monkeypatch.setattr("femtune.results.checks.solve", no_modes)
+    found = _by_check(steps.info(beam.study()).record.checks)["mesh"]
+    assert (found.verdict, found.sentence) == ("not tested", "the modes could not be computed (eigen.no-mass)")
 
 
 def test_select_and_run_look_at_mass_and_mesh(beam: Bench) -> None:
@@ -42,7 +62,23 @@ def test_the_limit_is_the_studys(beam: Bench) -> None:
     assert found["mesh"].measured < -1.0
 
 
-def test_without_refinement_the_mesh_is_not_tested(beam: Bench) -> None:
-    found = _by_check(steps.select(beam.study()).record.model_checks)["mesh"]
-    assert (found.verdict, found.measured) == ("not tested", None)
-    assert "refinement = true" in found.sentence
+def test_a_study_turns_the_check_of_the_mesh_off(beam: Bench) -> None:
+    study = beam.study(beam.parameters + "[checks]\nrefinement = false")
+    for found in (
+        steps.select(study).record.model_checks,
+        steps.info(study).record.checks,
+        [steps.modes(study)[0].mesh],
+    ):
+        (check,) = (c for c in found if c.check == "mesh")
+        assert (check.verdict, check.measured, check.modes) == ("not tested", None, ())
+        assert check.sentence == "refinement = false in [checks]"
+
+
+def test_large_models_are_refined_on_request_only(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femtune.results.checks.USUAL_DOFS", 20)
+    for found in (steps.info(beam.study()).record.checks, [steps.modes(beam.study())[0].mesh]):
+        (check,) = (c for c in found if c.check == "mesh")
+        assert check.verdict == "not tested"
+        assert check.sentence.endswith("more than 20; refinement = true in [checks] computes it")
+    asked = beam.study(beam.parameters + "[checks]\nrefinement = true")
+    assert _by_check(steps.info(asked).record.checks)["mesh"].measured is not None

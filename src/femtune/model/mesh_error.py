@@ -5,22 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as la
 
 from femtune.arrays import Reals
+from femtune.errors import FemtuneError
+from femtune.fem.elements import KINDS
 from femtune.fem.refine import CannotRefineError, refine
+from femtune.fem.structure import Structure
 from femtune.modal.assignment import linear_sum_assignment
-from femtune.modal.shape_criteria import mac_where_defined
 from femtune.model.configuration import held_dofs
 from femtune.model.configured import configure, grid_matrix
-from femtune.model.eigen.solution import EigenSolution, solve_modes
+from femtune.model.eigen.pencil import Pencil
+from femtune.model.eigen.solution import EigenSolution
+from femtune.model.linear.sparse_products import column_major
 from femtune.model.parametric import parametric_model
+from femtune.model.solvers.interface import SingularMatrixError
 from femtune.parameters import ParameterSet
 
 MOST_DOFS = 300_000
-"""Models of more grid DOFs are not looked at, nor those that the refinement would make larger."""
+"""Refined models with more DOFs are never solved."""
+USUAL_DOFS = 30_000
+"""Refined models with more DOFs are solved on request only: up to here it takes one or two seconds."""
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
 _SAME = 0.5
+_ZERO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -29,56 +38,106 @@ class MeshChange:
 
     Parameters
     ----------
-    freq_hz, refined_hz : (m,) of the modes and of the refined mesh's modes of the same shape, NaN where none resembles
+    freq_hz, refined_hz : (m,) of the modes and of the refined mesh's modes of the same shape, NaN for rigid-body modes
+        and where none resembles
     free_dofs : of the refined model
+    whole : cards of surfaces that were not divided
     """
 
     freq_hz: Reals
     refined_hz: Reals
     free_dofs: int
+    whole: tuple[str, ...] = ()
 
     @property
     def error(self) -> Reals:
         """(m,) estimated relative error of each frequency; NaN for rigid-body modes and where no shape was found."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            change = self.freq_hz / self.refined_hz - 1.0
-        return np.asarray(RICHARDSON * change)
+            ratio = self.freq_hz / self.refined_hz
+            # the power is the same for small changes, and stays above −100 %
+            return np.asarray(np.where(ratio < 1.0, ratio**RICHARDSON - 1.0, RICHARDSON * (ratio - 1.0)))
+
+    @property
+    def converged_hz(self) -> Reals:
+        """(m,) frequencies to be expected of a converged mesh; NaN likewise."""
+        return np.asarray(self.freq_hz / (1.0 + self.error))
 
 
-def mesh_change(solution: EigenSolution) -> MeshChange | str:
-    """Solve the refined mesh at the deck's values and compare with these modes; a reason in words where it cannot be.
+def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChange | str:
+    """Modes of a mesh of half the size at the deck's values; a reason in words where they cannot be had.
 
-    Source: Richardson (1911) extrapolation; modes are matched by their MAC at the old grid points.
+    The shapes are interpolated to the refined mesh. One step of inverse iteration with all of them, including those
+    beyond the wanted ones, takes what the coarse mesh could not represent into account; the Ritz values in their span
+    are the frequencies of the refined mesh to second order in what is left. Ritz vectors are matched with the shapes
+    that they came from, so that modes may change places.
+
+    Parameters
+    ----------
+    most_dofs : largest number of DOFs of the refined model
+
+    Source: Richardson (1911) extrapolation; inverse iteration as in subspace iteration, Bathe and Wilson (1972).
     """
     configured = solution.point.configured
     structure, configuration = configured.model.structure, configured.configuration
+    most_dofs = min(most_dofs, MOST_DOFS)
+    reason = too_large(structure, most_dofs)
+    if reason:
+        return reason
     try:
         finer = refine(structure, held_dofs(structure, configuration), configuration.elements_off)
     except CannotRefineError as reason:
         return str(reason)
-    if finer.nodes.n_dofs > MOST_DOFS:
-        return f"the refined model would have {finer.nodes.n_dofs} DOFs, more than {MOST_DOFS}"
-    model = parametric_model(finer, ParameterSet(()), ())
-    there = configure(model, replace(configuration, elements_off=frozenset()))
-    wanted = solution.wanted
-    found = solve_modes(there.at(np.zeros(0)), wanted + 4)
-    old = configured.transformation @ solution.shapes[:, :wanted]
-    new = (there.transformation @ found.shapes[:, : found.wanted])[: len(old)]
-    return MeshChange(_elastic(solution.freq_hz), _matched(old, new, found.freq_hz), there.n_free)
+    if finer.structure.nodes.n_dofs > most_dofs:
+        return _beyond(str(finer.structure.nodes.n_dofs), most_dofs)
+    try:
+        model = parametric_model(finer.structure, ParameterSet(()), ())
+        there = configure(model, replace(configuration, elements_off=frozenset()))
+    except FemtuneError as error:
+        return f"the refined model cannot be built ({error.code})"
+    start = (finer.prolongation @ (configured.transformation @ solution.shapes))[there.free]
+    point = there.at(np.zeros(0))
+    try:
+        refined = _refined_hz(Pencil(point.symmetric_stiffness, point.symmetric_mass), start, solution)
+    except (SingularMatrixError, la.LinAlgError):
+        return "the stiffness of the refined model is singular"
+    return MeshChange(_elastic(solution.freq_hz), refined, there.n_free, finer.whole)
+
+
+def too_large(structure: Structure, most_dofs: int) -> str:
+    """The reason in words where the refined model is certain to have more DOFs than `most_dofs`; "" otherwise.
+
+    Every element that is divided brings one grid point at least.
+    """
+    divided = sum(len(b) for b in structure.batches if KINDS[b.kind].children)
+    least = structure.nodes.n_dofs + 6 * divided
+    return _beyond(f"at least {least}", most_dofs) if least > most_dofs else ""
+
+
+def _beyond(dofs: str, most: int) -> str:
+    request = "; refinement = true in [checks] computes it" if most < MOST_DOFS else ""
+    return f"the refined model would have {dofs} DOFs, more than {most}{request}"
+
+
+def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
+    """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits."""
+    first = column_major(start)
+    step = pencil.factorise(solution.shift).solve(column_major(pencil.mass @ first))
+    step = column_major(step / np.linalg.norm(step, axis=0))
+    stiff, heavy = step.T @ (pencil.stiffness @ step), step.T @ (pencil.mass @ step)
+    values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
+    across = (first.T @ (pencil.mass @ step)) @ vectors
+    own = np.einsum("ij,ij->j", first, pencil.mass @ first)
+    likeness = (across**2 / own[:, None])[: solution.wanted]
+    rows, columns = linear_sum_assignment(likeness, maximize=True)
+    out = np.full(solution.wanted, np.nan)
+    good = likeness[rows, columns] >= _SAME
+    out[rows[good]] = np.sqrt(np.maximum(values[columns[good]], 0.0)) / (2.0 * np.pi)
+    return out
 
 
 def _elastic(freq_hz: Reals) -> Reals:
     """NaN for rigid-body modes."""
-    return np.where(freq_hz > 1e-3 * freq_hz.max(initial=0.0), freq_hz, np.nan)
-
-
-def _matched(old: Reals, new: Reals, freq_hz: Reals) -> Reals:
-    likeness = np.nan_to_num(mac_where_defined(old, new))
-    rows, columns = linear_sum_assignment(likeness, maximize=True)
-    out = np.full(old.shape[1], np.nan)
-    good = likeness[rows, columns] >= _SAME
-    out[rows[good]] = freq_hz[columns[good]]
-    return out
+    return np.where(freq_hz > _ZERO * freq_hz.max(initial=0.0), freq_hz, np.nan)
 
 
 def mass_change(solution: EigenSolution) -> Reals | str:

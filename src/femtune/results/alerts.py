@@ -189,6 +189,10 @@ def _of_model(results: Results) -> Iterable[Alert]:
     for check in results.model_checks:
         if check.verdict == "fail":
             yield alert("warning", _CHECKS[check.check], configuration=check.configuration, found=check.sentence)
+    for test in results.model.element_shapes.tests if results.model.element_shapes else ():
+        if test.degenerate:
+            worst = ", ".join(f"{e.card} {e.element}" for e in test.worst)
+            yield alert("warning", "model.element-degenerate", count=test.beyond, test=test.test, worst=worst)
     for c in results.model.configurations:
         if c.rigid_body_check.verdict == "fail":
             found = c.rigid_body_check.sentence

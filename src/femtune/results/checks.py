@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femtune.errors import FemtuneError
 from femtune.fem.checks import mass_properties
 from femtune.model import EigenSolution, grid_matrix
-from femtune.model.mesh_error import mass_change, mesh_change
+from femtune.model.mesh_error import MOST_DOFS, USUAL_DOFS, MeshChange, mass_change, mesh_change, too_large
 from femtune.results.base import Record, VerdictWord
+from femtune.results.solved import nominal, solve
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
+
+
+class ModeMeshError(Record):
+    """Estimated error of a frequency due to the mesh."""
+
+    mode: int
+    """Number of the mode, from 1."""
+    freq_hz: float
+    """Frequency of the mesh as it is, in Hz."""
+    refined_hz: float | None
+    """Frequency of a mesh of half the element size, in Hz; None if none of its modes resembles this mode."""
+    error_percent: float | None
+    """Estimated relative error of freq_hz in %; None likewise."""
+    converged_hz: float | None
+    """Frequency to be expected of a converged mesh, in Hz; None likewise."""
 
 
 class ModelCheck(Record):
@@ -34,6 +51,8 @@ class ModelCheck(Record):
     """Outcome."""
     sentence: str
     """Result of the check, or the reason why it was not tested."""
+    modes: tuple[ModeMeshError, ...] = ()
+    """For the mesh: all elastic modes that were computed; empty for other checks and if not tested."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -44,6 +63,7 @@ Solutions = Mapping[str, EigenSolution]
 
 MASS, LUMPING, MESH = "weighed mass", "lumped or consistent mass", "mesh"
 _SAME = 1e-6
+_OFF = "refinement = false in [checks]"
 _IN_PARAMETERS = "an update would absorb this error into the parameters"
 
 
@@ -69,7 +89,7 @@ def model_checks(study: Study, solutions: Solutions, progress: Progress) -> tupl
     for case in study.cases:
         if case.used is not None and case.name in solutions:
             progress.step(f"mass and mesh: {case.name}", 0, None)
-            found += [_lumping(study, case, solutions[case.name]), _mesh(study, case, solutions[case.name])]
+            found += [_lumping(study, case, solutions[case.name]), mesh_check(study, case, solutions[case.name])]
     return tuple(found)
 
 
@@ -87,25 +107,60 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
     return _tested(case, LUMPING, limit, value, sentence)
 
 
-def _mesh(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
-    limit = 100.0 * study.file.checks.mesh_error
-    if not study.file.checks.refinement:
-        return _untested(
-            case, MESH, limit, "not checked; set refinement = true in [checks] to compare with a refined mesh"
-        )
-    found = mesh_change(solution)
+def mesh_checks(study: Study) -> Iterator[ModelCheck]:
+    """The check of the mesh for each configuration, whose modes are solved for it where the model is small enough."""
+    checks = study.file.checks
+    for case in study.cases:
+        limit = 100.0 * checks.mesh_error
+        reason = too_large(case.configured.model.structure, _most_dofs(study))
+        if checks.refinement is False or reason:
+            yield _untested(case, MESH, limit, _OFF if checks.refinement is False else reason)
+            continue
+        try:
+            yield mesh_check(study, case, solve(study, case, nominal(study)))
+        except FemtuneError as error:
+            yield _untested(case, MESH, limit, f"the modes could not be computed ({error.code})")
+
+
+def _most_dofs(study: Study) -> int:
+    return MOST_DOFS if study.file.checks.refinement else USUAL_DOFS
+
+
+def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelCheck:
+    """Errors of the frequencies due to the mesh; of small models by default, of others if the study requests it."""
+    checks = study.file.checks
+    limit = 100.0 * checks.mesh_error
+    if checks.refinement is False:
+        return _untested(case, MESH, limit, _OFF)
+    found = mesh_change(solution, _most_dofs(study))
     if isinstance(found, str):
         return _untested(case, MESH, limit, found)
+    modes = tuple(_mode_errors(found))
     worst = _worst(case, solution, found.error)
     if worst is None:
-        return _untested(case, MESH, limit, "no mode of the refined mesh resembles a mode of the original mesh")
+        reason = "no mode of the refined mesh resembles a mode of the original mesh"
+        return _untested(case, MESH, limit, reason if modes else "no elastic mode was computed")
     mode, value = worst
     k = mode - 1
     sentence = (
         f"with elements of half the size ({found.free_dofs} free DOFs), mode {mode} changes from "
         f"{found.freq_hz[k]:.5g} to {found.refined_hz[k]:.5g} Hz; its discretisation error is about {value:+.2g} %"
     )
-    return _tested(case, MESH, limit, value, sentence)
+    if found.whole:
+        sentence += f"; {', '.join(found.whole)} elements were not divided"
+    return _tested(case, MESH, limit, value, sentence).model_copy(update={"modes": modes})
+
+
+def _mode_errors(found: MeshChange) -> Iterator[ModeMeshError]:
+    for i in np.flatnonzero(np.isfinite(found.freq_hz)):
+        known = bool(np.isfinite(found.error[i]))
+        yield ModeMeshError(
+            mode=int(i) + 1,
+            freq_hz=float(found.freq_hz[i]),
+            refined_hz=float(found.refined_hz[i]) if known else None,
+            error_percent=100.0 * float(found.error[i]) if known else None,
+            converged_hz=float(found.converged_hz[i]) if known else None,
+        )
 
 
 def _worst(case: StudyCase, solution: EigenSolution, values: Reals) -> tuple[int, float] | None:

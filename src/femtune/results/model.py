@@ -15,8 +15,10 @@ from femtune.fem.checks import (
     rigid_body_modes,
     rigid_motion_checks,
 )
+from femtune.fem.element_shapes import element_shapes
 from femtune.files.nastran.constraints import effect_of
 from femtune.files.nastran.control import UNDERSTOOD_PARAMS
+from femtune.files.nastran.geomcheck import geometry_checks
 from femtune.files.nastran.inventory import READ
 from femtune.model import grid_matrix
 from femtune.model.configuration import held_dofs
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
         MassProperties,
         RigidMotionCheck,
     )
+    from femtune.fem.element_shapes import ShapeFound
     from femtune.files.nastran.build import BuiltModel
     from femtune.model import Configuration, EigenSolution
     from femtune.results.base import Level
@@ -201,6 +204,57 @@ class DampingFacts(Record):
     """Loss factors and dashpots by card and field."""
 
 
+class OutOfShape(Record):
+    """An element that is out of shape."""
+
+    card: str
+    """Name of its card: "CQUAD4"."""
+    element: int
+    """Its number."""
+    value: float
+    """What was measured."""
+
+
+class ElementShapeTest(Record):
+    """A test of the shape of elements, as Nastran's GEOMCHECK has it."""
+
+    test: str
+    """Name: "Q4_SKEW"."""
+    meaning: str
+    """What is measured."""
+    unit: str
+    """"deg", or "" for ratios."""
+    limit: float
+    """Limit: of the deck's GEOMCHECK statement, or the default."""
+    least: bool
+    """True if smaller values are out of shape, false if larger ones are."""
+    tested: int
+    """Number of elements that the test applies to."""
+    beyond: int
+    """How many of them are out of shape."""
+    extreme: float
+    """Worst value of all of them."""
+    degenerate: bool = False
+    """True if an element is turned inside out at a grid point."""
+    worst: tuple[OutOfShape, ...] = ()
+    """Elements that are out of shape, the worst first, at most ten."""
+
+
+class ElementShapes(Record):
+    """Shapes of the elements."""
+
+    elements: int
+    """Number of elements with at least one test."""
+    tests: tuple[ElementShapeTest, ...]
+    """All tests that apply to some element."""
+    given: tuple[str, ...] = ()
+    """Tests whose limit is of the deck."""
+    ignored: tuple[str, ...] = ()
+    """Words of GEOMCHECK statements that are no known test."""
+    sentence: str = ""
+    """Result in words, or the reason why it was not tested."""
+
+
 class ModelFacts(Record):
     """Content of the deck, and the model built from it."""
 
@@ -220,6 +274,8 @@ class ModelFacts(Record):
     """One record a configuration."""
     damping: DampingFacts | None = None
     """Damping; None in older results without this field."""
+    element_shapes: ElementShapes | None = None
+    """Shapes of the elements; None in older results without this field."""
 
 
 class MatchedSensor(Record):
@@ -299,6 +355,9 @@ class ModelModes(Record):
     before it was kept."""
     alerts: tuple[Alert, ...] = ()
     """Remarks on these modes: which of them depend on the drilling stiffness of shells."""
+    mesh: ModelCheck | None = None
+    """Errors of the frequencies due to the mesh, from the step modes; None in a run, which has them in
+    SelectionResults."""
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -409,7 +468,47 @@ def model_facts(study: Study) -> ModelFacts:
         configurations=tuple(_configuration(study, case) for case in study.cases),
         damping=damping_facts(built),
         checks=mass_checks(study),
+        element_shapes=_element_shapes(built),
     )
+
+
+def shapes_remark(built: BuiltModel) -> tuple[str, ...]:
+    """That elements are out of shape, as one sentence; none where all are within the limits."""
+    shapes = _element_shapes(built)
+    if not any(t.beyond for t in shapes.tests):
+        return ()
+    return (f"shapes of elements: {shapes.sentence}; femtune info lists them",)
+
+
+def _element_shapes(built: BuiltModel) -> ElementShapes:
+    asked = geometry_checks(built.deck.executive.lines)
+    if asked.off:
+        return ElementShapes(elements=0, tests=(), ignored=asked.unknown, sentence="not tested: GEOMCHECK NONE")
+    tests = tuple(map(_shape_test, element_shapes(built.structure, asked.limits)))
+    # every element has one test at most that all elements of its shape have
+    elements = sum(
+        t.tested for t in tests if t.test in ("Q4_SKEW", "T3_SKEW", "BAR_OFF", "BEAM_OFF") or "DETJ" in t.test
+    )
+    count = f"{elements} element{'' if elements == 1 else 's'}"
+    failed = [t.test for t in tests if t.beyond]
+    sentence = f"of {count}, some are beyond the limits of {', '.join(failed)}" if failed else (
+        f"{count}, all within the limits" if elements else "no shells, solids, bars or beams"
+    )  # fmt: skip
+    given = tuple(t.test for t in tests if t.test in asked.limits)
+    return ElementShapes(elements=elements, tests=tests, given=given, ignored=asked.unknown, sentence=sentence)
+
+
+def _shape_test(found: ShapeFound) -> ElementShapeTest:
+    test = found.test
+    degenerate = found.beyond > 0 and test.key.endswith("_DETJ") and found.extreme <= 0.0
+    return ElementShapeTest(
+        test=test.key, meaning=test.meaning, unit=test.unit, limit=found.limit, least=test.least,
+        tested=found.tested, beyond=found.beyond, extreme=found.extreme, degenerate=degenerate,
+        worst=tuple(
+            OutOfShape(card=card, element=number, value=value)
+            for card, number, value in zip(found.cards, found.ids, found.values)
+        ),
+    )  # fmt: skip
 
 
 def alert_of(notice: Notice) -> Alert:

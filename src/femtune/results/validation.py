@@ -301,7 +301,7 @@ _MASS = (
     'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
     "stiffnesses, and neither the residuals nor the standard deviations show it"
 )
-_MESH = "mesh convergence: set refinement = true in [checks] to compare with a refined mesh"
+_MESH = "mesh convergence: refinement = false in [checks] turns the comparison with a refined mesh off"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
 
@@ -514,7 +514,11 @@ def _not_tested(
     else:
         yield from _kinds_not_tested(kinds)
     yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
-    yield from (_LINEARITY, *([_MASS] if _of_ratio(study) else []), *([] if study.file.checks.refinement else [_MESH]))
+    yield from (
+        _LINEARITY,
+        *([_MASS] if _of_ratio(study) else []),
+        *([_MESH] if study.file.checks.refinement is False else []),
+    )
 
 
 def _of_ratio(study: Study) -> bool:

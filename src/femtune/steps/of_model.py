@@ -11,6 +11,7 @@ from femtune.assembly.described import source_of, units_word
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
+from femtune.results.checks import mesh_checks
 from femtune.results.model import alert_of, model_facts
 from femtune.results.step_results import InfoResult
 from femtune.steps.pages import checked_page, with_page
@@ -48,7 +49,10 @@ def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> 
     study = load_study(source_of(source), progress)
     progress.step("mass and rigid-body check", 0, None)
     facts = model_facts(study)
-    return InfoResult(facts.model_copy(update={"notices": (*map(alert_of, study.notices), *facts.notices)}))
+    progress.step("errors due to the mesh", 0, None)
+    checks = (*facts.checks, *mesh_checks(study))
+    notices = (*map(alert_of, study.notices), *facts.notices)
+    return InfoResult(facts.model_copy(update={"checks": checks, "notices": notices}))
 
 
 @checked

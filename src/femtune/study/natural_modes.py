@@ -14,7 +14,8 @@ from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study, with_modes_asked
 from femtune.modal import ModeSet
 from femtune.model import EigenSolution
-from femtune.results.model import model_facts, model_modes
+from femtune.results.checks import mesh_check
+from femtune.results.model import model_facts, model_modes, shapes_remark
 from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
 from femtune.results.solved import solved_cases
 from femtune.results.step_results import ModesResult
@@ -67,6 +68,10 @@ def solve_modes(
     with watch.step("modes"), looking_up(loaded, fresh) as found:
         solved = list(solved_cases(found.study, progress))
         records = tuple(model_modes(case.name, "before", solution) for case, solution in solved)
+    with watch.step("mesh"):
+        progress.step("errors due to the mesh", 0, None)
+        meshes = [mesh_check(found.study, case, solution) for case, solution in solved]
+        records = tuple(r.model_copy(update={"mesh": mesh}) for r, mesh in zip(records, meshes))
     if simulate is not None:
         write_simulated(loaded, simulate, solved)
     for _, solution in solved:
@@ -76,7 +81,8 @@ def solve_modes(
     def whole() -> tuple[Results, Arrays]:
         return _whole(loaded, solved, records, inputs, watch, progress)
 
-    return ModesResult(records, remarks=tuple(found.remarks), shapes=lambda: _mode_sets(loaded, solved), whole=whole)
+    remarks = (*found.remarks, *shapes_remark(loaded.built))
+    return ModesResult(records, remarks=remarks, shapes=lambda: _mode_sets(loaded, solved), whole=whole)
 
 
 Solved = Sequence[tuple[StudyCase, EigenSolution]]

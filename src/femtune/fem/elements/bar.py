@@ -14,7 +14,7 @@ from femtune.arrays import Flags, Reals
 from femtune.fem.contribution import Coefficient, Contribution, product
 from femtune.fem.elements import placement
 from femtune.fem.elements.bending import PLANES, BendingMode, bending_modes, bending_with_shear, shapes_on_nodes
-from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.kind import BAR_PARTS, ElementKind
 from femtune.fem.elements.line_mass import line_mass
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
@@ -179,4 +179,4 @@ def _rational(p: int, mode: BendingMode, shapes: Reals, keep: NDArray[np.bool_])
     return Contribution("stiffness", label, mode.at[keep], placement.outer(shapes[keep]), roles, coefficient, facts)
 
 
-BAR = ElementKind("bar", bar, line=True, children=((0, 2), (2, 1)), refinable=True, end_offsets=True)
+BAR = ElementKind("bar", bar, line=True, children=BAR_PARTS, end_offsets=True)

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements.shells.curved_surface import CurvedShape
+from femtune.fem.elements.solids.shape import SolidShape
 from femtune.fem.structure import ElementBatch, Structure
 
 ElementKernel = Callable[[ElementBatch, Structure], list[Contribution]]
 ElementPieces = Callable[[ElementBatch, Structure], Iterator[list[Contribution]]]
 Corners = tuple[tuple[int, ...], ...]
+
+
+class ElementPart(NamedTuple):
+    """One part of a divided element: each of its corners is the mean of some corners of the element.
+
+    Parameters
+    ----------
+    corners : places of the corners to take the mean of, for each corner of the part
+    kind : key of the part's kind; "" for that of the element
+    """
+
+    corners: Corners
+    kind: str = ""
 
 
 @dataclass(frozen=True)
@@ -26,19 +41,18 @@ class ElementKind:
     line : True where the element is drawn as a line between its first two grid points
     faces : faces of a shell by place in the element; −1 for the fourth corner of a triangle
     sides : faces of a solid by its corners; those that no two solids share are drawn
-    children : for a uniform refinement, the corners of each part among corners, middles of sides and, for a
-        quadrilateral, its middle; empty where an element stays whole
-    refinable : True where a refinement knows the kind, whether it is divided or stays whole
+    children : parts of the element in a uniform refinement; empty where an element stays whole
     shell : True where the element has normals that it shares with its neighbours
     surface : shape functions of a curved shell; None for other elements
+    volume : shape functions of a solid with mid-side nodes; None for other elements
     end_offsets : True where the offsets of its ends can be parameters
     papers : keys of the publications that the element comes from (`femtune.citations`)
 
     Examples
     --------
     >>> from femtune.fem.elements import KINDS
-    >>> KINDS["bar"].line, KINDS["bar"].children
-    (True, ((0, 2), (2, 1)))
+    >>> KINDS["bar"].line, [part.corners for part in KINDS["bar"].children]
+    (True, [((0,), (0, 1)), ((0, 1), (1,))])
     """
 
     key: str
@@ -47,12 +61,30 @@ class ElementKind:
     line: bool = False
     faces: Corners = ()
     sides: Corners = ()
-    children: Corners = ()
-    refinable: bool = False
+    children: tuple[ElementPart, ...] = ()
     shell: bool = False
     surface: CurvedShape | None = None
+    volume: SolidShape | None = None
     end_offsets: bool = False
     papers: tuple[str, ...] = ()
+
+
+BAR_PARTS = (ElementPart(((0,), (0, 1))), ElementPart(((0, 1), (1,))))
+TRIANGLE_PARTS = (
+    ElementPart(((0,), (0, 1), (0, 2))),
+    ElementPart(((0, 1), (1,), (1, 2))),
+    ElementPart(((0, 2), (1, 2), (2,))),
+    # its first side is parallel to that of the element, so that a material angle stays what it is
+    ElementPart(((1, 2), (0, 2), (0, 1))),
+)
+_SQUARE = (0, 1, 2, 3)
+QUADRILATERAL_PARTS = (
+    ElementPart(((0,), (0, 1), _SQUARE, (0, 3))),
+    ElementPart(((0, 1), (1,), (1, 2), _SQUARE)),
+    ElementPart((_SQUARE, (1, 2), (2,), (2, 3))),
+    ElementPart(((0, 3), _SQUARE, (2, 3), (3,))),
+)
+"""Parts of lines and surfaces, in the order of the element's corners."""
 
 
 KINDS: dict[str, ElementKind] = {}

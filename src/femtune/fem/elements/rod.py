@@ -32,4 +32,4 @@ def rod(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     ]
 
 
-ROD = ElementKind("rod", rod, line=True, refinable=True)
+ROD = ElementKind("rod", rod, line=True)

@@ -17,7 +17,7 @@ from femtune.fem.contribution import Contribution, product
 from femtune.fem.elements import placement, tapered_flexibility
 from femtune.fem.elements.bar import bar_placement
 from femtune.fem.elements.bending import PLANES
-from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.kind import BAR_PARTS, ElementKind
 from femtune.fem.elements.line_mass import times_sum
 from femtune.fem.elements.tapered_flexibility import Flexibility, stiffness_entry
 from femtune.fem.elements.tapered_stations import LengthRule, length_rule, station_roles
@@ -259,4 +259,4 @@ def _free_forces(shapes: Reals, pins: NDArray) -> Reals:
     return scipy.linalg.null_space(loaded) if loaded.any() else np.eye(len(shapes))
 
 
-TAPERED_BEAM = ElementKind("tapered-beam", tapered_beam, line=True, end_offsets=True)
+TAPERED_BEAM = ElementKind("tapered-beam", tapered_beam, line=True, children=BAR_PARTS, end_offsets=True)

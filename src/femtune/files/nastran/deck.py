@@ -17,7 +17,7 @@ from femtune.files.nastran.source import DeckSource, SourceFile, SourceLine, rea
 
 _BEGIN = re.compile(r"\s*BEGIN\b[\s,]*(BULK\b|SUPER\b|$)", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
-_EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
+_EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|GEOMCHECK|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
 _SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
 _SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111, "SEBUCKL": 105,
     "NLSTATIC": 106, "NONLIN": 400}  # fmt: skip

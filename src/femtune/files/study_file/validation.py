@@ -56,7 +56,7 @@ class ValidateTable(TomlTable):
 class ChecksTable(TomlTable):
     """[checks]: checks of the model before the update."""
 
-    refinement: bool = False
+    refinement: bool | None = None
     mesh_error: Fraction = 0.02
     mass_error: Fraction = 0.02
 

@@ -10,6 +10,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.checks import STRAIN_FREE
 from femtune.reporting.document import (
     AlertBox,
+    Cell,
     Heading,
     Listing,
     Paragraph,
@@ -19,17 +20,14 @@ from femtune.reporting.document import (
     table_or_none,
 )
 from femtune.reporting.numbers import NONE, counted, short, signed_percent, value
-from femtune.reporting.sections.modes import sturm
+from femtune.reporting.sections.modes import mesh_table, sturm
 from femtune.reporting.sections.validation import verdict_cell
 
 if TYPE_CHECKING:
-    from femtune.reporting.document import (
-        Block,
-        Cell,
-    )
+    from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
     from femtune.results.checks import ModelCheck
-    from femtune.results.model import ModelConfiguration, ModelFacts
+    from femtune.results.model import ElementShapeTest, ModelConfiguration, ModelFacts
 
 # ----------------------------------------------------------------------------------------------------
 # Errors that updating cannot correct: mass, lumping, mesh.
@@ -49,6 +47,39 @@ def model_check_table(checks: Sequence[ModelCheck]) -> list[Block]:
     )
     note = "Updating cannot correct these errors; it would absorb them into the parameters."
     return [Table("Mass and mesh before the update", heads, rows, note)] if rows else []
+
+
+def shape_blocks(facts: ModelFacts) -> list[Block]:
+    """A row each test that some element does not pass, or that all pass; nothing in older results."""
+    shapes = facts.element_shapes
+    if shapes is None:
+        return []
+    limits = f" Limits of the deck: {', '.join(shapes.given)}." if shapes.given else ""
+    limits += f" Ignored words of GEOMCHECK: {', '.join(shapes.ignored)}." if shapes.ignored else ""
+    failed = [t for t in shapes.tests if t.beyond]
+    if not failed:
+        return [Paragraph(f"Shapes of elements: {shapes.sentence}.{limits}")]
+    heads = columns("Test", "Measure", ">Limit", ">Beyond it", ">Of", "Worst elements")
+    note = f"Names and limits are those of Nastran's GEOMCHECK.{limits}"
+    return [Table("Elements out of shape", heads, tuple(map(_shape_row, failed)), note)]
+
+
+_WORST = 3
+
+
+def _shape_row(test: ElementShapeTest) -> tuple[Cell, ...]:
+    unit = "°" if test.unit else ""
+    shown = ", ".join(f"{e.card} {e.element} ({short(e.value)}{unit})" for e in test.worst[:_WORST])
+    more = " …" if test.beyond > _WORST else ""
+    limit = f"{'≥' if test.least else '≤'} {short(test.limit)}{unit}"
+    beyond = Cell(str(test.beyond), tone="poor" if test.degenerate else "")
+    return row(test.test, test.meaning, limit, beyond, str(test.tested), shown + more)
+
+
+def mesh_tables(checks: Sequence[ModelCheck]) -> list[Block]:
+    """The modes of each configuration whose mesh was checked."""
+    found = [c for c in checks if c.modes]
+    return [mesh_table(c, len(found) > 1) for c in found]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -116,6 +147,8 @@ def checks(source: ReportSource) -> list[Block]:
     return [
         _mass(model),
         *model_check_table(source.results.model_checks),
+        *mesh_tables(source.results.model_checks),
+        *shape_blocks(model),
         *_inertia(model),
         rigid_body_table(model.configurations),
         *grounding_elements(model.configurations),

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from femtune.reporting.document import Block, Tone
     from femtune.reporting.source import ReportSource
     from femtune.results.base import ModelVersion
+    from femtune.results.checks import ModelCheck
     from femtune.results.correlation import ClusterRecord, CorrelationResults, ModePairRecord
     from femtune.results.model import EffectiveMasses, ModelModes
 
@@ -230,6 +231,49 @@ _FREE = (
 )
 
 
+MESH_HEADS = ("Mesh error %", "Converged mesh Hz")
+MESH_NOTE = (
+    "Mesh error: estimated error of the frequency because the elements are not infinitely small; "
+    "the frequency of a converged mesh is what remains without it."
+)
+
+
+def mesh_cells(check: ModelCheck, mode: int) -> list[Cell]:
+    """Estimated error of a mode (from 1), marked where it is beyond the limit, and frequency of a converged mesh."""
+    found = next((m for m in check.modes if m.mode == mode), None)
+    if found is None or found.error_percent is None:
+        return [Cell(NONE, tone="muted"), Cell(NONE, tone="muted")]
+    tone: Tone = "poor" if abs(found.error_percent) > check.limit else ""
+    return [Cell(signed_percent(found.error_percent), tone=tone), Cell(freq(found.converged_hz))]
+
+
+def mesh_sentences(found: Sequence[ModelModes]) -> list[Block]:
+    """Result of the check of each mesh, or the reason why there is none; one for all configurations that share it."""
+    joined: dict[str, list[str]] = {}
+    for m in found:
+        if m.mesh:
+            head = "Mesh error not tested" if m.mesh.verdict == "not tested" else "Mesh"
+            joined.setdefault(f"{head}: {m.mesh.sentence}.", []).append(m.configuration)
+    named = len(found) > 1
+    return [Paragraph(f"{', '.join(names)}. {text}" if named else text) for text, names in joined.items()]
+
+
+def mesh_table(check: ModelCheck, named: bool) -> Table:
+    """Frequencies of the mesh, of one of half the size, and of a converged one."""
+    heads = (*columns(">Mode", ">Hz", ">Half element size Hz"), *columns(*(f">{head}" for head in MESH_HEADS)))
+    rows = (
+        row(
+            str(m.mode),
+            freq(m.freq_hz),
+            NONE if m.refined_hz is None else freq(m.refined_hz),
+            *mesh_cells(check, m.mode),
+        )
+        for m in check.modes
+    )
+    title = "Errors of the frequencies due to the mesh"
+    return Table(f"{title}, {check.configuration}" if named else title, heads, tuple(rows), MESH_NOTE)
+
+
 def natural_modes(source: ReportSource) -> list[Block]:
     """A table each configuration; then the sentences on missed modes."""
     found = source.results.modes
@@ -237,7 +281,9 @@ def natural_modes(source: ReportSource) -> list[Block]:
         return [Paragraph("Modes were not computed.")]
     units = _units(source.results.study.units)
     tables = [block for m in found for block in _natural_modes_of(m, len(found) > 1, units)]
-    note = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
+    note: list[Block] = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
+    note += mesh_sentences(found)
+    note += [Paragraph(MESH_NOTE, "muted")] if any(m.mesh and m.mesh.modes for m in found) else []
     return [*tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, found))), *solved_by(found)]
 
 
@@ -248,15 +294,15 @@ def _units(units: str) -> tuple[str, str]:
 
 
 def _natural_modes_of(m: ModelModes, named: bool, units: tuple[str, str]) -> list[Block]:
-    masses = m.effective_masses
+    masses, mesh = m.effective_masses, MESH_HEADS if m.mesh and m.mesh.modes else ()
+    heads = columns(">Mode", ">Hz", *(f">{head}" for head in mesh))
     if masses is None:
-        heads: tuple[Column, ...] = (Column("Mode", "right"), Column("Hz", "right"))
         return [Table(m.configuration if named else "", heads, tuple(_rows(m, None)))]
-    group = "Modal effective mass, %"
-    heads = (Column("Mode", "right"), Column("Hz", "right"), *(Column(d, "right", group) for d in _DIRECTIONS))
     if _is_free(m, masses):
-        return [Table(m.configuration if named else "", heads[:2], tuple(_rows(m, None)), _FREE)]
-    rows = [*_rows(m, masses), _sum(masses), _total(masses, units)]
+        return [Table(m.configuration if named else "", heads, tuple(_rows(m, None)), _FREE)]
+    heads += tuple(Column(d, "right", "Modal effective mass, %") for d in _DIRECTIONS)
+    none = [Cell("")] * len(mesh)
+    rows = [*_rows(m, masses), *((*r[:2], *none, *r[2:]) for r in (_sum(masses), _total(masses, units)))]
     return [Table(m.configuration if named else "", heads, tuple(rows))]
 
 
@@ -273,10 +319,14 @@ def _rows(m: ModelModes, masses: EffectiveMasses | None) -> list[tuple[Cell, ...
     rows = []
     if rigid:
         name = "1" if rigid == 1 else f"1 to {rigid}"
-        rows.append(row(name, Cell("rigid body", tone="muted"), *_cells(masses, range(rigid))))
+        rows.append(row(name, Cell("rigid body", tone="muted"), *_mesh(m, 0), *_cells(masses, range(rigid))))
     for i in range(rigid, count):
-        rows.append(row(str(i + 1), freq(m.freq_hz[i]), *_cells(masses, range(i, i + 1))))
+        rows.append(row(str(i + 1), freq(m.freq_hz[i]), *_mesh(m, i + 1), *_cells(masses, range(i, i + 1))))
     return rows
+
+
+def _mesh(m: ModelModes, mode: int) -> list[Cell]:
+    return mesh_cells(m.mesh, mode) if m.mesh and m.mesh.modes else []
 
 
 def _cells(masses: EffectiveMasses | None, modes: range) -> list[Cell]:

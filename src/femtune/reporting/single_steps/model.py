@@ -32,6 +32,7 @@ from femtune.reporting.sections.checks import (
     model_check_table,
     named_sets,
     rigid_body_table,
+    shape_blocks,
     support_words,
 )
 
@@ -153,6 +154,7 @@ def _deck(subject: Subject, facts: ModelFacts) -> list[Block]:
         *_parameters(facts.deck_parameters),
         *damping_blocks(facts),
         *model_check_table(facts.checks),
+        *shape_blocks(facts),
         *_notices(facts.notices),
     ]
 

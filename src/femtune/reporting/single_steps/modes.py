@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import AlertBox, Cell, Column, Listing, Paragraph, Section, Table, row
+from femtune.reporting.document import AlertBox, Cell, Column, Listing, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import NONE, NOT_TESTED, counted, freq
-from femtune.reporting.sections.modes import solved_by
+from femtune.reporting.sections.modes import MESH_HEADS, mesh_cells, mesh_sentences, solved_by
 from femtune.reporting.sections.responses import fdac_table, frf_table, how, load_blocks, ordered_pairs, pole_blocks
 from femtune.reporting.short_form import responses_verdict, sturm_verdict
 from femtune.reporting.single_steps.model import column_groups
@@ -27,7 +27,8 @@ def modes_document(subject: Subject, modes: Sequence[ModelModes]) -> Document:
     verdict, level = sturm_verdict(modes)
     counts = Listing(tuple(f"{m.configuration}: {_sturm(m)}." for m in modes))
     alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for m in modes for a in m.alerts]
-    blocks: list[Block] = [*alerts, *_tables(modes), counts, *solved_by(modes)]
+    mesh = mesh_sentences(modes)
+    blocks: list[Block] = [*alerts, *_tables(modes), counts, *mesh, *solved_by(modes)]
     return subject.document(verdict, level, [Section("modes", "Natural frequencies, Hz", tuple(blocks))])
 
 
@@ -40,7 +41,12 @@ def _tables(modes: Sequence[ModelModes]) -> list[Block]:
 def _table(modes: Sequence[ModelModes]) -> Table:
     heads = (Column(_MODE, "right"), *(Column(m.configuration, "right") for m in modes))
     most = max(len(m.freq_hz) for m in modes)
-    return Table("", heads, tuple(row(str(i + 1), *(_cell(m, i) for m in modes)) for i in range(most)))
+    mesh = modes[0].mesh if len(modes) == 1 else None
+    if mesh is None or not mesh.modes:
+        return Table("", heads, tuple(row(str(i + 1), *(_cell(m, i) for m in modes)) for i in range(most)))
+    heads += columns(*(f">{head}" for head in MESH_HEADS))
+    rows = (row(str(i + 1), _cell(modes[0], i), *mesh_cells(mesh, i + 1)) for i in range(most))
+    return Table("", heads, tuple(rows))
 
 
 def _cell(m: ModelModes, i: int) -> Cell:

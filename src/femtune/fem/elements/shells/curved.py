@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, joined
-from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
 from femtune.fem.elements.shells import curved_strains
 from femtune.fem.elements.shells.checks import check_curved
 from femtune.fem.elements.shells.curved_strains import QUAD_SHEAR, QUAD_STRAIN, TRI_SHEAR, TRI_STRAIN, Tie
@@ -273,6 +273,7 @@ SHELL_QUAD8 = ElementKind(
     quad8,
     quad8_pieces,
     faces=((0, 4, 7, -1), (1, 5, 4, -1), (2, 6, 5, -1), (3, 7, 6, -1), (4, 5, 6, 7)),
+    children=QUADRILATERAL_PARTS,
     shell=True,
     surface=QUAD8_SHAPE,
     papers=("bathe1986", "macneal1992"),
@@ -282,6 +283,7 @@ SHELL_TRI6 = ElementKind(
     tri6,
     tri6_pieces,
     faces=((0, 3, 5, -1), (1, 4, 3, -1), (2, 5, 4, -1), (3, 4, 5, -1)),
+    children=TRIANGLE_PARTS,
     shell=True,
     surface=TRI6_SHAPE,
     papers=("bathe1989", "neunteufel2021"),

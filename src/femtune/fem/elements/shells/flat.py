@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution, joined
-from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
 from femtune.fem.elements.placement import CHUNK
 from femtune.fem.elements.shells.checks import check_shells
 from femtune.fem.elements.shells.laws import ShellTerm, couples, stiffness_terms
@@ -167,8 +167,7 @@ SHELL_QUAD = ElementKind(
     shell_quad,
     shell_quad_pieces,
     faces=((0, 1, 2, 3),),
-    children=((0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)),
-    refinable=True,
+    children=QUADRILATERAL_PARTS,
     shell=True,
     papers=("dvorkin1984", "pian1984"),
 )
@@ -177,8 +176,7 @@ SHELL_TRI = ElementKind(
     shell_tri,
     shell_tri_pieces,
     faces=((0, 1, 2, -1),),
-    children=((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    refinable=True,
+    children=TRIANGLE_PARTS,
     shell=True,
     papers=("lee2004",),
 )

@@ -14,6 +14,7 @@ from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.solids.first_order import MEAN, first_order, plane_mode, reference, uniaxial_mode
+from femtune.fem.elements.solids.parts import HEXAHEDRON_PARTS
 from femtune.fem.elements.solids.shape import HEXAHEDRON_SIDES, hexahedron_points
 from femtune.fem.elements.solids.solid import solid
 from femtune.fem.elements.solids.strains import SolidFormulation, SolidPlaces, StrainGroup
@@ -72,4 +73,4 @@ def hexa8(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, HEXA8)
 
 
-HEXA8_KIND = ElementKind("hexa8", hexa8, sides=HEXAHEDRON_SIDES)
+HEXA8_KIND = ElementKind("hexa8", hexa8, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS)

@@ -22,6 +22,7 @@ from femtune.fem.elements.solids.first_order import (
     reference,
     uniaxial_mode,
 )
+from femtune.fem.elements.solids.parts import PENTAHEDRON_PARTS
 from femtune.fem.elements.solids.shape import PENTAHEDRON_SIDES, pentahedron_points
 from femtune.fem.elements.solids.solid import solid
 from femtune.fem.elements.solids.strains import SolidFormulation, SolidPlaces, StrainGroup
@@ -103,4 +104,4 @@ def penta6(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, PENTA6)
 
 
-PENTA6_KIND = ElementKind("penta6", penta6, sides=PENTAHEDRON_SIDES)
+PENTA6_KIND = ElementKind("penta6", penta6, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS)

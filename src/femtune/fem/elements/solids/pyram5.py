@@ -22,6 +22,7 @@ from femtune.fem.elements.solids.first_order import (
     reference,
     uniaxial_mode,
 )
+from femtune.fem.elements.solids.parts import pyramid_parts
 from femtune.fem.elements.solids.shape import PYRAMID_SIDES, pyramid_points
 from femtune.fem.elements.solids.solid import solid
 from femtune.fem.elements.solids.strains import SolidFormulation, SolidPlaces, StrainGroup
@@ -86,4 +87,4 @@ def pyram5(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, PYRAM5)
 
 
-PYRAM5_KIND = ElementKind("pyram5", pyram5, sides=PYRAMID_SIDES)
+PYRAM5_KIND = ElementKind("pyram5", pyram5, sides=PYRAMID_SIDES, children=pyramid_parts("tetra4"))

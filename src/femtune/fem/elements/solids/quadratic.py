@@ -15,6 +15,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements.kind import ElementKind
+from femtune.fem.elements.solids.parts import HEXAHEDRON_PARTS, PENTAHEDRON_PARTS, TETRAHEDRON_PARTS, pyramid_parts
 from femtune.fem.elements.solids.shape import (
     HEXA20_SHAPE,
     HEXAHEDRON_SIDES,
@@ -264,7 +265,13 @@ def tetra10(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, TETRA10)
 
 
-HEXA20_KIND = ElementKind("hexa20", hexa20, sides=HEXAHEDRON_SIDES)
-PENTA15_KIND = ElementKind("penta15", penta15, sides=PENTAHEDRON_SIDES)
-TETRA10_KIND = ElementKind("tetra10", tetra10, sides=TETRAHEDRON_SIDES)
-PYRAM13_KIND = ElementKind("pyram13", pyram13, sides=PYRAMID_SIDES)
+HEXA20_KIND = ElementKind("hexa20", hexa20, sides=HEXAHEDRON_SIDES, children=HEXAHEDRON_PARTS, volume=HEXA20_SHAPE)
+PENTA15_KIND = ElementKind(
+    "penta15", penta15, sides=PENTAHEDRON_SIDES, children=PENTAHEDRON_PARTS, volume=PENTA15_SHAPE
+)
+TETRA10_KIND = ElementKind(
+    "tetra10", tetra10, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS, volume=TETRA10_SHAPE
+)
+PYRAM13_KIND = ElementKind(
+    "pyram13", pyram13, sides=PYRAMID_SIDES, children=pyramid_parts("tetra10"), volume=PYRAM13_SHAPE
+)

@@ -278,21 +278,21 @@ def gradients(table: Tabulated, xyz: Reals) -> Gradients:
     sides = reference_sides(table, xyz)
     cofactors = np.stack([np.cross(sides[:, :, k - 2], sides[:, :, k - 1]) for k in range(3)], axis=2)
     size = np.einsum("mpi,mpi->mp", sides[:, :, 0], cofactors[:, :, 0])
-    along = _folded(table.shape, xyz, table.slopes) @ (cofactors / size[:, :, None, None])
-    values = _folded(table.shape, xyz, table.values)
+    along = kept_functions(table.shape, xyz, table.slopes) @ (cofactors / size[:, :, None, None])
+    values = kept_functions(table.shape, xyz, table.values)
     return Gradients(along, table.weights * size, values @ _centred(table.shape, xyz))
 
 
 def reference_sides(table: Tabulated, xyz: Reals) -> Reals:
     """(m, p, 3, 3) derivatives of the place along r, s, t, a row each."""
-    slopes = _folded(table.shape, xyz, table.slopes)
+    slopes = kept_functions(table.shape, xyz, table.slopes)
     flat = np.swapaxes(slopes, 2, 3).reshape(len(slopes), -1, xyz.shape[1])
     return np.asarray((flat @ _centred(table.shape, xyz)).reshape(len(xyz), -1, 3, 3))
 
 
 def mass_shares(table: Tabulated, xyz: Reals) -> Reals:
     """(m, n, n) integrals of products of the shape functions over the volume."""
-    values = _folded(table.shape, xyz, table.values)
+    values = kept_functions(table.shape, xyz, table.values)
     volume = table.weights * np.linalg.det(reference_sides(table, xyz))
     out = np.swapaxes(values * volume[:, :, None], 1, 2) @ values
     return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
@@ -304,7 +304,7 @@ def _centred(shape: SolidShape, xyz: Reals) -> Reals:
     return np.where(np.isnan(xyz), 0.0, xyz - centre)
 
 
-def _folded(shape: SolidShape, xyz: Reals, functions: Reals) -> Reals:
+def kept_functions(shape: SolidShape, xyz: Reals, functions: Reals) -> Reals:
     """Functions (p, n, …) of the nodes as (m, p, n, …), half of a missing node's to each end of its edge.
 
     Where no element lacks a node m is 1.

@@ -11,6 +11,7 @@ from femtune.arrays import Reals
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements.kind import ElementKind
 from femtune.fem.elements.solids.first_order import first_order, reference
+from femtune.fem.elements.solids.parts import TETRAHEDRON_PARTS
 from femtune.fem.elements.solids.shape import TETRAHEDRON_SIDES, tetrahedron_points
 from femtune.fem.elements.solids.solid import solid
 from femtune.fem.elements.solids.strains import SolidFormulation, SolidPlaces, StrainGroup
@@ -51,4 +52,4 @@ def tetra4(batch: ElementBatch, structure: Structure) -> list[Contribution]:
     return solid(batch, structure, TETRA4)
 
 
-TETRA4_KIND = ElementKind("tetra4", tetra4, sides=TETRAHEDRON_SIDES)
+TETRA4_KIND = ElementKind("tetra4", tetra4, sides=TETRAHEDRON_SIDES, children=TETRAHEDRON_PARTS)
