@@ -147,7 +147,11 @@ def test_single_steps_agree_with_the_run(done: RunResult, own: Bench) -> None:
     assert steps.select(study).record == done.results.selection
     facts = steps.info(study).record
     mass = tuple(c for c in facts.checks if c.check == "weighed mass")
-    assert facts.model_copy(update={"checks": mass}) == done.results.model
+    assert done.results.model is not None
+    own_notices = done.results.model.notices
+    # a run shows the warnings on the study among its alerts
+    assert facts.notices[len(facts.notices) - len(own_notices) :] == own_notices
+    assert facts.model_copy(update={"checks": mass, "notices": own_notices}) == done.results.model
 
 
 def test_info_and_modes_take_a_deck_alone(beam: Bench) -> None:
