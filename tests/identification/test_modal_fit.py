@@ -118,6 +118,26 @@ def test_two_modes_taken_for_one_are_told(eight_modes: Any) -> None:
     assert any(n.code == "identify.references-disagree" and "25" in n.what for n in notices)
 
 
+@pytest.mark.parametrize(("second", "told"), [(0.0, False), (0.2, True)])
+def test_a_repeated_mode_that_the_references_excite_little_is_told(second: float, told: bool) -> None:
+    """Two modes at 25 Hz, whose residues have singular values in the ratio of 1 to .2; one of them is fitted."""
+    rng = np.random.default_rng(8)
+    left, right = np.linalg.qr(rng.standard_normal((6, 2)))[0], np.linalg.qr(rng.standard_normal((2, 2)))[0]
+    residue = left @ np.diag([1.0, second]) @ right.T
+    lines, pole = np.linspace(15.0, 40.0, 400), pole_of(np.array([25.0]), np.array([0.01]))
+    s = 2j * np.pi * lines
+    values = 1j * residue[:, :, None] * (1.0 / (s - pole[0]) - 1.0 / (s - pole[0].conj())) * s**2
+    values = values + 1e-3 * np.abs(values).max() * (
+        rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+    )
+    frfs = FrfSet(
+        lines, values, DofSet.parse([f"{i}Z+" for i in range(1, 7)]), DofSet.parse(["7Z+", "8Z+"]), "accelerance"
+    )
+    fit = fit_modes(frfs, pole)
+    codes = [n.code for n in fit_notices(fit, scaled_shapes(fit, driving_points(frfs)))]
+    assert ("identify.references-disagree" in codes) == told
+
+
 def test_nothing_to_fit(three_modes: Any) -> None:
     with pytest.raises(FemtuneError) as caught:
         fit_modes(three_modes.frfs(_LINES), np.zeros(0, complex))

@@ -57,6 +57,8 @@ NOTICES = {
     "deck.solid-integration": _SOLID + "PSOLID,12,1,,TWO\n",
     "deck.stiff-tetrahedra": _SOLID + "PSOLID,12,1\n",
     "deck.inconsistent-shear": _BASE.replace("2.1+11,,.3", "2.1+11,8.5+10,.3") + _BAR,
+    "deck.inconsistent-shear, implied": _BASE.replace("2.1+11,,.3", "2.1+11,6.8+10,")
+    + "CTRIA3,32,12,1,2,3\nPSHELL,12,1,.1,1,,1\nGRID,3,,0.,1.,0.\n",
     "deck.surplus-field": _BASE + "CONM2,7,2,,3.,,,,5.\n",
     "deck.left-out": "SOL 103\nCEND\nSUBCASE 1\nLOAD = 3\nTEMP(LOAD) = 4\nSUBCASE 2\nMETHOD = 1\nSTATSUB(PRELOAD) = 1\n"
     "BEGIN BULK\nEIGRL,1,,,3\n" + _BASE + "ENDDATA\n",

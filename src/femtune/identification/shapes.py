@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.arrays import Complexes, Reals
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.dofs import DofSet
 from femtune.errors import Notice
 from femtune.identification.modal_fit import ModalFit
@@ -173,6 +173,8 @@ def _difference(
 
 NOT_ONE_SHAPE = 0.95
 """Residues of several references that one shape explains to less than this share are more than one mode, or wrong."""
+NOT_QUITE_ONE, BEYOND_NOISE = 0.98, 10.0
+"""The same for a larger share, if what is left is this many times what errors of the residues alone leave."""
 
 
 LARGE_SPREAD = 4.0
@@ -251,14 +253,22 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
         *collinearity_remarks(freq, collinearity, deviation),
         *mass_remarks(freq, made.mass_sign[inside]),
     ]
+    beyond = _beyond_noise(fit)[inside]
     for r, (f, share, spread) in enumerate(zip(freq, made.rank_share[inside], fit.spread[inside])):
-        if share < NOT_ONE_SHAPE:
+        if share < (NOT_QUITE_ONE if beyond[r] else NOT_ONE_SHAPE):
             notice = Notice("identify.references-disagree", frequency_hz=float(f), share=float(share))
             found.append(ModeRemark(r, notice))
         if spread > LARGE_SPREAD:
             notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
             found.append(ModeRemark(r, notice))
     return tuple(sorted(found, key=lambda remark: remark.mode))
+
+
+def _beyond_noise(fit: ModalFit) -> Flags:
+    """(m,) Whether what one shape leaves of the residues is more than their own errors."""
+    left = [np.sum(np.linalg.svd(residue, compute_uv=False)[1:] ** 2) for residue in np.moveaxis(fit.residues, 2, 0)]
+    noise = np.einsum("numaa->m", fit.own_covariance)
+    return np.asarray(left > BEYOND_NOISE * noise)
 
 
 def fit_notices(fit: ModalFit, made: ScaledShapes) -> tuple[Notice, ...]:

@@ -105,3 +105,14 @@ def test_both_are_written(tmp_path: Path) -> None:
     assert ratio == pytest.approx(np.full(3, np.sqrt(1.2)), rel=1e-9)
     own = ft.write_deck(path, {"MAT1 1 E": 1.2 * 2.1e11, "MAT1 1 G": 9.9e10}, tmp_path / "own.bdf")
     assert "MAT1,1,2.52+11,9.9+10,.3" in own.read_text()
+
+
+@pytest.mark.parametrize(("shear", "told"), [("2.7+10", False), ("2.3+10", True)])
+def test_a_ratio_above_one_half_that_e_and_g_imply_is_told_for_shells(deck_of: DeckOf, shear: str, told: bool) -> None:
+    """E/2G − 1 = .30 and .52."""
+    material = f"MAT1,1,7.+10,{shear},,2700.\n"
+    shell = "GRID,11,,0.,0.,0.\nGRID,12,,1.,0.,0.\nGRID,13,,0.,1.,0.\nCTRIA3,31,12,11,12,13\nPSHELL,12,1,.01,1,,1\n"
+    built = build_structure(deck_of(material + shell))
+    found = [n for n in built.notices if n.code == "deck.inconsistent-shear"]
+    assert [n.level for n in found] == ["warning"] * told
+    assert all("imply a Poisson's ratio of 0.522" in n.what for n in found)

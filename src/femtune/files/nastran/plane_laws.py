@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from femtune.errors import Notice
 from femtune.fem.fields import FieldRef
 from femtune.files.nastran.building import Building, Library
 from femtune.files.nastran.card import CardEntry
@@ -156,6 +157,10 @@ def _in_plane_shear(laws: PlaneLaws, record: CardEntry, mid: int, at: Roles) -> 
     return laws.derive(record, mid, "D33", shear_modulus, at["E"], at["NU"])
 
 
+_LARGEST_POISSON = 0.5 + 1e-6
+"""Of a stable isotropic solid. A ratio that is given is checked with its card; one that E and G imply may be larger."""
+
+
 def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> Roles:
     """Positions of E, G and NU of a MAT1 that makes a shell stiff."""
     at = laws.materials.isotropic(mid, user)
@@ -164,6 +169,13 @@ def _elastic(laws: PlaneLaws, record: CardEntry, mid: int, user: CardEntry) -> R
         raise record.error("deck.material/shell-shear-modulus", at="G")
     if not -1.0 < values[at["NU"]] < 1.0:
         raise record.error("deck.material/shell-poisson-ratio", at="G", ratio=values[at["NU"]])
+    notices = laws.building.notices
+    if values[at["NU"]] > _LARGEST_POISSON and not any(
+        n.code == "deck.inconsistent-shear" and n.where == record.where for n in notices
+    ):
+        notices.append(
+            Notice("deck.inconsistent-shear/implied", where=record.where, mid=mid, ratio=float(values[at["NU"]]))
+        )
     return at
 
 
