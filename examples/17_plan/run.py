@@ -64,7 +64,7 @@ def beside_all_sets(shapes: Reals, size: Size) -> list[str]:
         for key, chosen in zip(off, sets):
             off[key].append(best - log_det(information_of(some[chosen])))
     rows = [
-        f"| {key} | {sum(d < 1e-9 for d in lost)} of {size.problems} | {np.mean(lost):.3f} | {np.max(lost):.3f} |"
+        f"| {key} | {sum(d < 1e-9 for d in lost)} of {size.problems} | {abs(np.mean(lost)):.3f} | {np.max(lost):.3f} |"
         for key, lost in off.items()
     ]
     assert min(map(min, off.values())) > -1e-9

@@ -108,6 +108,8 @@ def test_rigid_body_modes_alone(tmp_path: Path) -> None:
         ({"directions": ["RX"]}, "study.value"),
         ({"modes": [1, 2], "exciter_nodes": [77], "exciters": 1}, "model.unknown-node"),
         ({"modes": [1, 2], "exciters_placed": ["77Z+"]}, "model.unknown-node"),
+        ({"modes": "1 THRU 1000000000"}, "study.value"),
+        ({"nodes": "500 THRU 600"}, "plan.candidates"),
         ({"damping_ratio": 0.0}, "study.value"),
         ({"suspension": [{"nodes": [2], "stiffness": (1.0, -1.0, 0.0)}]}, "study.value"),
         ({"configuration": "free"}, "study.unknown-configuration"),

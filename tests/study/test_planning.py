@@ -14,6 +14,7 @@ import pytest
 import pyuff
 from click.testing import CliRunner
 from scipy.stats import qmc
+from tests.study.test_imported_study import written
 
 from femtune import Study, steps
 from femtune.arrays import Reals
@@ -100,6 +101,14 @@ def test_elastic_modes_are_the_targets_where_none_are_named(free: Path) -> None:
     assert len(found.record.sensors) == 12
     with_rigid = steps.plan(free, modes="1 THRU 8", rigid_body=True, triaxial=6)
     assert [m.rigid_body for m in with_rigid.record.modes] == [True] * 6 + [False] * 2
+
+
+def test_all_modes_and_all_points(free: Path) -> None:
+    found = steps.plan(free, modes="ALL", nodes="ALL", uniaxial=8)
+    assert [m.number for m in found.record.modes] == list(range(7, 13))
+    assert found.record.candidate_points == (_NX + 1) * (_NY + 1)
+    with pytest.raises(FemtuneError, match="has none of the listed numbers"):
+        steps.plan(free, uniaxial=8, suspension=[{"nodes": "500 THRU 600", "stiffness": (1.0, 1.0, 1.0)}])
 
 
 def test_targets_of_a_band_are_solved_for(free: Path) -> None:
@@ -483,6 +492,16 @@ def test_given_and_triaxial_sensors_count_for_the_parameters(tmp_path: Path) -> 
     nodes = [s.node for s in found.record.sensors]
     assert nodes[0] == 15
     assert found.parameters.column("expected_sd") == pytest.approx(_expected(nodes)[1], rel=1e-5)
+
+
+def test_a_plan_of_matrices(tmp_path: Path) -> None:
+    (tmp_path / "mesh.inp").write_text("*NODE\n" + "".join(f"{10 * (i + 1)}, {i}., 0., 0.\n" for i in range(5)))
+    found = steps.plan(written(tmp_path, "", model='grid = "mesh.inp"'), modes=[1, 2], uniaxial=3)
+    assert {s.node for s in found.record.sensors} <= {10, 20, 30, 40, 50}
+    assert all(p.expected_sd < p.prior_sd for p in found.record.parameters)
+    with pytest.raises(FemtuneError, match="have no coordinates") as caught:
+        steps.plan(written(tmp_path, ""), modes=[1, 2], uniaxial=3)
+    assert caught.value.code == "plan.candidates"
 
 
 @pytest.mark.slow

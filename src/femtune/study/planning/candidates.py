@@ -86,8 +86,11 @@ def accessible_rows(study: Study, case: StudyCase, table: PlanTable, mesh: Drawn
     """
     nodes, where = study.model.structure.nodes, study.file.where
     if not nodes.has_coordinates:
-        raise FemtuneError("plan.candidates/no-coordinates")
+        raise FemtuneError("plan.candidates/no-coordinates", where=where("plan"))
     rows = np.asarray(mesh.used, np.int64)
+    if not rows.size:
+        # matrices without a mesh
+        rows = np.arange(len(nodes.ids))
     if table.nodes is not None:
         # points that are named may lie inside solids
         rows = _named(study, "nodes", table.nodes)

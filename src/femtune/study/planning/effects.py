@@ -89,9 +89,12 @@ def suspension_effect(
         raise FemtuneError("plan.suspension", where=study.file.where("plan", "suspension"), name=case.name)
     nodes, rows, springs = study.model.structure.nodes, [], []
     for i, entry in enumerate(table.suspension):
-        with errors_at(study.file.where("plan", "suspension", i, "nodes")):
+        where = study.file.where("plan", "suspension", i, "nodes")
+        with errors_at(where):
             listed = number_list(entry.nodes)
             found = [nodes.position(n) for n in {*listed.singles, *listed.among(nodes.ids.tolist())}]
+        if not found:
+            raise FemtuneError("plan.suspension/no-point", where=where)
         rows += found
         springs += [entry.stiffness] * len(found)
     motion = grid_translations(case.configured, solution, np.array(rows))

@@ -170,7 +170,7 @@ def _with_targets(study: Study, table: PlanTable) -> Study:
     if table.modes is not None:
         listed = number_list(table.modes)
         most = max([*listed.singles, *(s.numbers[-1] for s in listed.spans)], default=1)
-        if asked.count is None or asked.count < most:
+        if not listed.every and (asked.count is None or asked.count < most):
             return with_modes_asked(study, most, None)
     elif table.band_hz is not None and (asked.max_hz is None or asked.max_hz < table.band_hz[1]):
         return with_modes_asked(study, None, table.band_hz[1])
