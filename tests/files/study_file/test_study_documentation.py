@@ -46,6 +46,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[update]`": study_file.UpdateTable,
     "## `[select]`": study_file.SelectTable,
     "## `[quantify]`": study_file.QuantifyTable,
+    "## `[equalise]`": study_file.EqualiseTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
     "## `[response]`": study_file.ResponseTable,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
         CorrelateTable,
+        EqualiseTable,
         ModesTable,
         OutputTable,
         ReductionTable,
@@ -52,6 +53,7 @@ __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "EqualiseTable",
     "FrequencyTableEntry",
     "GenericEntry",
     "Given",
