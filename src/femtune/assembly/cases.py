@@ -90,7 +90,11 @@ class StudyCase:
     def used_frfs(self) -> FrfSet | None:
         """The FRFs of the test, NaN where they are held out."""
         frfs = None if self.test is None else self.test.frfs
-        if frfs is None or not self.held.functions:
+        return None if frfs is None else self.without_held(frfs)
+
+    def without_held(self, frfs: FrfSet) -> FrfSet:
+        """FRFs of the channels of the test, NaN where these are held out."""
+        if not self.held.functions:
             return frfs
         values = frfs.values.copy()
         values[tuple(np.array(sorted(self.held.functions)).T)] = np.nan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import scipy.sparse as sp
@@ -13,6 +13,7 @@ from femtune.assembly.axes import named_axis, sensor_axis
 from femtune.assembly.error_places import errors_at
 from femtune.correlation import sensor_placement
 from femtune.errors import ErrorCollector, FemtuneError, did_you_mean
+from femtune.identification import InputKnown, equalised_test
 from femtune.residuals import ByMode, OfModes, OfPairs, PairResidual, Residual, case_without_modes
 from femtune.residuals.kinds import kinds
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from femtune.dofs import DofSet
     from femtune.errors import Notice, Where
     from femtune.files.study_file import Comparison, StudyFile
+    from femtune.identification import EqualisedTest
     from femtune.modal import FrfSet, ModeSet
     from femtune.model import ModalDamping
     from femtune.residuals import ComparedCase
@@ -37,6 +39,7 @@ class AskedOf:
     case: StudyCase
     comparison: Comparison
     damping: ModalDamping | None = None
+    shared: dict[str, EqualisedTest] = field(default_factory=dict, repr=False)
 
     @property
     def entry(self) -> Any:
@@ -69,6 +72,18 @@ class AskedOf:
     def frfs(self) -> FrfSet | None:
         """The measured FRFs, NaN where they are held out."""
         return self.case.used_frfs
+
+    def equalised(self) -> EqualisedTest | None:
+        """These FRFs with one damping ratio, where [equalise] is in the study; they are identified once."""
+        table, test = self.file.equalise, self.case.test
+        if table is None or test is None or test.frfs is None:
+            return None
+        if "equalised" not in self.shared:
+            asked = InputKnown(table.band_hz, table.largest_order, take=table.take_hz, drop=table.drop_hz)
+            with errors_at(self.file.where("equalise")):
+                found = equalised_test(test.frfs, table.damping, asked, table.lines, table.leave_out_hz)
+            self.shared["equalised"] = replace(found, frfs=self.case.without_held(found.frfs))
+        return self.shared["equalised"]
 
     @property
     def placement(self) -> SensorPlacement | None:
@@ -103,9 +118,10 @@ def with_residuals(file: StudyFile, case: StudyCase, damping: ModalDamping | Non
     """
     case = replace(case, placement=placement_of(file, case))
     errors, short, own = ErrorCollector(), list[Residual](), list[Residual]()
+    shared: dict[str, EqualisedTest] = {}
     mine = [c for c in file.comparisons if _is_of(c, case)]
     for comparison in mine:
-        asked = AskedOf(file, case, comparison, damping)
+        asked = AskedOf(file, case, comparison, damping, shared)
         with errors.catch(), asked.errors_at():
             (short if comparison.short else own).append(_built(asked))
     errors.raise_if_any()

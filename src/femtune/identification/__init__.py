@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         possible,
         stable,
     )
+    from femtune.identification.equal_damping import EqualisedTest, equalised_test
     from femtune.identification.estimators import FrfEstimate, estimate_frfs
     from femtune.identification.frf_checks import (
         Levels,
@@ -56,6 +57,7 @@ __all__ = [
     "Averaging",
     "Candidate",
     "DrivingPoint",
+    "EqualisedTest",
     "FitQuality",
     "FrfEstimate",
     "IdentifiedModes",
@@ -83,6 +85,7 @@ __all__ = [
     "compare_levels",
     "complete_lines",
     "driving_points",
+    "equalised_test",
     "estimate_frfs",
     "exchanged",
     "fit_modes",

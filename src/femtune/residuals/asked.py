@@ -12,6 +12,7 @@ from femtune.arrays import Reals
 from femtune.correlation import SensorPlacement
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, Notice, Where
+from femtune.identification import EqualisedTest
 from femtune.modal import FrfSet, ModeSet
 from femtune.model import ModalDamping
 from femtune.residuals.weights import Weights
@@ -43,6 +44,10 @@ class Asked(Protocol):
     @property
     def frfs(self) -> FrfSet | None:
         """The FRFs of the test; None where it has none."""
+        ...
+
+    def equalised(self) -> EqualisedTest | None:
+        """These FRFs with one damping ratio, where the study asks for that, identified once; errors ``identify.*``."""
         ...
 
     @property

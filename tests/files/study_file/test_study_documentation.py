@@ -48,6 +48,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[quantify]`": study_file.QuantifyTable,
     "## `[bootstrap]`": study_file.BootstrapTable,
     "## `[parallel]`": study_file.ParallelTable,
+    "## `[equalise]`": study_file.EqualiseTable,
     "## `[reduction]`": study_file.ReductionTable,
     "## `[[stage]]`": study_file.StageEntry,
     "## `[plan]`": study_file.PlanTable,

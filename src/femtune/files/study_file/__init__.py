@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
         CorrelateTable,
+        EqualiseTable,
         ModesTable,
         OutputTable,
         ParallelTable,
@@ -56,6 +57,7 @@ __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "EqualiseTable",
     "FrequencyTableEntry",
     "GenericEntry",
     "Given",

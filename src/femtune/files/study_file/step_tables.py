@@ -166,6 +166,21 @@ class ParallelTable(TomlTable):
     remote: bool = False
 
 
+Hertz = Annotated[float, Field(ge=0, le=1e12)]
+
+
+class EqualiseTable(TomlTable):
+    """[equalise]: measured FRFs as those of the identified system with one damping ratio; the model's likewise."""
+
+    damping: Annotated[float, Field(gt=0, lt=0.5)]
+    band_hz: tuple[Hertz, Hertz] | None = None
+    leave_out_hz: tuple[tuple[Hertz, Hertz], ...] = ()
+    lines: Annotated[float, Field(gt=0, le=100)] = 3.0
+    largest_order: Annotated[int, Field(ge=4, le=200)] = 60
+    take_hz: tuple[Positive, ...] = ()
+    drop_hz: tuple[Positive, ...] = ()
+
+
 class WriteTable(TomlTable):
     """[write]: options for writing the updated deck."""
 

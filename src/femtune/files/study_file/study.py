@@ -26,6 +26,7 @@ from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
     BootstrapTable,
     CorrelateTable,
+    EqualiseTable,
     ModesTable,
     OutputTable,
     ParallelTable,
@@ -88,6 +89,7 @@ class StudyFile(TomlTable):
     derived: tuple[DerivedEntry, ...] = ()
     residuals: ResidualsTable = Field(default_factory=ResidualsTable)
     residual: tuple[ResidualEntry, ...] = ()
+    equalise: EqualiseTable | None = None
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")

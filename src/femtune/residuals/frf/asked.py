@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,9 +41,15 @@ class AskedFrfs(AtFirstState):
         _check_labels(asked)
         relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
         scatter = FrfScatter(relative, entry.floor, entry.averages)
-        damping = _damping(entry, asked.damping)
-        way = ModelWay(_METHODS[entry.method], _wanted(entry), damping, entry.residual_vectors, _limit(entry))
-        return cls(_placed(partial(_settled_functions, entry, measured, places, scatter, way, notices), asked))
+        way = ModelWay(_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
+
+        def settle(state: CaseState) -> Settled:
+            used, damping, about = _equalised(asked, measured)
+            return _settled_functions(
+                entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
+            )
+
+        return cls(_placed(settle, asked))
 
 
 class AskedAntiresonances(AtFirstState):
@@ -76,6 +81,26 @@ class AskedAntiresonances(AtFirstState):
             return found, (*notices, *left)
 
         return cls(_placed(settle, asked))
+
+
+def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
+    """The functions and the modal damping of the model, both with one damping ratio where the study asks for it."""
+    entry, found = asked.entry, asked.equalised()
+    if found is None:
+        return measured, _damping(entry, asked.damping), ()
+    if entry.ratio is not None or entry.ratios is not None or entry.averages is not None:
+        raise FemtuneError("residual.equalised-keys", where=asked.where())
+    zeta = found.moved.damping_ratio
+    notice = Notice(
+        "residual.equalised", level="info", configuration=asked.name, ratio=found.damping_ratio,
+        low=found.band_hz[0], high=found.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
+        most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
+    )  # fmt: skip
+    return (
+        _select(found.frfs, measured.responses, measured.references),
+        constant_damping(found.damping_ratio),
+        (notice,),
+    )
 
 
 def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:

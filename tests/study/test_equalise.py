@@ -1,0 +1,116 @@
+"""[equalise]: a test with uneven damping is identified, and compared with the model at one damping ratio."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune import steps
+from femtune.errors import FemtuneError, Notice
+from femtune.files.nastran import read_deck
+from femtune.files.nastran.build import build_structure
+from femtune.files.uff import write_uff_frfs
+from femtune.model import Configuration, configure, damping_by_mode, parametric_model, solve_modes
+from femtune.model.response import frf, make_ports
+from femtune.parameters import ParameterSet
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import SI
+
+from ..messages.shown import check_shown
+from .conftest import CANTILEVER, TRUE, Bench
+
+PARAMETERS = """
+[[parameter]]
+name = "root"
+fields = ["PBAR 1 I1"]
+lower = 0.5
+upper = 2.0
+
+[[parameter]]
+name = "tip"
+fields = ["PBAR 2 I1"]
+lower = 0.5
+upper = 2.0
+"""
+BAND = (5.0, 240.0)
+# of all modes, those in the other plane and beyond the band included
+UNEVEN = (0.004, 0.03, 0.02, 0.008, 0.012, 0.02, *([0.01] * 14))
+
+
+def _measured(bench: Bench, noise: float) -> None:
+    deck = bench.truth(TRUE, CANTILEVER)
+    model = configure(
+        parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
+    )
+    ports = make_ports(model, ["5Y+"], ["2Y+", "3Y+", "4Y+", "5Y+"])
+    exact = frf(
+        solve_modes(model.at(np.zeros(0)), 20), ports, np.arange(BAND[0], BAND[1], 0.1), damping=damping_by_mode(UNEVEN)
+    )
+    random = np.random.default_rng(4).standard_normal((2, *exact.values.shape))
+    noisy = replace(exact, values=exact.values * (1.0 + noise * (random[0] + 1j * random[1])))
+    nodes = np.array([1, 2, 3, 4, 5])
+    frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
+    write_uff_frfs(bench.folder / "frfs.uff", ModalTest("frfs", SI, frame, frfs=noisy))
+
+
+def _study(bench: Bench, table: str, residual: str = "") -> Path:
+    bench.write("beam.bdf", CANTILEVER)
+    text = f'{PARAMETERS}\n[[residual]]\nkind = "frf"\n{residual}\n{table}'
+    return bench.study(text, test="frfs.uff")
+
+
+EQUALISE = f"[equalise]\ndamping = 0.02\nband_hz = [{BAND[0]}, {BAND[1]}]\nlargest_order = 20\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", ["", "\n[reduction]\n"])
+def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> None:
+    _measured(bench, 0.005)
+    run = steps.run(_study(bench, EQUALISE + more))
+    update = run.results.update
+    assert update is not None
+    assert update.ok
+    assert {p.name: p.value for p in update.parameters} == pytest.approx({"root": 1.3, "tip": 0.85}, rel=5e-3)
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised"]
+    assert "with the damping ratio 0.02" in alert.sentence
+    # the test is nothing but stiffness, mass and one damping ratio: what is left is the error of the identification
+    (record,) = update.residual_counts
+    assert record.rms_after is not None
+    assert record.rms_after < 1.0
+
+
+@pytest.mark.slow
+def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
+    _measured(bench, 0.0)
+    whole, part = (
+        steps.run(_study(bench, EQUALISE + more)).results.update for more in ("", "leave_out_hz = [[60.0, 240.0]]\n")
+    )
+    assert whole is not None
+    assert part is not None
+    # lines at constant ratio: their number follows the logarithm of the band
+    share = np.log(60.0 / BAND[0]) / np.log(BAND[1] / BAND[0])
+    assert part.residual_counts[0].count == pytest.approx(share * whole.residual_counts[0].count, rel=0.02)
+
+
+def test_keys_that_do_not_go_with_it(bench: Bench) -> None:
+    _measured(bench, 0.0)
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(_study(bench, EQUALISE, "ratio = 0.01"))
+    check_shown("residual.equalised-keys", str(caught.value).replace(str(bench.folder), "folder"))
+
+
+@pytest.mark.parametrize("key", ["damping = 0.0", "damping = 0.6", "", "damping = 0.01\nlines = 0.0"])
+def test_keys_are_checked(bench: Bench, key: str) -> None:
+    with pytest.raises(FemtuneError):
+        steps.run(_study(bench, f"[equalise]\n{key}\n"))
+
+
+def test_what_the_notice_says() -> None:
+    notice = Notice(
+        "residual.equalised", level="info", configuration="free", ratio=0.01, low=40.0, high=400.0, modes=14,
+        least=0.12, most=2.9, lines=347, misfit=1.83,
+    )  # fmt: skip
+    check_shown("residual.equalised", notice)
