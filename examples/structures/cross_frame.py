@@ -6,12 +6,15 @@ parameters are the relative moduli of four groups: bottom, top, both sides, cros
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
 
-from femtune.arrays import Reals
+from femtune.arrays import Complexes, Reals
 from femtune.fem import FieldRef
 from femtune.modal import FrfSet
 from femtune.model import (
@@ -19,17 +22,28 @@ from femtune.model import (
     Configuration,
     ConfiguredModel,
     EigenSolution,
+    ModelPoint,
+    SubspaceDerivative,
     configure,
     constant_damping,
     parametric_model,
     solve_modes,
 )
+from femtune.model.full_model import direct
 from femtune.model.response import Ports, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
-from femtune.residuals import FrfScatter, ModelWay, Scatter, UpdateProblem, case_without_modes, frf_residual
+from femtune.residuals import (
+    FrfResidual,
+    FrfScatter,
+    ModelWay,
+    Scatter,
+    UpdateProblem,
+    case_without_modes,
+    frf_residual,
+)
 from femtune.uncertainty import Bootstrap, BootstrapRules, BootstrapRun, bootstrap_of, bootstrap_result
 from femtune.uncertainty.bootstrap import Resampling
-from femtune.updating import SensitivityMethod, UpdateResult, update
+from femtune.updating import NoRegularisation, SensitivityMethod, update
 from structures.frames import bars, make_structure
 
 GROUPS = ("bottom", "top", "sides", "cross")
@@ -101,6 +115,33 @@ def frequency_lines(ratio: float, in_band: int = 3) -> Reals:
     return np.geomspace(FROM_HZ, TO_HZ, count)
 
 
+class DenseModes:
+    """Modes of a small model by LAPACK: thousands of calibrations of a hundred DOFs take minutes, not hours."""
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        """The lowest modes; no Sturm check is needed where all are computed."""
+        assert count is not None
+        values, shapes = la.eigh(point.stiffness.toarray(), point.mass.toarray(), driver="gvd")
+        shift = -0.1 * float(values[3])
+        return EigenSolution(point, values[:count], np.ascontiguousarray(shapes[:, :count]), count, shift, shift, 0)
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        """As of any solution."""
+        return direct.derivative(solution, members, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAtTruth(FrfResidual):
+    """An FRF residual whose functions at the true parameters are known with their derivatives."""
+
+    known: tuple[Complexes, Complexes] = field(default=(np.zeros(0), np.zeros(0)), repr=False)
+
+    def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
+        """As of any residual."""
+        point = model.point if isinstance(model, EigenSolution) else model
+        return self.known if np.array_equal(point.x, TRUTH) else super().functions(model, derivatives)
+
+
 @dataclass(frozen=True)
 class Campaigns:
     """Simulated tests with a damping ratio and a noise floor, and their calibrations; called with a seed, one of them.
@@ -148,21 +189,41 @@ class Campaigns:
         size = self.floor * np.abs(self.exact.values).max(axis=2, keepdims=True)
         return replace(self.exact, values=self.exact.values + size * (chance[0] + 1j * chance[1]))
 
-    def calibrated(self, seed: int) -> tuple[UpdateProblem, UpdateResult]:
-        """The problem of a test, and its solution from the truth."""
+    @cached_property
+    def functions(self) -> tuple[Complexes, Complexes]:
+        """The functions at the truth and their derivatives, which all tests share."""
+        residual, _ = frf_residual(self.at_truth, self.exact, way=self.way)
+        return residual.functions(self.at_truth, True)
+
+    def problem(self, seed: int) -> UpdateProblem:
+        """The calibration of a test."""
         scatter = FrfScatter(0.0, self.floor) if self.weighted else FrfScatter(0.05)
         residual, _ = frf_residual(self.at_truth, self.test(seed), scatter=scatter, way=self.way)
-        case = case_without_modes(self.model, (residual,))
+        facts = {f.name: getattr(residual, f.name) for f in fields(residual)}
+        case = case_without_modes(
+            self.model, (KnownAtTruth(**facts, known=self.functions),), count=MODES, solver=DenseModes()
+        )
         kind: Scatter = "stated" if self.weighted else "estimated"
-        problem = UpdateProblem((case,), self.model.model.parameters, scatter=kind)
-        return problem, update(problem, SensitivityMethod(tolerance=1e-6), start=problem.start(TRUTH))
+        return UpdateProblem((case,), self.model.model.parameters, scatter=kind)
 
     def bootstrap(self, seed: int, method: Resampling = "lines", runs: int = 1000) -> Bootstrap:
-        """What makes the bootstrap runs of a test."""
-        problem, found = self.calibrated(seed)
+        """The bootstrap of a test about its calibration.
+
+        With noise weights the truth is so near that its derivatives serve all steps; otherwise it is a whole update.
+        """
+        problem, rules = self.problem(seed), BootstrapRules(method, runs)
+        start = problem.start(TRUTH)
+        names = [p.name for p in problem.parameters.free]
+        side = NoRegularisation().side(len(TRUTH))
+        if self.weighted:
+            steps = bootstrap_of(problem, start, side, names, replace(rules, tolerance=1e-4))
+            x = steps.optimum().x
+            blocks = problem.follow(x, start, False).blocks
+            shared = tuple(replace(new, jacobian=old.jacobian) for new, old in zip(blocks, start.blocks))
+            return bootstrap_of(problem, replace(start, x=x, blocks=shared), side, names, rules)
+        found = update(problem, SensitivityMethod(tolerance=1e-6), start=start)
         r = found.after.residuals
-        size = float(np.sqrt(r @ r / (len(r) - len(TRUTH))))
-        return bootstrap_of(problem, found.after, found.side, found.active, BootstrapRules(method, runs), size)
+        return bootstrap_of(problem, found.after, side, names, rules, float(np.sqrt(r @ r / (len(r) - len(TRUTH)))))
 
     def __call__(self, seed: int) -> Campaign:
         """A test, its calibration and its linearised bootstrap."""

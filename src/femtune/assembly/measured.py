@@ -15,7 +15,7 @@ from femtune.assembly.error_places import errors_at, place_of
 from femtune.correlation import map_sensors, rigid_motion_sensor
 from femtune.correlation.generalised import GeneralisedSensor
 from femtune.dofs import DIRECTIONS, parse_dof
-from femtune.errors import FemtuneError
+from femtune.errors import FemtuneError, Notice
 from femtune.files.deviations import with_deviations
 from femtune.files.uff import UffFile, read_uff
 from femtune.model.eigen.default_count import ELASTIC_MODES
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
     from femtune.correlation import SensorMap
     from femtune.dofs import DofSet
-    from femtune.errors import Notice, Where
+    from femtune.errors import Where
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, HoldOutEntry, StudyFile
     from femtune.files.uff import UffContent
@@ -55,9 +55,10 @@ def with_test(file: StudyFile, case: StudyCase, tests: dict[Path, UffFile]) -> t
     _check_coordinates(file, structure)
     with errors_at(place_of(file, entry, "test")):
         found = _sensor_map(file, test, structure)
-    held = HeldOut(functions=_held_functions(file, entry, test.frfs))
+    functions, worst = _held_functions(file, entry, test.frfs)
+    held = HeldOut(functions=functions)
     case = replace(case, test=test, sensors=found, all_sensors=found, held=held)
-    notices = (*notices, *found.notices)
+    notices = (*notices, *found.notices, *worst, *_of_frfs(file, entry, test.frfs))
     if test.modes is None:
         return case, notices
     sensors = _of_modes(found, test.modes)
@@ -117,20 +118,40 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
         yield at[dof.node, dof.direction]
 
 
-def _held_functions(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> frozenset[tuple[int, int]]:
-    """FRFs of the outputs or inputs that a table names; of those between them, where it names both."""
+def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> tuple[Notice, ...]:
+    """What is wrong with functions that the study compares, as far as they tell themselves."""
+    names = (None, entry.name)
+    if frfs is None or not any(r.kind == "frf" and r.configuration in names for r in file.residual):
+        return ()
+    from femtune.identification import check_frfs  # noqa: PLC0415  few studies compare functions
+
+    return check_frfs(frfs)
+
+
+def _held_functions(
+    file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None
+) -> tuple[frozenset[tuple[int, int]], tuple[Notice, ...]]:
+    """FRFs of outputs or inputs that a table names (between them, where it names both), and of the worst outputs."""
     mine = [
         (i, one)
         for i, one in enumerate(file.hold_out)
-        if entry.use == "update" and one.configuration in (None, entry.name) and (one.outputs or one.inputs)
+        if entry.use == "update"
+        and one.configuration in (None, entry.name)
+        and (one.outputs or one.inputs or one.worst is not None)
     ]
     if frfs is None:
         for i, one in mine:
             if one.configuration is not None or len(file.configurations) == 1:
                 raise FemtuneError("study.hold-out/no-frfs", where=file.where("hold_out", i), configuration=entry.name)
-        return frozenset()
+        return frozenset(), ()
     found: set[tuple[int, int]] = set()
+    notices: list[Notice] = []
     for i, one in mine:
+        if one.worst is not None:
+            rows, notice = _worst(file, i, one, entry, frfs)
+            notices.append(notice)
+            found |= {(row, column) for row in rows for column in range(len(frfs.references))}
+            continue
         rows = _channels(file, (i, "outputs"), one.outputs, frfs.responses)
         columns = _channels(file, (i, "inputs"), one.inputs, frfs.references)
         found |= {(row, column) for row in rows for column in columns}
@@ -138,7 +159,43 @@ def _held_functions(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | N
     if found and not measured - found:
         where = file.where("hold_out")
         raise FemtuneError("study.hold-out", where=where, configuration=entry.name, remaining="no FRF")
-    return frozenset(found & measured)
+    return frozenset(found & measured), tuple(notices)
+
+
+def _worst(
+    file: StudyFile, i: int, one: HoldOutEntry, entry: ConfigurationEntry, frfs: FrfSet
+) -> tuple[list[int], Notice]:
+    """Positions of the worst outputs, and what is said of the choice (errors ``study.hold-out``)."""
+    from femtune.identification.channel_quality import quality  # noqa: PLC0415  few studies ask for it
+
+    if one.by == "coherence" and frfs.coherence is None:
+        raise FemtuneError(
+            "study.hold-out/no-coherence", where=file.where("hold_out", i, "by"), configuration=entry.name
+        )
+    found = quality(frfs, one.by)
+    assert one.worst is not None
+    if one.worst >= len(found.order):
+        raise FemtuneError(
+            "study.hold-out/too-many", where=file.where("hold_out", i, "worst"), worst=one.worst,
+            outputs=len(found.order), configuration=entry.name,
+        )  # fmt: skip
+    rows, rest = found.order[: one.worst], found.order[one.worst :]
+    labels = frfs.responses.labels()
+    limits = [float(found.values[j]) for j in (rows[0], rows[-1], rest[0], rest[-1])]
+    notice = Notice(
+        "study.worst-held",
+        level="info",
+        configuration=entry.name,
+        rule=found.words,
+        count=len(rows),
+        measured=len(found.order),
+        names=", ".join(labels[j] for j in rows),
+        first=limits[0],
+        last=limits[1],
+        rest_first=limits[2],
+        rest_last=limits[3],
+    )
+    return rows, notice
 
 
 def _channels(file: StudyFile, key: tuple[int, str], labels: tuple[str, ...], dofs: DofSet) -> list[int]:

@@ -35,6 +35,10 @@ class JournaledSolver:
     solver: ModelSolver = direct
     _digests: WeakKeyDictionary[EigenSolution, str] = field(default_factory=WeakKeyDictionary)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """In another process there is no journal, which belongs to this one."""
+        return _without_journal, (self.solver,)
+
     def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
         """As `solve_modes`: by K, M and how many modes are wanted."""
         key = _key("modes", matrices_digest(point, "stiffness", "mass"), count, max_hz)
@@ -58,6 +62,10 @@ class JournaledSolver:
                 solution.shift,
             )
         return self._digests[solution]
+
+
+def _without_journal(solver: ModelSolver) -> ModelSolver:
+    return solver
 
 
 def _key(*parts: Any) -> str:

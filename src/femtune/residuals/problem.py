@@ -13,7 +13,6 @@ from femtune.arrays import Reals
 from femtune.correlation import no_pairs
 from femtune.correlation.unit_factor import unit_factor
 from femtune.errors import FemtuneError
-from femtune.model.full_model import direct
 from femtune.parameters import ParameterSet
 from femtune.residuals.case import CaseState, ComparedCase
 from femtune.residuals.frf.model_way import settled
@@ -186,8 +185,7 @@ class UpdateProblem:
     def to_send(self) -> UpdateProblem:
         """The problem as another process can load it.
 
-        Comparisons that are settled at their first state are as they were settled; full models are solved without the
-        journal, which belongs to this process.
+        Comparisons that are settled at their first state are as they were settled.
         """
         return replace(self, cases=tuple(map(_to_send, self.cases)))
 
@@ -207,8 +205,7 @@ class UpdateProblem:
 
 
 def _to_send(case: ComparedCase) -> ComparedCase:
-    solver = direct if case.full is None else case.solver
-    return replace(case, residuals=tuple(settled(r) for r in case.residuals), solver=solver)
+    return replace(case, residuals=tuple(settled(r) for r in case.residuals))
 
 
 def _paired_again(state: CaseState) -> CaseState:

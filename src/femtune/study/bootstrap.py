@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femtune.assembly.error_places import errors_at
+from femtune.assembly.study import solved_by
 from femtune.errors import FemtuneError, Notice
 from femtune.executor import Serial, finish
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
+from femtune.model.full_model import direct
 from femtune.results.bootstrap import bootstrap_results
 from femtune.results.folder import unwritable
 from femtune.study.executor import executor_of
@@ -52,7 +54,10 @@ def bootstrap_at(
             table.method, table.runs, table.seed, table.jacobian, table.tolerance,
             checked=min(table.checked, table.runs),
         )  # fmt: skip
-        work = bootstrap_of(study.problem(), found.after, found.side, found.active, rules, misfit(found))
+        # what the journal keeps of a run is its end, not its solutions
+        work = bootstrap_of(
+            solved_by(study, direct).problem(), found.after, found.side, found.active, rules, misfit(found)
+        )
     executor = executor_of(study)
     begun = time.monotonic()
     runs, again, remarks = _runs(work, executor, FinishedRuns(folder / BOOTSTRAP_FILE, _key(work)), study, progress)

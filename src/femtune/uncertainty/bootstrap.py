@@ -180,6 +180,11 @@ class Bootstrap:
         """The same run with derivatives at every point."""
         return self._run(number, True)
 
+    def optimum(self) -> BootstrapRun:
+        """The run on all data as they are: the optimum near the point that the derivatives belong to."""
+        n = len(self.at.residuals)
+        return self._walked(np.ones(n), np.zeros(n), self.rules.jacobian == "own")
+
     @cached_property
     def drawn(self) -> Drawn | None:
         """What is drawn; None for noise (errors of `drawn_groups`)."""
@@ -256,7 +261,9 @@ class Bootstrap:
         return np.ones(len(noise)), noise - self.at.residuals
 
     def _run(self, number: int, own: bool) -> BootstrapRun:
-        root, added = self._data(number)
+        return self._walked(*self._data(number), own)
+
+    def _walked(self, root: Reals, added: Reals, own: bool) -> BootstrapRun:
         walk = _Walk(self, root, added, self.at, own)
         try:
             return walk.go()

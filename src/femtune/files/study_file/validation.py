@@ -25,6 +25,8 @@ class HoldOutEntry(TomlTable):
     sensors: tuple[DofLabel, ...] = ()
     outputs: tuple[DofLabel, ...] = ()
     inputs: tuple[DofLabel, ...] = ()
+    worst: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    by: Literal["coherence", "noise"] | None = None
 
 
 class ValidateTable(TomlTable):
@@ -74,7 +76,7 @@ OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
 
-_WHAT = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs")
+_WHAT = ("modes", "above_hz", "below_hz", "sensors", "outputs", "inputs", "worst")
 
 
 def validation_rules(data: Data, source: StudyLines) -> Problems:
@@ -90,6 +92,10 @@ def validation_rules(data: Data, source: StudyLines) -> Problems:
     for place, entry in tables(data, "hold_out"):
         if not any(entry.get(key) for key in _WHAT):
             yield source.error(place, "study.hold-out/nothing-named", {})
+        if "by" in entry and "worst" not in entry:
+            yield source.error((*place, "by"), "study.hold-out/by", {})
+        if "worst" in entry and (entry.get("outputs") or entry.get("inputs")):
+            yield source.error((*place, "worst"), "study.hold-out/worst-and-named", {})
         yield from _configuration(place, entry, configurations, source)
 
 

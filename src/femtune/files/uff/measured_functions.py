@@ -218,7 +218,10 @@ _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 _FORCES = {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": 4.4482216152605, "lb": 4.4482216152605}
 _TOLERANCE = 1e-3
 
+_COHERENCE, _MOST_COHERENCE = 6, 1.0 + 1e-3
+
 Pairs = dict[tuple[Dof, Dof], MeasuredFunction]
+Coherences = dict[tuple[object, ...], NDArray]
 
 
 def frf_sets(
@@ -233,15 +236,36 @@ def frf_sets(
     groups: dict[tuple[object, ...], Pairs] = {}
     unused: dict[str, list[MeasuredFunction]] = {}
     untyped = []
+    coherences = _coherences(functions)
     for function in functions:
+        if _is_coherence(function):
+            continue
         if why := _why_no_frf(function):
             unused.setdefault(why, []).append(function)
             continue
         _check_labels(function, units)
         untyped += [function] if function.header.function_type == _UNKNOWN else []
         _add(groups.setdefault(_group(function), {}), function)
-    sets = tuple(_frf_set(str(key[0]), pairs, source) for key, pairs in groups.items())
+    sets = tuple(_frf_set(str(key[0]), pairs, source, coherences) for key, pairs in groups.items())
     return sets, (*_unused(unused), *_untyped(untyped))
+
+
+def _is_coherence(function: MeasuredFunction) -> bool:
+    """True for a coherence between two DOFs over frequency, with values from 0 to 1."""
+    header, values = function.header, function.values
+    places = dof_of(*header.response), dof_of(*header.reference)
+    right = header.function_type == _COHERENCE and header.kinds[0] == _FREQUENCY and None not in places
+    return right and not np.iscomplexobj(values) and bool((values >= 0.0).all() and (values <= _MOST_COHERENCE).all())
+
+
+def _coherences(functions: Sequence[MeasuredFunction]) -> Coherences:
+    """By node and direction of response and reference, whatever their signs, and frequency lines."""
+    return {_place(one): one.values for one in functions if _is_coherence(one)}
+
+
+def _place(function: MeasuredFunction) -> tuple[object, ...]:
+    (response, at), (reference, driven) = function.header.response, function.header.reference
+    return response, abs(at), reference, abs(driven), function.x.tobytes()
 
 
 def _why_no_frf(function: MeasuredFunction) -> str:
@@ -288,14 +312,18 @@ def _add(pairs: Pairs, function: MeasuredFunction) -> None:
         )
 
 
-def _frf_set(kind: str, pairs: Pairs, source: str) -> FrfSet:
+def _frf_set(kind: str, pairs: Pairs, source: str, coherences: Coherences) -> FrfSet:
     responses = list(dict.fromkeys(response for response, _ in pairs))
     references = list(dict.fromkeys(reference for _, reference in pairs))
     lines = next(iter(pairs.values())).x
     values = np.full((len(responses), len(references), len(lines)), complex(np.nan, np.nan))
+    coherence = np.full(values.shape, np.nan)
     for (response, reference), function in pairs.items():
-        values[responses.index(response), references.index(reference)] = function.values
-    return FrfSet(lines, values, DofSet(responses), DofSet(references), kind, source=source)
+        at = responses.index(response), references.index(reference)
+        values[at] = function.values
+        coherence[at] = np.minimum(coherences.get(_place(function), coherence[at]), 1.0)
+    some = coherence if np.isfinite(coherence).any() else None
+    return FrfSet(lines, values, DofSet(responses), DofSet(references), kind, some, source)
 
 
 def _check_labels(function: MeasuredFunction, units: UnitSystem) -> None:

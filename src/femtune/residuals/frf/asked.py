@@ -15,6 +15,7 @@ from femtune.model import ModalDamping, constant_damping, damping_by_mode
 from femtune.model.response import TIMES_HIGHEST_LINE, Method
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
+from femtune.residuals.frf.against_model import against_model
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual, ZeroGates, antiresonance_residual
 from femtune.residuals.frf.choice import frf_residual
 from femtune.residuals.frf.lines import Band, Lines, PairedResonances
@@ -120,8 +121,10 @@ def _settled_functions(
     lines, about_lines = _lines(entry, state)
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
-    found, left = frf_residual(way.model(state, highest_hz), measured, lines, entry.form, scatter, way, places)
-    return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left)
+    model = way.model(state, highest_hz)
+    found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
+    doubts = against_model(found.measured, found.functions(model)[0], np.isfinite(found.sd), found.configuration)
+    return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
 
 
 def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Notice, ...]:

@@ -1,0 +1,77 @@
+"""How good the channels of measured FRFs are, judged by the functions themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.modal import FrfSet
+
+Rule = Literal["coherence", "noise"]
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """Quality of the outputs of a test.
+
+    Parameters
+    ----------
+    rule : "coherence": mean coherence over inputs and lines; "noise": see `relative_noise`
+    values : (outputs,) NaN for outputs that were not measured
+    """
+
+    rule: Rule
+    values: Reals
+
+    @property
+    def order(self) -> list[int]:
+        """Positions of the measured outputs, the worst first."""
+        known = np.flatnonzero(np.isfinite(self.values))
+        badness = -self.values if self.rule == "coherence" else self.values
+        return sorted((int(i) for i in known), key=lambda i: (-badness[i], i))
+
+    @property
+    def words(self) -> str:
+        """What ranks them."""
+        return "the lowest coherence" if self.rule == "coherence" else "the highest relative noise"
+
+
+def quality(frfs: FrfSet, rule: Rule | None = None) -> Quality:
+    """By coherence where the functions have it and no rule is given, otherwise by noise.
+
+    Functions without coherence have none by that rule.
+    """
+    chosen: Rule = rule or ("noise" if frfs.coherence is None else "coherence")
+    if chosen == "noise":
+        return Quality(chosen, relative_noise(frfs))
+    coherence = np.full(frfs.values.shape, np.nan) if frfs.coherence is None else frfs.coherence
+    known = np.where(np.isfinite(frfs.values), coherence, np.nan)
+    return Quality(chosen, np.array([_mean(one) for one in known]))
+
+
+def relative_noise(frfs: FrfSet) -> Reals:
+    """(outputs,) noise relative to the magnitude, from the scatter between neighbouring lines.
+
+    A value differs from the mean of its neighbours by √1.5 times the noise of one value, and by the curvature of the
+    function. The median over all lines and inputs leaves the few lines at resonances out, where the curvature counts;
+    the lines must be closer to each other than the half-power bandwidths.
+    """
+    values = frfs.values
+    step = np.abs(values[:, :, 1:-1] - 0.5 * (values[:, :, :-2] + values[:, :, 2:])) / np.sqrt(1.5)
+    size = np.abs(values[:, :, 1:-1])
+    ratio = np.divide(step, size, out=np.full(step.shape, np.nan), where=size > 0.0)
+    # the magnitude of a complex normal value has the median √(2 ln 2) σ
+    return np.array([_median(one) for one in ratio]) / np.sqrt(2.0 * np.log(2.0))
+
+
+def _mean(values: Reals) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _median(values: Reals) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
