@@ -20,8 +20,10 @@ def test_info_knows_the_mass_and_the_mesh(beam: Bench) -> None:
     found = _by_check(steps.info(beam.study()).record.checks)
     assert {name: c.verdict for name, c in found.items()} == {"weighed mass": "not tested", "mesh": "fail"}
     assert "no measured mass" in found["weighed mass"].sentence
-    modes = steps.modes(beam.study())[0]
+    result = steps.modes(beam.study())
+    modes = result[0]
     assert modes.mesh.modes == found["mesh"].modes
+    assert [row["error_percent"] for row in result.mesh_errors] == [m.error_percent for m in modes.mesh.modes]
     for m in modes.mesh.modes:
         assert m.freq_hz == modes.freq_hz[m.mode - 1]
         assert m.converged_hz == pytest.approx(m.freq_hz / (1.0 + m.error_percent / 100.0))

@@ -81,7 +81,7 @@ def main() -> None:
 @_json
 @_quiet
 def info(path: Path | None, solvers: bool, as_json: bool, quiet: bool) -> None:
-    """Summary of the deck: cards, mass, rigid-body check, supports.
+    """Summary of the deck: cards, mass, rigid-body check, supports, shapes of elements, mesh errors.
 
     PATH is a study file (.toml) or a Nastran deck.
     """

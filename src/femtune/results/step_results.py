@@ -109,7 +109,7 @@ class OfConfigurations(StepResult, Sequence[R], Generic[R]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InfoResult(StepResult):
-    """Summary of a deck: cards, mass, supports and the rigid-body check of each configuration.
+    """Summary of a deck: cards, mass, supports, rigid-body check, elements out of shape, errors due to the mesh.
 
     `record` is that of results.json, ``model``.
     """
@@ -178,6 +178,16 @@ class ModesResult(OfConfigurations["ModelModes"]):
             {"configuration": m.configuration, "mode": i + 1, "freq_hz": f, "rigid_body": i < m.rigid_body_modes}
             for m in self.records
             for i, f in enumerate(m.freq_hz)
+        )
+
+    @property
+    def mesh_errors(self) -> Rows:
+        """`configuration`, `mode`, `freq_hz`, `refined_hz` of a mesh of half the element size, estimated
+        `error_percent` due to the mesh, and `converged_hz`; none where the mesh was not checked."""
+        return Rows.of(
+            {"configuration": r.configuration, **m.model_dump()}
+            for r in self.records
+            for m in (r.mesh.modes if r.mesh is not None else ())
         )
 
     @property

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 @checked
 def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> InfoResult:
-    """Summary of the deck of a study, or of a deck: cards, mass, rigid-body check, supports, warnings.
+    """Summary of the deck of a study, or of a deck: cards, mass, rigid-body check, supports, shapes, warnings.
+
+    The modes of a small model are solved for the errors due to the mesh.
 
     Parameters
     ----------

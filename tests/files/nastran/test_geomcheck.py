@@ -88,7 +88,7 @@ def test_limits_of_the_deck_count(tmp_path: Path) -> None:
     (line,) = shape_blocks(facts)
     assert line.text == (
         "Shapes of elements: 2 elements, all within the limits. Limits of the deck: Q4_SKEW, Q4_WARP, Q4_IAMIN, "
-        "Q4_IAMAX. Ignored words of GEOMCHECK: Q5=3."
+        'Q4_IAMAX. Ignored words of GEOMCHECK: "Q5=3".'
     )
 
 

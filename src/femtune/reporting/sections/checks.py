@@ -55,7 +55,8 @@ def shape_blocks(facts: ModelFacts) -> list[Block]:
     if shapes is None:
         return []
     limits = f" Limits of the deck: {', '.join(shapes.given)}." if shapes.given else ""
-    limits += f" Ignored words of GEOMCHECK: {', '.join(shapes.ignored)}." if shapes.ignored else ""
+    words = ", ".join(f'"{word}"' for word in shapes.ignored)
+    limits += f" Ignored words of GEOMCHECK: {words}." if words else ""
     failed = [t for t in shapes.tests if t.beyond]
     if not failed:
         return [Paragraph(f"Shapes of elements: {shapes.sentence}.{limits}")]
