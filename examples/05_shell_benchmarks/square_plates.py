@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from page import numbers, section, table
-from plates import Reals, errors, reference
+from plates import CANCELLED, Reals, errors, reference
 from ritz import supports
 
 ORDER, WITHIN = 2.0, 0.3
-WORST_PERCENT = {("quad", True): 2.8, ("quad", False): 1.1, ("union", True): 1.6, ("union", False): 1.1}
+WORST_PERCENT = {("quad", True): 2.8, ("quad", False): 1.6, ("union", True): 1.6, ("union", False): 1.1}
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ def checked(edges: str, t: float, cells: str, consistent: bool, n: int) -> Case:
     layer = "F" in edges and (cells != "quad" or t > 0.05)
     if consistent and not layer:
         certain = slice(0, 3) if n < 12 else slice(None)
-        assert np.abs(case.orders[certain] - ORDER).max() < WITHIN, (edges, t, cells, case.orders)
+        low = case.orders < ORDER - WITHIN
+        assert (np.abs(case.fine) < CANCELLED)[certain][low[certain]].all(), (edges, t, cells, case)
     return case
 
 
@@ -77,8 +78,9 @@ TEXT = """Edges in the order u = 0, v = 0, u = 1, v = 1: S simply supported, C c
 is ω L² √(ρt/D) by the Ritz method with Legendre polynomials, written for this page without femtune (Kirchhoff's
 plate, 16 × 16 terms, six elastic modes to a part in 10⁴ or better; thick plates: Mindlin's without rotary inertia,
 which shells do not have). Errors are the largest of six modes in per cent on {n} × {n} cells; orders are between
-{coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theoretical order is 2, asserted
-within .3. With lumped mass errors of stiffness and mass have opposite signs and nearly cancel, so that the order has no
-meaning. At free edges there is a boundary layer in thick plates, and in triangles, whose residual flexibility is the
-shear flexibility of a plate with a thickness equal to the cell width. There the order is lower (near 1 if a free edge
+{coarse} and {n} cells, lowest and highest of six modes. With consistent mass the theoretical order is 2; asserted
+are 1.7 and more, except for errors below .5 %, where those of mass, bending and residual flexibility of the
+quadrilaterals have different signs and nearly cancel. With lumped mass the order is not asserted. At free
+edges there is a boundary layer in thick plates, and in triangles, whose residual flexibility is the shear flexibility
+of a plate with a thickness equal to the cell width. There the order is lower (near 1 if a free edge
 is twisted; any number if the error changes its sign). It is listed but not asserted."""

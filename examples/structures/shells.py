@@ -224,7 +224,6 @@ def _shell_batch(number: int, first: int, part: ShellPart, table: ValueTableBuil
     roles = {name: np.full(e, at) for name, at in _roles(number, part.section, table).items()}
     section = part.section
     flags = {
-        "isotropic": isinstance(section.material, Isotropic),
         "has_membrane": section.has_membrane,
         "has_bending": section.has_bending,
         "offset_given": section.z0 is not None,

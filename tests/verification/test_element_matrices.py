@@ -13,6 +13,7 @@ import pytest
 
 from femtune.fem.assemble import assemble
 from femtune.files.nastran import build_structure, read_deck
+from structures.shells import Isotropic, Section, ShellPart, shell_structure
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "09_element_matrices"
 PLATE = {"young": 2.9e7, "poisson": 0.32, "shear": 1.1e7}
@@ -143,22 +144,31 @@ def test_commercial_shells_in_our_model_give_the_listed_modes(source: Path) -> N
     found = ours.frequencies(structure, stiffness, 3, 7)
     np.testing.assert_allclose(found, LISTED, rtol=2e-5)
     np.testing.assert_allclose(own[[0, 3]], np.array(LISTED)[[0, 3]], rtol=2e-5)
-    assert 0.03 < np.abs(own / np.array(LISTED) - 1.0).max() < 0.05
+    np.testing.assert_allclose(own, LISTED, rtol=0.008)
+
+
+@pytest.mark.quick(2)
+@pytest.mark.parametrize("thickness", [1.5, 0.25, 1e-4])
+@pytest.mark.parametrize("first", [0, 2])
+def test_a_square_bends_as_that_of_the_commercial_program(thickness: float, first: int) -> None:
+    """Its formulas, which the file above shows to be right at three thicknesses; from any corner, in any position."""
+    turn = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
+    xyz = np.roll([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], first, axis=0) @ turn
+    section = Section(Isotropic(PLATE["young"], PLATE["poisson"]), thickness)
+    structure = shell_structure(xyz, [ShellPart(np.arange(4)[None], section)], drilling=0.0)
+    corners, axes = ours.shell_axes(xyz)
+    found = ours.part(assemble(structure, "stiffness").toarray(), axes, ours.BENDING)
+    moduli = PLATE | {"shear": PLATE["young"] / (2.0 + 2.0 * PLATE["poisson"])}
+    exact = commercial.bending_stiffness(commercial.Plate(**moduli, thickness=thickness), corners)
+    np.testing.assert_allclose(found, exact, atol=1e-12 * np.abs(exact).max())
 
 
 @pytest.mark.slow
-def test_the_commercial_square_gives_the_listed_modes_of_a_plate(source: Path) -> None:
-    """Six digits; ours are .1 to .6 % higher, and the same plate with four times the squares higher still."""
+def test_a_plate_of_squares_has_the_listed_modes(source: Path) -> None:
+    """Six digits."""
     structure = build_structure(read_deck(source / changed_decks.PLATE_DECK)).structure
-    plate = commercial.Plate(2.9e7, 0.32, 2.9e7 / 2.64, 0.125)
-    stiffness = assemble(structure, "stiffness").toarray()
-    listed = np.array([6333.01, 7495.47, 16238.5, 17161.5])
-    own = ours.frequencies(structure, stiffness, 6, 4)
-    assert ((own > listed) & (own < 1.01 * listed)).all()
-    stiffness += ours.on_shells(
-        structure, "CQUAD4", ours.BENDING, lambda corners, own: commercial.bending_stiffness(plate, corners) - own
-    )
-    np.testing.assert_allclose(ours.frequencies(structure, stiffness, 6, 4), listed, rtol=5e-6)
+    found = ours.frequencies(structure, assemble(structure, "stiffness").toarray(), 6, 4)
+    np.testing.assert_allclose(found, [6333.01, 7495.47, 16238.5, 17161.5], rtol=5e-6)
 
 
 def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> None:
@@ -172,18 +182,18 @@ def test_meshes_of_the_same_structure_converge(source: Path, tmp_path: Path) -> 
             steps.append(np.abs(found / last - 1.0).max())
         last = found
     assert steps[0] > 0.4
-    assert steps[1] < 0.11
+    assert steps[1] < 0.12
 
 
 def test_commercial_shells_and_wedges_in_our_model_of_every_kind_give_the_listed_modes(
     source: Path, theirs: dict[str, Any]
 ) -> None:
-    """PCOMP among them; ours are .08 to .55 % higher."""
+    """PCOMP among them; ours are .02 to .19 % lower."""
     structure = build_structure(read_deck(source / "solid_shell_bar" / changed_decks.MODES_DECK)).structure
     listed = np.array([71.26832, 75.95746, 125.7872])
     stiffness = assemble(structure, "stiffness").toarray()
     own = ours.frequencies(structure, stiffness, 0, 3) / listed - 1.0
-    assert ((own > 0.0) & (own < 0.006)).all()
+    assert np.abs(own).max() < 0.002
     for number, matrix in ours.our_matrices(structure, "stiffness").items():
         if matrix.card in ("CQUAD4", "CTRIA3", "CPENTA"):
             at = ours.dofs_of(theirs["K"][number])

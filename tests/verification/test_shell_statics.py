@@ -65,9 +65,9 @@ def straight(shape: str) -> ShellMesh:
 
 
 STRAIGHT = {
-    "rectangle": (0.995, 0.993, 0.980),
-    "trapezoid": (0.995, 0.052, 0.963),
-    "parallelogram": (0.995, 0.632, 0.978),
+    "rectangle": (0.995, 0.993, 0.987),
+    "trapezoid": (0.999, 0.052, 0.981),
+    "parallelogram": (0.999, 0.632, 0.992),
 }
 
 
@@ -89,7 +89,7 @@ def curved(n: int) -> ShellMesh:
 def test_curved_beam():
     section = Section(Isotropic(1e7, 0.25), 0.1)
     found = [[abs(tip(curved(n), section, c)) / ref for c, ref in ((1, 0.08734), (3, 0.5022))] for n in (6, 12)]
-    np.testing.assert_allclose(found, [[0.888, 0.942], [1.003, 0.955]], atol=0.006)
+    np.testing.assert_allclose(found, [[0.888, 0.956], [1.003, 0.961]], atol=0.006)
 
 
 def twisted(nu: int, nv: int) -> ShellMesh:
@@ -126,7 +126,7 @@ def roof(n: int) -> float:
 def test_scordelis_lo_roof():
     """The value that fine meshes of shear-flexible shells reach is .3012, .996 of the customary one."""
     found = [roof(n) for n in (4, 8, 16)]
-    np.testing.assert_allclose(found, [1.046, 1.006, 0.998], atol=0.012)
+    np.testing.assert_allclose(found, [1.066, 1.014, 1.002], atol=0.012)
 
 
 def pinched(n: int) -> float:
@@ -139,7 +139,7 @@ def pinched(n: int) -> float:
 
 
 def test_pinched_cylinder():
-    np.testing.assert_allclose([pinched(n) for n in (8, 16)], [0.75, 0.933], atol=0.01)
+    np.testing.assert_allclose([pinched(n) for n in (8, 16)], [0.898, 1.012], atol=0.01)
 
 
 def hemisphere(n: int) -> float:
@@ -156,7 +156,7 @@ def hemisphere(n: int) -> float:
 
 def test_hemisphere_with_a_hole():
     """Inextensional bending of warped elements; fine meshes reach .0934, .994 of the customary value."""
-    np.testing.assert_allclose([hemisphere(n) for n in (8, 16)], 0.995, atol=0.02)
+    np.testing.assert_allclose([hemisphere(n) for n in (8, 16)], 1.0, atol=0.02)
 
 
 def skew(n: int, angle: float, t: float, two: bool, nu: float) -> float:
@@ -179,8 +179,8 @@ def test_razzaque_skew_plate():
 def test_morley_skew_plate():
     """30 degrees, singular moments in the obtuse corners: slow, from below."""
     found = np.array([skew(n, 30.0, 1.0, False, 0.3) for n in (8, 16, 32)]) / 0.423e-3
-    assert (np.diff(found) > 0.02).all()
-    assert 0.94 < found[-1] < 1.0
+    assert (np.diff(found) > 0.01).all()
+    assert 0.97 < found[-1] < 1.0
 
 
 @pytest.mark.slow
@@ -198,6 +198,5 @@ def test_a_curved_shell_does_not_soften_with_refinement():
         np.testing.assert_allclose(first, second, rtol=1e-3)
         modes.append(first)
     steps = np.abs(np.diff(modes, axis=0) / modes[-1])
-    assert (steps[1] < steps[0]).all()
-    assert steps[1].max() < 0.006
+    assert steps[1].max() < steps[0].max() < 0.006
     assert steps[:, 0].max() < 0.003

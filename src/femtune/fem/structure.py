@@ -233,6 +233,8 @@ class Structure:
     element_kinds : card name of every element number, rigid elements included
     drilling : factor of a shell's stiffness against turning about its normal (PARAM K6ROT); 1e-6·drilling·G·t
         times the squared difference of that turn and the membrane's own rotation
+    normals_within : degrees between the normals of shells at a grid point and their mean, up to which they share it
+        (PARAM SNORM); 0 for none that do
     damping : damping of the whole structure (PARAM G, W3, W4)
     dof_sets : g-set DOFs by the name of a set that the deck lists ("ASET", "SUPORT", "USET U1"); they hold nothing
     assembled : matrices on the g-set that no element made: of another solver, or of DMIG cards
@@ -253,6 +255,7 @@ class Structure:
     hold_singular: bool = True
     element_kinds: Mapping[int, str] = field(default_factory=dict)
     drilling: float = 100.0
+    normals_within: float = 20.0
     damping: OverallDamping = field(default_factory=OverallDamping)
     dof_sets: Mapping[str, Integers] = field(default_factory=dict)
     assembled: tuple[AssembledMatrix, ...] = ()

@@ -23,6 +23,7 @@ from femtune.files.nastran.control import (
     hold_singular,
     ignored_params,
     mass_factor,
+    normal_angle,
     real_param,
     selected_equations,
 )
@@ -152,6 +153,7 @@ def _structure(building: Building, element_cards: Mapping[int, int]) -> Structur
         hold_singular=hold_singular(building),
         dof_sets=read_dof_sets(building, grids),
         drilling=drilling_factor(building, batches),
+        normals_within=normal_angle(building),
         damping=damping,
         assembled=direct,
         element_kinds={number: deck.cards[at].name for number, at in element_cards.items()},

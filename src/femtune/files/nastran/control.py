@@ -12,12 +12,14 @@ from femtune.files.nastran.card import CardEntry
 from femtune.files.nastran.deck import Deck, DeckParameter
 from femtune.files.nastran.lines import parse_integer, parse_real
 
-UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "G", "W3", "W4", "KDAMP", "CK2", "CM2", "CB2",
-    "CK42")  # fmt: skip
+UNDERSTOOD_PARAMS = ("WTMASS", "COUPMASS", "GRDPNT", "AUTOSPC", "K6ROT", "SNORM", "G", "W3", "W4", "KDAMP", "CK2",
+    "CM2", "CB2", "CK42")  # fmt: skip
+
+# two facets at more than a right angle are no smooth surface
+MOST_DEGREES = 45.0
 
 _PROPORTIONAL = ": damping proportional to mass and stiffness is not modelled"
 _WHY_IGNORED = {
-    "SNORM": ": the angle up to which shells share a normal is fixed",
     "BARMASS": ": CBAR has no torsional and rotary inertia here, as with BARMASS 0; CBEAM has torsional inertia",
     **dict.fromkeys(("ALPHA1", "ALPHA2"), _PROPORTIONAL),
 }
@@ -135,6 +137,21 @@ def drilling_factor(building: Building, batches: Collection[ElementBatch]) -> fl
     with building.errors.catch():
         raise _bad_param("K6ROT", building.deck.params["K6ROT"], "zero or more")
     return 100.0
+
+
+def normal_angle(building: Building) -> float:
+    """PARAM SNORM, degrees from their mean normal up to which shells share it; 20 without it."""
+    value = real_param(building, "SNORM", 20.0)
+    if value < 0.0:
+        with building.errors.catch():
+            raise _bad_param("SNORM", building.deck.params["SNORM"], "zero or more")
+    if value > MOST_DEGREES:
+        given = building.deck.params["SNORM"]
+        where, most = given.card.where(), MOST_DEGREES
+        building.notices.append(
+            Notice("deck.ignored-param/normals", where=where, given_value=given.value, most=f"{most:g}")
+        )
+    return min(value, MOST_DEGREES)
 
 
 def _switch(building: Building, name: str, words: dict[str, bool], default: bool) -> bool:

@@ -205,7 +205,7 @@ class _Sums:
         roles |= {"rho": self._sum("mass", laws_of.membrane_sum, self._of(lambda ply: ply.law.rho), self._thicknesses)}
         roles |= {"NSM": self._value("NSM"), **dict.fromkeys(("RI", "TS"), self._one)}
         roles |= dict.fromkeys(("GE", "GEB", "GES", "GEC"), loss)
-        facts = {"isotropic": self._isotropic, "has_membrane": membrane, "has_bending": bending}
+        facts = {"has_membrane": membrane, "has_bending": bending}
         offset = None if self.record.blank("Z0") else self._offset()
         return LaminateSection(roles, facts | {"has_coupling": coupling}, self._one, offset)
 

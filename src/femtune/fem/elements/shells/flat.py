@@ -60,7 +60,7 @@ def shell_pieces(
 ) -> Iterator[list[Contribution]]:
     """Stiffness and mass of shells of one formulation, some elements at a time; errors as of ``check_shells``."""
     check_shells(batch, structure)
-    residual = formulation.residual and formulation.residual(structure.nodes.xyz[batch.nodes])
+    residual = formulation.residual(structure.nodes.xyz[batch.nodes])
     terms = stiffness_terms(batch, structure, formulation.uniaxial, residual)
     normals = shared_normals(batch, structure)
     return placed_pieces(
@@ -104,7 +104,8 @@ class FlatShells:
 
     def direction(self, number: int, own: NDArray[np.int64]) -> tuple[Reals, Reals]:
         """Cosine and sine of a uniaxial row's direction in material axes."""
-        x, y = self._strains.along[own, number - 1].T
+        assert self._strains.uniaxial is not None
+        x, y = self._strains.uniaxial.along[own, number - 1].T
         c, s = self.plane.material[own].T
         return c * x + s * y, c * y - s * x
 
@@ -140,17 +141,20 @@ def _stiffness(
             facts = {name: fact[lo:hi] for name, fact in term.facts.items()}
             if term.direction:
                 facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, own)))
-            matrices = _squares(rows, term, own)
+            weights = None if term.weights is None else term.weights[lo:hi]
+            matrices = _squares(rows, term, own, weights)
             yield Contribution(
                 "stiffness", term.label, term.at[lo:hi], matrices, term.roles, term.coefficient, facts, term.loss
             )
 
 
-def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64]) -> Reals:
-    """LᵀL or LᵀR + RᵀL, exactly symmetric."""
+def _squares(rows: Rows, term: ShellTerm, own: NDArray[np.int64], weights: Reals | None) -> Reals:
+    """LᵀL or LᵀR + RᵀL, times the weights, exactly symmetric."""
     left = _together(rows, term.left, term.point, own)
     # LᵀL is half of itself twice, so that both cases are one pass
     right = _together(rows, term.right, term.point, own) if term.right else 0.5 * left
+    if weights is not None:
+        right = right * np.repeat(weights, right.shape[1] // 2, axis=1)[:, :, None]
     half = np.swapaxes(left, 1, 2) @ right
     return np.asarray(half + np.swapaxes(half, 1, 2))
 

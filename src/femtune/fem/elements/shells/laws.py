@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from femtune.arrays import Flags
 from femtune.fem.contribution import Coefficient, product
 from femtune.fem.elements.placement import nominal
+from femtune.fem.elements.shells.residual import SOFTENERS, VARYING, Residual, bends, softened_shear
 from femtune.fem.elements.shells.strains import OFFSET
-from femtune.fem.elements.shells.tri import SOFTENERS, bends, softened_shear
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
 
@@ -33,7 +33,8 @@ class ShellTerm:
     """A stiffness of some elements: LᵀL of the rows `left`, or LᵀR + RᵀL where there is a `right`.
 
     `direction` is the number of the uniaxial row whose angle to the material's x axis enters the coefficient, else 0;
-    `point` is the only place of the rows that counts, None where all do.
+    `point` is the only place of the rows that counts, None where all do. `weights` (m, 2) are factors of the first half
+    of the right rows and of the second, None where they are one.
     """
 
     label: str
@@ -46,6 +47,7 @@ class ShellTerm:
     direction: int = 0
     point: int | None = None
     facts: dict[str, NDArray] = field(default_factory=dict)
+    weights: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -61,24 +63,34 @@ class _Law:
 
 
 def stiffness_terms(
-    batch: ElementBatch, structure: Structure, uniaxial: int, residual: NDArray | None = None
+    batch: ElementBatch, structure: Structure, uniaxial: int, residual: Residual | None = None
 ) -> list[ShellTerm]:
     """All stiffness terms of a batch of shells; those that no element has are left out.
 
-    `residual` (e,) is what the formulation gives for the shear's residual bending flexibility, None without one.
+    `residual` has the sizes of the shear's residual bending flexibility, None without one.
     """
     membrane = _Law("M", "m", "membrane", ("t",), "GE", batch.facts["has_membrane"])
     bending = _Law("B", "b", "bending", ("t", "t", "t", "RI"), "GEB", batch.facts["has_bending"])
     shear = _Law("S", "s", "shear", ("t", "TS"), "GES", batch.facts["has_bending"])
     offset = batch.facts["offset_given"]
-    flat = [*_plane_law(batch, structure, membrane), *_in_plane_bending(batch, structure, uniaxial)]
+    flat = [
+        *_plane_law(batch, structure, membrane),
+        *_uniaxial(batch, structure, membrane, "in-plane-bending", "a", uniaxial),
+    ]
     lifted = [lifted for term in flat for lifted in _offset_terms(term, offset)]
     both = list(_coupling_law(batch, structure, _Law("C", "", "coupling", ("t", "t"), "GEC", couples(batch))))
     lifted += [_lifted_coupling(term, offset) for term in both]
+    bent = [
+        *_plane_law(batch, structure, bending),
+        *_uniaxial(batch, structure, bending, "varying-bending", "k", uniaxial),
+    ]
     sheared = list(_shear_law(batch, structure, shear))
     if residual is not None:
-        sheared = [part for term in sheared for part in _softened(term, residual, bends(batch, structure))]
-    terms = [*flat, *both, *lifted, *_plane_law(batch, structure, bending), *sheared]
+        soft, varying = bends(batch, structure), residual.times(1.0 / VARYING)
+        rest = [replace(_with_rows(t, "v"), label=f"varying-{t.label}") for t in sheared] if uniaxial else []
+        sheared = [part for term in sheared for part in _softened(term, residual, soft, "n")]
+        sheared += [part for term in rest for part in _softened(term, varying, soft, "w")]
+    terms = [*flat, *both, *lifted, *bent, *sheared]
     return [term for term in terms if len(term.at)]
 
 
@@ -126,13 +138,33 @@ def _shear_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
     yield _term(law, "12", coupled, ("s1",), ("s2",))
 
 
-def _softened(term: ShellTerm, residual: NDArray, soft: Flags) -> list[ShellTerm]:
-    """A term of shear, with residual bending flexibility where there is bending."""
-    at, rest = term.at[soft[term.at]], term.at[~soft[term.at]]
+def _softened(term: ShellTerm, residual: Residual, soft: Flags, less: str) -> Iterator[ShellTerm]:
+    """A term of shear, with residual bending flexibility where there is bending.
+
+    With φ1 and φ2 for the sizes of an element where it is wide and narrow, the law is φ1 S + (φ2 − φ1) (nᵀS n) n nᵀ:
+    S itself for φ1 = φ2 = 1, and positive definite for φ1 ≤ φ2. `less` is the letter of the rows in the direction n:
+    the narrow one for mean shear, the wide one for shear that varies, for that alternates across the narrow one.
+    """
+    yield replace(term, at=term.at[~soft[term.at]])
     roles = tuple(dict.fromkeys((*term.roles, *SOFTENERS)))
-    facts = {"residual": residual[at]}
-    series = replace(term, at=at, roles=roles, coefficient=softened_shear(term.roles[0]), facts=facts)
-    return [series, replace(term, at=rest)]
+    term = replace(term, at=term.at[soft[term.at]], roles=roles, coefficient=softened_shear(term.roles[0]))
+    along = _with_rows(term, less)
+    left, right = term.left + along.left, (term.right or term.left) + (along.right or along.left)
+    for k, (sizes, wide, other) in enumerate(zip(residual.sizes.T, residual.wide.T, residual.narrow.T)):
+        alike, label = (wide == 1.0) & (other == 1.0), f"{term.label}-{k + 1}" if k else term.label
+        at = term.at[alike[term.at]]
+        yield replace(term, label=label, at=at, facts={"residual": sizes[at]})
+        at = term.at[(~alike & (wide + other > 0.0))[term.at]]
+        weights, facts = np.stack([wide, other - wide], axis=1)[at], {"residual": sizes[at]}
+        if not term.right:
+            weights *= 0.5
+        yield replace(term, label=label, at=at, facts=facts, left=left, right=right, weights=weights)
+
+
+def _with_rows(term: ShellTerm, letter: str) -> ShellTerm:
+    """The term with other rows, which differ in their first letter."""
+    left, right = (tuple(letter + name[1:] for name in names) for names in (term.left, term.right))
+    return replace(term, left=left, right=right)
 
 
 def _shared_zero(batch: ElementBatch, structure: Structure, a: str, b: str) -> Flags:
@@ -146,47 +178,81 @@ def _term(law: _Law, entry: str, has: Flags, left: Names, right: Names = ()) -> 
     return ShellTerm(f"{law.label}-{entry}", np.flatnonzero(has), unique, product(*roles), left, right, law.loss)
 
 
-def _in_plane_bending(batch: ElementBatch, structure: Structure, count: int) -> Iterator[ShellTerm]:
+def _uniaxial(
+    batch: ElementBatch, structure: Structure, law: _Law, label: str, rows: str, count: int
+) -> Iterator[ShellTerm]:
     """Uniaxial rows with the modulus of their direction; with the full entry where a law cannot be inverted."""
-    has, isotropic = batch.facts["has_membrane"], batch.facts["isotropic"]
-    stiff = nominal(batch, structure, "M11") != 0.0
-    names = tuple(f"a{i + 1}" for i in range(count))
-    if not count:
-        return
-    at = np.flatnonzero(has & isotropic & stiff)
-    yield ShellTerm("in-plane-bending", at, ("M11", "M12", "t"), isotropic_modulus, names)
-    other, regular = has & ~isotropic, _invertible(batch, structure)
-    for i, name in enumerate(names):
-        for mask, coefficient in ((other & regular, directional_modulus), (other & ~regular, constrained_modulus)):
-            label = f"in-plane-bending-{i + 1}"
-            yield ShellTerm(label, np.flatnonzero(mask), (*ENTRIES, "t"), coefficient, (name,), direction=i + 1)
+    entries = tuple(f"{law.law}{entry}" for entry in ENTRIES)
+    stiff, isotropic = nominal(batch, structure, entries[0]) != 0.0, _isotropic(batch, structure, law)
+    regular, names = _invertible(batch, structure, entries), tuple(f"{rows}{i + 1}" for i in range(count))
+    at, both = np.flatnonzero(law.has & isotropic & stiff), entries[:2]
+    if count:
+        coefficient = _times(law.factors, isotropic_modulus(*both))
+        yield ShellTerm(label, at, _roles(law, both), coefficient, names, loss=law.loss)
+    for mask, modulus in ((regular, directional_modulus(entries)), (~regular, constrained_modulus(entries))):
+        at, coefficient = np.flatnonzero(law.has & ~isotropic & mask), _times(law.factors, modulus)
+        for i, name in enumerate(names):
+            numbered, roles = f"{label}-{i + 1}", _roles(law, entries)
+            yield ShellTerm(numbered, at, roles, coefficient, (name,), loss=law.loss, direction=i + 1)
 
 
-ENTRIES = ("M11", "M12", "M13", "M22", "M23", "M33")
+ENTRIES = ("11", "12", "13", "22", "23", "33")
 
 
-def _invertible(batch: ElementBatch, structure: Structure) -> Flags:
-    a, b, c, d, e, f = (nominal(batch, structure, name) for name in ENTRIES)
+def _isotropic(batch: ElementBatch, structure: Structure, law: _Law) -> Flags:
+    """True where the two moduli of a law are one value and it has no coupling to shear."""
+    alike = batch.roles[f"{law.law}11"] == batch.roles[f"{law.law}22"]
+    return np.asarray(alike & _shared_zero(batch, structure, f"{law.law}13", f"{law.law}23"))
+
+
+def _roles(law: _Law, entries: Names) -> Names:
+    return tuple(dict.fromkeys((*entries, *law.factors)))
+
+
+def _times(factors: Names, modulus: Coefficient) -> Coefficient:
+    def stiffness(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        out = modulus(values, facts)
+        for name in factors:
+            out = out * values[name]
+        return out
+
+    return stiffness
+
+
+def _invertible(batch: ElementBatch, structure: Structure, entries: Names) -> Flags:
+    a, b, c, d, e, f = (nominal(batch, structure, name) for name in entries)
     determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
     return np.asarray(determinant > SINGULAR * np.abs(a * d * f))
 
 
-def isotropic_modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-    """E·t from the plane-stress law: M11 − M12²/M11."""
-    return (values["M11"] - values["M12"] * values["M12"] / values["M11"]) * values["t"]
+def isotropic_modulus(a: str, b: str) -> Coefficient:
+    """E from the entries 11 and 12 of the plane-stress law: a − b²/a."""
+
+    def modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        return values[a] - values[b] * values[b] / values[a]
+
+    return modulus
 
 
-def directional_modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-    """t times the uniaxial modulus along (cos, sin) in material axes, 1/(aᵀM⁻¹a) with a = (c², s², cs)."""
-    a, b, c, d, e, f = (values[name] for name in ENTRIES)
-    cofactors = (d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b)
-    determinant = a * cofactors[0] + b * cofactors[1] + c * cofactors[2]
-    return determinant / _quadratic(cofactors, facts, 1.0) * values["t"]
+def directional_modulus(entries: Names) -> Coefficient:
+    """The uniaxial modulus along (cos, sin) in material axes, 1/(aᵀM⁻¹a) with a = (c², s², cs)."""
+
+    def modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        a, b, c, d, e, f = (values[name] for name in entries)
+        cofactors = (d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b)
+        determinant = a * cofactors[0] + b * cofactors[1] + c * cofactors[2]
+        return determinant / _quadratic(cofactors, facts, 1.0)
+
+    return modulus
 
 
-def constrained_modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-    """t times the modulus for strain along (cos, sin) and none across, aᵀMa with a = (c², s², 2cs)."""
-    return _quadratic(tuple(values[name] for name in ENTRIES), facts, 2.0) * values["t"]
+def constrained_modulus(entries: Names) -> Coefficient:
+    """The modulus for strain along (cos, sin) and none across, aᵀMa with a = (c², s², 2cs)."""
+
+    def modulus(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+        return _quadratic(tuple(values[name] for name in entries), facts, 2.0)
+
+    return modulus
 
 
 def _quadratic(entries: tuple[Jet, ...], facts: Mapping[str, NDArray], shear: float) -> Jet:

@@ -17,9 +17,6 @@ from femtune.fem.elements.kind import KINDS
 from femtune.fem.elements.shells.curved_surface import CurvedNodes, CurvedShape
 from femtune.fem.structure import ElementBatch, NodeTable, Structure
 
-# facets that differ by less are one smooth surface
-FOLD = np.radians(40.0)
-
 
 def shared_normals(batch: ElementBatch, structure: Structure) -> Reals:
     """(e, n, 3) unit normals at the nodes of a batch of shells, in the basic frame, on its positive side.
@@ -30,7 +27,8 @@ def shared_normals(batch: ElementBatch, structure: Structure) -> Reals:
     normals, nodes = zip(*(_of_batch(b, structure) for b in (batch, *shells)))
     given = batch.nodes >= 0
     out = np.zeros((*batch.nodes.shape, 3))
-    out[given] = smoothed(np.concatenate(normals), np.concatenate(nodes))[: given.sum()]
+    fold = 2.0 * np.radians(structure.normals_within)
+    out[given] = smoothed(np.concatenate(normals), np.concatenate(nodes), fold)[: given.sum()]
     return out
 
 
@@ -52,8 +50,8 @@ def corner_normals(xyz: Reals) -> Reals:
     return np.asarray(np.divide(angle, size, out=np.zeros_like(size), where=size > 0.0)[:, :, None] * cross)
 
 
-def smoothed(normals: Reals, nodes: NDArray[np.int64]) -> Reals:
-    """(c, 3) unit normals: of each corner, the sum over those at its grid point that differ by less than FOLD.
+def smoothed(normals: Reals, nodes: NDArray[np.int64], fold: float) -> Reals:
+    """(c, 3) unit normals: of each corner, the sum over those at its grid point that differ by less than `fold`.
 
     Elements whose corners run the other way around count with their normal turned over.
     """
@@ -61,7 +59,7 @@ def smoothed(normals: Reals, nodes: NDArray[np.int64]) -> Reals:
     size = np.linalg.norm(normals, axis=1)
     unit = normals / np.where(size > 0.0, size, 1.0)[:, None]
     cosine = np.sum(unit[one] * unit[other], axis=1)
-    close = np.abs(cosine) > np.cos(FOLD)
+    close = (np.abs(cosine) > np.cos(fold)) | (one == other)
     one, added = one[close], normals[other[close]] * np.sign(cosine[close])[:, None]
     out = np.stack([np.bincount(one, added[:, k], len(nodes)) for k in range(3)], axis=1)
     length = np.linalg.norm(out, axis=1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.elements.shells.placement import ShellPlane
+from femtune.fem.elements.shells.residual import Residual
 
 Rows = dict[str, Reals]
 
@@ -22,37 +23,58 @@ OFFSET = "+"
 
 
 @dataclass(frozen=True, eq=False)
+class UniaxialStrains:
+    """q strains that vary across the shell and meet uniaxial stress, each along a direction.
+
+    Parameters
+    ----------
+    along : (m, q, 2) unit directions
+    in_plane : (m, q, n, 6) strains of the membrane
+    bending : (m, q, n, 6) curvatures
+    """
+
+    along: Reals
+    in_plane: Reals
+    bending: Reals
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingShear:
+    """What the transverse shear of a shell has besides its mean.
+
+    Parameters
+    ----------
+    rows : (m, r, 2, n, 6) the shear less its mean
+    narrow : (m, 2) unit direction in which the shell is narrow, for the residual flexibility of the mean
+    """
+
+    rows: Reals
+    narrow: Reals
+
+
+@dataclass(frozen=True, eq=False)
 class ShellStrains:
     """Strain rows of m shells with n corners, on (u, v, w, θx, θy, θz) of each along the axes of the mean plane.
 
-    Weights are within; the number of places r may differ from one to the other. ``placed`` makes six components.
+    Weights are within; the number of places r may differ from one to the other, but membrane and bending have the same.
+    ``placed`` makes six components.
 
     Parameters
     ----------
     membrane : (m, r, 3, n, 6) strains xx, yy and engineering xy
-    uniaxial : (m, q, n, 6) strains along `along` that meet uniaxial stress: in-plane bending
-    along : (m, q, 2) unit directions of these
+    uniaxial : strains and curvatures that meet uniaxial stress; None where there are none
     drilling : (m, r, n, 6) turn about the normal less the membrane's own rotation
     bending : (m, r, 3, n, 6) curvatures θy,x, −θx,y and θy,y − θx,x
-    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx
-    roots : (m, r) roots of the weights of the curvatures
+    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx; its mean where there is `varying`
+    varying : the rest of the transverse shear; None where `shear` is all of it
     """
 
     membrane: Reals
-    uniaxial: Reals
-    along: Reals
+    uniaxial: UniaxialStrains | None
     drilling: Reals
     bending: Reals
     shear: Reals
-    roots: Reals
-
-    @property
-    def mean_curvature(self) -> Reals:
-        """Curvatures where the membrane's strains are: at the same places, or their mean where those are one mean."""
-        if self.membrane.shape[1] == self.bending.shape[1]:
-            return self.bending
-        shares = self.roots / np.sqrt((self.roots**2).sum(axis=1))[:, None]
-        return np.einsum("mr,mrkna->mkna", shares, self.bending)[:, None]
+    varying: VaryingShear | None
 
 
 @dataclass(frozen=True)
@@ -64,32 +86,35 @@ class ShellFormulation:
     uniaxial : number q of uniaxial strain rows
     strains : mean plane -> strain rows
     shares : corners (m, n, 2) -> (m, n, n) integrals of products of the shape functions over the area
-    residual : grid points (e, n, 3) -> (e,) 12h²/15 of the residual bending flexibility; None where there is none
+    residual : grid points (e, n, 3) -> sizes of the residual bending flexibility in the transverse shear
     """
 
     uniaxial: int
     strains: Callable[[ShellPlane], ShellStrains]
     shares: Callable[[Reals], Reals]
-    residual: Callable[[Reals], Reals] | None = None
+    residual: Callable[[Reals], Residual]
 
 
 def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling: bool = False) -> Rows:
     """Rows (m, r, 6n) by name on the grid points' displacements, strains along the material's axes.
 
-    ``m1 m2 m12`` membrane, ``a1 …`` uniaxial, ``drill``, ``b1 b2 b12`` bending, ``s1 s2`` shear; with `offsets` also
-    those of the membrane that a unit offset adds, with `coupling` also ``c1 c2 c12``, the curvatures that meet the
-    membrane. The twelfth of t³/12 is within the bending rows.
+    ``m1 m2 m12`` membrane, ``b1 b2 b12`` bending, ``a1 …`` and ``k1 …`` their uniaxial strains, ``drill``, ``s1 s2``
+    shear; where it has a varying part, that is ``v1 v2``, and ``n1 n2`` is the part of the mean in the narrow
+    direction, ``w1 w2`` that of the varying one in the wide direction. With `offsets` also those of the membrane that a
+    unit offset adds, with `coupling` also ``c1 c2 c12``, the curvatures that meet the membrane. The twelfth of t³/12 is
+    within the rows of bending.
     """
     c, s = plane.material[:, 0], plane.material[:, 1]
-    membrane = _named("m", _turn_strain(strains.membrane, c, s))
-    uniaxial = {f"a{i + 1}": strains.uniaxial[:, i : i + 1] for i in range(strains.uniaxial.shape[1])}
-    in_plane = {**membrane, **uniaxial}
+    in_plane = _named("m", _turn_strain(strains.membrane, c, s))
+    curvature, twelfth = _turn_strain(strains.bending, c, s), np.sqrt(1.0 / 12.0)
+    every = _named("b", curvature * twelfth) | _sheared(strains, c, s)
+    if strains.uniaxial is not None:
+        in_plane |= _numbered("a", strains.uniaxial.in_plane)
+        every |= _numbered("k", strains.uniaxial.bending * twelfth)
     in_plane["drill"] = strains.drilling
-    bending = _named("b", _turn_strain(strains.bending * np.sqrt(1.0 / 12.0), c, s))
-    sheared = dict(zip(("s1", "s2"), np.moveaxis(_turn_vector(strains.shear, c, s), 2, 0)))
-    every = in_plane | bending | sheared
+    every |= in_plane
     if coupling:
-        every |= _named("c", _turn_strain(strains.mean_curvature, c, s))
+        every |= _named("c", curvature)
     if offsets:
         every |= {name + OFFSET: _by_turn(rows) for name, rows in in_plane.items()}
     return {name: _lift(rows, plane) for name, rows in every.items()}
@@ -104,6 +129,26 @@ def placed(rows: Reals, components: tuple[int, ...]) -> Reals:
 
 def _named(letter: str, rows: Reals) -> Rows:
     return {f"{letter}{k}": rows[:, :, i] for i, k in enumerate(("1", "2", "12"))}
+
+
+def _numbered(letter: str, rows: Reals) -> Rows:
+    return {f"{letter}{i + 1}": rows[:, i : i + 1] for i in range(rows.shape[1])}
+
+
+def _sheared(strains: ShellStrains, c: Reals, s: Reals) -> Rows:
+    """Transverse shear, and its parts."""
+    mean = _turn_vector(strains.shear, c, s)
+    rows = dict(zip(("s1", "s2"), np.moveaxis(mean, 2, 0)))
+    if strains.varying is not None:
+        x, y = strains.varying.narrow.T
+        narrow = np.stack([c * x + s * y, c * y - s * x], axis=1)
+        rest = _turn_vector(strains.varying.rows, c, s)
+        rows |= zip(("v1", "v2"), np.moveaxis(rest, 2, 0))
+        wide = np.stack([-narrow[:, 1], narrow[:, 0]], axis=1)
+        for letter, way, every in (("n", narrow, mean), ("w", wide, rest)):
+            along = np.einsum("mi,mrina->mrna", way, every)
+            rows |= {f"{letter}{i + 1}": way[:, i, None, None, None] * along for i in range(2)}
+    return rows
 
 
 def _by_turn(rows: Reals) -> Reals:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.fem.contribution import Coefficient
-from femtune.fem.elements.placement import cross_matrix, nominal
+from femtune.fem.elements.placement import cross_matrix
 from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane
 from femtune.fem.elements.shells.quad import inverse
+from femtune.fem.elements.shells.residual import Residual, of_one_size
 from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
-from femtune.fem.structure import ElementBatch, Structure
-from femtune.parameters.jet import Jet
 
 # ----------------------------------------------------------------------------------------------------
 # Membrane of a flat triangle: constant strains, and the turn about the normal; its geometry and its mass.
@@ -124,17 +119,16 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
     corners, normals = plane.corners, plane.normals
     return ShellStrains(
         placed(membrane_rows(corners), IN_PLANE),
-        np.zeros((len(corners), 0, 3, 6)),
-        np.zeros((len(corners), 0, 2)),
+        None,
         drilling_rows(np.concatenate([corners, plane.heights[:, :, None]], axis=2), normals),
         bending_rows(corners, normals),
         shear_rows(corners, normals),
-        np.sqrt(tri_area(corners))[:, None],
+        None,
     )
 
 
-def tri_residual(xyz: Reals) -> Reals:
-    """(e,) 12h²/15 of triangles with corners `xyz` (e, 3, 3); h² is the mean of the squared sides, in classes.
+def tri_residual(xyz: Reals) -> Residual:
+    """12h²/15 of triangles with corners `xyz` (e, 3, 3); h² is the mean of the squared sides, in classes.
 
     The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient; their
     limits are where no h² of a regular refinement falls.
@@ -142,37 +136,7 @@ def tri_residual(xyz: Reals) -> Reals:
     squares = mean_square_side(xyz)
     largest = squares.max(initial=0.0)
     steps = np.floor(2.0 * np.log2(largest / squares) + 0.37)
-    return np.asarray(RESIDUAL * largest * 2.0 ** (-0.5 * steps))
+    return of_one_size(RESIDUAL * largest * 2.0 ** (-0.5 * steps))
 
 
 TRI = ShellFormulation(0, tri_strains, tri_shares, tri_residual)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Transverse shear with residual bending flexibility: what keeps a three-node shell from locking.
-#
-# A plate whose shear stiffness an area is 𝒮 = S·t·TS and whose bending stiffness is D = B·t³·RI/12 gets the shear
-# flexibility 1/𝒮 + h²/(15 D): the second part is the bending within an element of size h that linear rotations cannot
-# show. Elements of one h² share the coefficient, which stays an exact function of all values. Source: MacNeal,
-# Computers and Structures 8 (1978) 175-183, residual bending flexibility.
-
-
-SOFTENERS = ("S11", "S22", "TS", "B11", "B22", "RI", "t")
-"""Values that a softened shear needs besides its own entry of the law."""
-
-
-def bends(batch: ElementBatch, structure: Structure) -> NDArray[np.bool_]:
-    """(e,) True where there is a bending stiffness that can be in series with the shear."""
-    b11, b22, inertia = (nominal(batch, structure, role) for role in ("B11", "B22", "RI"))
-    return np.asarray((b11 + b22) * inertia != 0.0)
-
-
-def softened_shear(entry: str) -> Coefficient:
-    """S·t·TS / (1 + h²𝒮/15D), 𝒮 and D means of both directions; fact "residual" is 12h²/15."""
-
-    def stiffness(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
-        bending = (values["B11"] + values["B22"]) * values["RI"] * values["t"] * values["t"]
-        shear = (values["S11"] + values["S22"]) * values["TS"] * facts["residual"]
-        return values[entry] * values["t"] * values["TS"] * bending / (bending + shear)
-
-    return stiffness
