@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         serep,
     )
     from femtune.correlation.generalised import GeneralisedSensor, rigid_motion_sensor
+    from femtune.correlation.mode_damping import paired_damping
     from femtune.correlation.noise import NoiseShare
     from femtune.correlation.pairing import ClusterMatch, Pair, Pairing, Unpaired, no_pairs, pair_modes
     from femtune.correlation.placement import SensorPlacement, sensor_placement
@@ -44,6 +45,7 @@ __all__ = [
     "minimum_residual",
     "no_pairs",
     "pair_modes",
+    "paired_damping",
     "paired_shapes",
     "reduce_mass",
     "rigid_motion_sensor",
