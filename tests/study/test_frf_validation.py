@@ -58,6 +58,33 @@ def with_frfs(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return made
 
 
+def test_deviations_of_both_sets_before_and_after(with_frfs: Bench) -> None:
+    """δ of the validation set by the FRFs in the results; sums weighted by the lines."""
+    hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
+    path = with_frfs.study(with_frfs.parameters + RESIDUAL + hold, test="frfs.uff")
+    run = steps.update(path)
+    assert run.results.validation is not None
+    found = run.results.validation.deviations
+    assert found is not None
+    assert [(c.data, c.output) for c in found.channels] == [
+        ("calibration", "7Y+"), ("calibration", "17Y+"), ("validation", "12Y+")
+    ]  # fmt: skip
+    (curves,) = run.results.validation.curves
+    at = curves.outputs.index("12Y+")
+    model, test = run.arrays[curves.values_key][at, 0], run.arrays[curves.test_values_key][at, 0]
+    held = found.channels[2]
+    assert held.after == pytest.approx(np.mean(np.abs(np.log(model / test) / np.log(10.0)) ** 2), rel=1e-9)
+    assert held.lines == np.isfinite(test).sum()
+    calibration, validation = found.sums
+    for one, own in ((calibration, found.channels[:2]), (validation, found.channels[2:])):
+        lines = [c.lines for c in own]
+        assert one.before == pytest.approx(np.average([c.before for c in own], weights=lines))
+        assert one.after == pytest.approx(np.average([c.after for c in own], weights=lines))
+        assert one.change_percent == pytest.approx(100.0 * (one.after / one.before - 1.0))
+        assert one.change_percent < -90.0
+    assert found.sentences[1].startswith("δ of the validation set, 1 FRFs: ")
+
+
 def test_held_out_channels_pass_after_the_update(with_frfs: Bench) -> None:
     hold = '\n[[hold_out]]\noutputs = ["12Y+"]\n'
     limits = LIMITS.replace("fdac = 0.95\n", "")

@@ -13,6 +13,7 @@ from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidua
 from femtune.residuals import state_at
 from femtune.results.base import Record, VerdictWord
 from femtune.results.criteria import criteria_profile, of_frfs
+from femtune.results.frf_deviation import FrfDeviations
 from femtune.results.frf_validation import (
     PredictedCurves,
     PredictedFrf,
@@ -151,6 +152,8 @@ class ValidationResults(Record):
     """Resonance peaks of these FRFs."""
     curves: tuple[PredictedCurves, ...] = ()
     """These FRFs line by line, by configuration."""
+    deviations: FrfDeviations | None = None
+    """Deviation δ of the FRFs before and after the update; None if the update uses no FRFs."""
 
 
 class KindOfResiduals(Record):

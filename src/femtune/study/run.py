@@ -15,6 +15,7 @@ from femtune.errors import FemtuneError
 from femtune.results.alerts import alerts_of
 from femtune.results.base import Alert, alert
 from femtune.results.folder import RESULTS_FILE, write_results
+from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import unused_frfs
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from femtune.journal.journal import Journal
     from femtune.residuals import Evaluation
     from femtune.results.bootstrap import BootstrapResults
+    from femtune.results.frf_deviation import FrfDeviations
     from femtune.results.frf_validation import UnusedFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
@@ -76,6 +78,7 @@ class Known:
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
+    deviations : those of the FRFs at the start and the end of the update
     quantify : covariance of the parameters from the repeats
     bootstrap : spread of the parameters by a bootstrap of the FRFs
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
@@ -94,6 +97,7 @@ class Known:
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
+    deviations: FrfDeviations | None = None
     quantify: QuantifyResults | None = None
     bootstrap: BootstrapResults | None = None
     written: WriteBack | None = None
@@ -197,7 +201,9 @@ class Run:
             "quantify": known.quantify,
             "bootstrap": known.bootstrap,
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs),
+            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs).model_copy(
+                update={"deviations": known.deviations}
+            ),
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
@@ -257,7 +263,12 @@ def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 
 def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    return {"unused_frfs": unused_frfs(run.study, known.parameters.result.x, arrays, run.progress)}
+    """Beside the model at both ends; before the update only for their deviation."""
+    found = unused_frfs(run.study, known.parameters.result.x, arrays, run.progress)
+    some = any(one.found is not None for one in found)
+    before = unused_frfs(run.study, known.start.x, {}, run.progress) if some else ()
+    deviations = frf_deviations(known.start, known.parameters.result.after, before, found)
+    return {"unused_frfs": found, "deviations": deviations}
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:

@@ -72,6 +72,7 @@ def validation(source: ReportSource) -> list[Block]:
         *_picture(found),
         *prediction_blocks(found, [m.reason for m in source.left_out()]),
         *sensor_blocks(found),
+        *deviation_blocks(found),
         *frf_blocks(found),
         *_frf_figures(source, found),
         Heading("What was not tested"),
@@ -233,6 +234,25 @@ def frf_blocks(found: ValidationResults) -> list[Block]:
         Heading("Measured FRFs that the update did not use"),
         Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
         *([Table("Resonance peaks of these FRFs", peaks, resonances, of_peaks)] if resonances else []),
+    ]
+
+
+def deviation_blocks(found: ValidationResults) -> list[Block]:
+    """δ of the FRFs before and after the update, by set and by FRF; nothing where the update uses no FRFs."""
+    known = found.deviations
+    if known is None:
+        return []
+    heads = columns("Set", "Configuration", "FRF", ">Lines", ">δ before", ">δ after", ">Change %")
+    rows = tuple(
+        row(c.data, c.configuration, f"{c.output} / {c.input}", str(c.lines), short(c.before), short(c.after),
+            signed_percent(100.0 * (c.after / c.before - 1.0)) if c.before else NONE)
+        for c in known.channels
+    )  # fmt: skip
+    note = "δ is the mean over the lines of the squared magnitude of the decimal logarithm of H/H_test, phase included."
+    return [
+        Heading("Deviation of the measured FRFs before and after the update"),
+        Listing(known.sentences),
+        Table("", heads, rows, note, folded=len(rows) > _UNFOLDED),
     ]
 
 
