@@ -12,6 +12,7 @@ from femtune.assembly.cases import HELD_OUT
 from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidualEntry
 from femtune.residuals import state_at
 from femtune.results.base import Record, VerdictWord
+from femtune.results.checks import mesh_not_checked
 from femtune.results.criteria import criteria_profile, of_frfs
 from femtune.results.frf_validation import (
     PredictedCurves,
@@ -290,7 +291,6 @@ _FORCED = "damping and forced response: only natural frequencies and mode shapes
 _DAMPING = "modal damping: no damping ratio of a test mode was compared with that of the model"
 _LEVELS = "forced response levels: all measured FRFs were used in the update; none was held out to compare its level"
 _LINEARITY = "linearity: the test modes were assumed to be those of one linear structure"
-_MESH = "mesh convergence: refinement = false in [checks] turns the comparison with a refined mesh off"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
 
@@ -503,7 +503,10 @@ def _not_tested(
     else:
         yield from _kinds_not_tested(kinds)
     yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
-    yield from (_LINEARITY, *([_MESH] if study.file.checks.refinement is False else []))
+    yield _LINEARITY
+    reason = mesh_not_checked(study)
+    if reason:
+        yield f"mesh convergence: {reason}"
 
 
 def responses_not_tested(study: Study, predicted: bool, responses: Iterable[ResponseResults]) -> tuple[str, ...]:
