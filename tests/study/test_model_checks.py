@@ -82,5 +82,9 @@ def test_large_models_are_refined_on_request_only(beam: Bench, monkeypatch: pyte
         (check,) = (c for c in found if c.check == "mesh")
         assert check.verdict == "not tested"
         assert check.sentence.endswith("more than 20; refinement = true in [checks] computes it")
+    left = [
+        line for line in steps.run(beam.study()).results.validation.not_tested if line.startswith("mesh convergence")
+    ]
+    assert left == [f"mesh convergence: {check.sentence}"]
     asked = beam.study(beam.parameters + "[checks]\nrefinement = true")
     assert _by_check(steps.info(asked).record.checks)["mesh"].measured is not None

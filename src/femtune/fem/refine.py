@@ -608,8 +608,6 @@ def _children(
 
 def _by_direction(batch: ElementBatch, structure: Structure) -> ElementBatch:
     """Material axes as directions, since the first sides of parts are not parallel to that of the element."""
-    if np.asarray(batch.facts["isotropic"]).all() and not np.asarray(batch.facts["theta"]).any():
-        return batch
     axes = mean_plane(structure.nodes.xyz[batch.nodes])[0]
     cosine = material_axis(axes, batch.facts["theta"], batch.facts["direction"])
     return replace(batch, facts={**batch.facts, "direction": np.einsum("mij,mj->mi", axes[:, :, :2], cosine)})

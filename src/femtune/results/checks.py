@@ -109,17 +109,21 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
 
 def mesh_checks(study: Study) -> Iterator[ModelCheck]:
     """The check of the mesh for each configuration, whose modes are solved for it where the model is small enough."""
-    checks = study.file.checks
+    reason = mesh_not_checked(study)
     for case in study.cases:
-        limit = 100.0 * checks.mesh_error
-        reason = too_large(case.configured.model.structure, _most_dofs(study))
-        if checks.refinement is False or reason:
-            yield _untested(case, MESH, limit, _OFF if checks.refinement is False else reason)
+        limit = 100.0 * study.file.checks.mesh_error
+        if reason:
+            yield _untested(case, MESH, limit, reason)
             continue
         try:
             yield mesh_check(study, case, solve(study, case, nominal(study)))
         except FemtuneError as error:
             yield _untested(case, MESH, limit, f"the modes could not be computed ({error.code})")
+
+
+def mesh_not_checked(study: Study) -> str:
+    """The reason where neither the study nor the size of the model lets the mesh be checked; "" otherwise."""
+    return _OFF if study.file.checks.refinement is False else too_large(study.model.structure, _most_dofs(study))
 
 
 def _most_dofs(study: Study) -> int:

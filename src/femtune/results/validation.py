@@ -12,6 +12,7 @@ from femtune.assembly.cases import HELD_OUT
 from femtune.files.study_file.residual import FrequencyResidualEntry, FrfResidualEntry
 from femtune.residuals import state_at
 from femtune.results.base import Record, VerdictWord
+from femtune.results.checks import mesh_not_checked
 from femtune.results.criteria import criteria_profile, of_frfs
 from femtune.results.frf_deviation import FrfDeviations
 from femtune.results.frf_validation import (
@@ -304,7 +305,6 @@ _MASS = (
     'in the configuration, or a [[residual]] of kind "mass"); an error of the mass of the model changes the updated '
     "stiffnesses, and neither the residuals nor the standard deviations show it"
 )
-_MESH = "mesh convergence: refinement = false in [checks] turns the comparison with a refined mesh off"
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
 _UNUSED = "this configuration was not used in the update"
 
@@ -517,11 +517,12 @@ def _not_tested(
     else:
         yield from _kinds_not_tested(kinds)
     yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
-    yield from (
-        _LINEARITY,
-        *([_MASS] if _of_ratio(study) else []),
-        *([_MESH] if study.file.checks.refinement is False else []),
-    )
+    yield _LINEARITY
+    if _of_ratio(study):
+        yield _MASS
+    reason = mesh_not_checked(study)
+    if reason:
+        yield f"mesh convergence: {reason}"
 
 
 def _of_ratio(study: Study) -> bool:
