@@ -54,7 +54,7 @@ class Size:
 
 
 QUICK = Size(2_500, 4, 3, 1e-3)
-FULL = Size(10_000, 16, 10, 2e-4)
+FULL = Size(4_000, 16, 6, 5e-4)
 
 
 def frame(n_dofs: int) -> ConfiguredModel:
