@@ -228,7 +228,7 @@ def main() -> None:
     print(text)
     if given.evidence is not None:
         given.evidence.mkdir(parents=True, exist_ok=True)
-        (given.evidence / "15_reduced_frfs.md").write_text(text + "\n", encoding="utf-8")
+        (given.evidence / "18_reduced_frfs.md").write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
