@@ -90,9 +90,10 @@ def test_derivatives_are_those_by_complex_step(plate: ConfiguredModel, basis: np
         _close(point.stiffness_derivatives[i], moved.stiffness.imag / 1e-30)
         _close(point.mass_derivatives[i], moved.mass.imag / 1e-30)
         for j in range(3):
+            # some are zero but for the rounding of coefficients that are as large as those of the stiffness
             _close(
-                point.second_derivative("stiffness", i, j) + 1e-9 * point.stiffness,
-                moved.stiffness_derivatives[j].imag / 1e-30 + 1e-9 * point.stiffness,
+                point.second_derivative("stiffness", i, j) + 1e-3 * point.stiffness,
+                moved.stiffness_derivatives[j].imag / 1e-30 + 1e-3 * point.stiffness,
             )
 
 
