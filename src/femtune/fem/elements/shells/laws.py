@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Flags
 from femtune.fem.contribution import Coefficient, product
 from femtune.fem.elements.placement import nominal
-from femtune.fem.elements.shells.residual import SOFTENERS, VARYING, Residual, bends, softened_shear
+from femtune.fem.elements.shells.residual import SOFTENERS, VARYING, ResidualFlexibility, bends, softened_shear
 from femtune.fem.elements.shells.strains import OFFSET
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters.jet import Jet
@@ -63,7 +63,7 @@ class _Law:
 
 
 def stiffness_terms(
-    batch: ElementBatch, structure: Structure, uniaxial: int, residual: Residual | None = None
+    batch: ElementBatch, structure: Structure, uniaxial: int, residual: ResidualFlexibility | None = None
 ) -> list[ShellTerm]:
     """All stiffness terms of a batch of shells; those that no element has are left out.
 
@@ -138,7 +138,7 @@ def _shear_law(batch: ElementBatch, structure: Structure, law: _Law) -> Iterator
     yield _term(law, "12", coupled, ("s1",), ("s2",))
 
 
-def _softened(term: ShellTerm, residual: Residual, soft: Flags, less: str) -> Iterator[ShellTerm]:
+def _softened(term: ShellTerm, residual: ResidualFlexibility, soft: Flags, less: str) -> Iterator[ShellTerm]:
     """A term of shear, with residual bending flexibility where there is bending.
 
     With φ1 and φ2 for the sizes of an element where it is wide and narrow, the law is φ1 S + (φ2 − φ1) (nᵀS n) n nᵀ:

@@ -9,7 +9,7 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane, mean_plane
-from femtune.fem.elements.shells.residual import Residual, few_sizes
+from femtune.fem.elements.shells.residual import ResidualFlexibility, few_sizes
 from femtune.fem.elements.shells.strains import (
     IN_PLANE,
     ShellFormulation,
@@ -286,7 +286,7 @@ def size_tensor(sides: Reals) -> Reals:
     return np.asarray(4.0 * np.swapaxes(sides, 1, 2) @ sides)
 
 
-def quad_residual(xyz: Reals) -> Residual:
+def quad_residual(xyz: Reals) -> ResidualFlexibility:
     """Sizes of quadrilaterals with corners `xyz` (e, 4, 3) in their two principal directions."""
     return few_sizes(np.asarray(np.linalg.eigvalsh(size_tensor(slopes((0.0, 0.0)) @ mean_plane(xyz)[1]))))
 

@@ -35,7 +35,7 @@ NEGLIGIBLE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Residual:
+class ResidualFlexibility:
     """The factor of shear of e elements, in the direction in which each is wide and in that in which it is narrow.
 
     Both are means of the factors of k sizes, few of which the elements share.
@@ -50,18 +50,18 @@ class Residual:
     wide: Reals
     narrow: Reals
 
-    def times(self, factor: float) -> Residual:
+    def times(self, factor: float) -> ResidualFlexibility:
         """The same with another c."""
         return replace(self, sizes=self.sizes * factor)
 
 
-def of_one_size(sizes: Reals) -> Residual:
+def of_one_size(sizes: Reals) -> ResidualFlexibility:
     """Elements that are as wide in all directions; `sizes` (e,) are 12 c h²."""
     one = np.ones((len(sizes), 1))
-    return Residual(sizes[:, None], one, one)
+    return ResidualFlexibility(sizes[:, None], one, one)
 
 
-def few_sizes(squares: Reals) -> Residual:
+def few_sizes(squares: Reals) -> ResidualFlexibility:
     """Few sizes from the smallest to the largest of h² (e, 2), narrow and wide, and shares that are linear in 1/h².
 
     The factor 1/(1 + h²𝒮/12D) is so a mean of those of the two sizes that enclose h. It is exact at these, and for any
@@ -81,9 +81,9 @@ def few_sizes(squares: Reals) -> Residual:
     shares = np.stack([1.0 - share, share], axis=2)
     sizes, none = 1.0 / nodes[first[:, :, None] + np.arange(2)], np.zeros_like(share)
     if steps == 1:
-        return Residual(sizes[:, 1], shares[:, 1], shares[:, 0])
+        return ResidualFlexibility(sizes[:, 1], shares[:, 1], shares[:, 0])
     wide, narrow = np.hstack([shares[:, 1], none]), np.hstack([none, shares[:, 0]])
-    return Residual(np.hstack([sizes[:, 1], sizes[:, 0]]), wide, narrow)
+    return ResidualFlexibility(np.hstack([sizes[:, 1], sizes[:, 0]]), wide, narrow)
 
 
 def bends(batch: ElementBatch, structure: Structure) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from femtune.arrays import Reals
 from femtune.fem.elements.shells.placement import ShellPlane
-from femtune.fem.elements.shells.residual import Residual
+from femtune.fem.elements.shells.residual import ResidualFlexibility
 
 Rows = dict[str, Reals]
 
@@ -92,7 +92,7 @@ class ShellFormulation:
     uniaxial: int
     strains: Callable[[ShellPlane], ShellStrains]
     shares: Callable[[Reals], Reals]
-    residual: Callable[[Reals], Residual]
+    residual: Callable[[Reals], ResidualFlexibility]
 
 
 def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling: bool = False) -> Rows:

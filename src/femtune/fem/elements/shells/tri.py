@@ -9,7 +9,7 @@ from femtune.fem.elements.placement import cross_matrix
 from femtune.fem.elements.shells.drilling import drilling_rows
 from femtune.fem.elements.shells.placement import ShellPlane
 from femtune.fem.elements.shells.quad import inverse
-from femtune.fem.elements.shells.residual import Residual, of_one_size
+from femtune.fem.elements.shells.residual import ResidualFlexibility, of_one_size
 from femtune.fem.elements.shells.strains import IN_PLANE, ShellFormulation, ShellStrains, placed
 
 # ----------------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
     )
 
 
-def tri_residual(xyz: Reals) -> Residual:
+def tri_residual(xyz: Reals) -> ResidualFlexibility:
     """12h²/15 of triangles with corners `xyz` (e, 3, 3); h² is the mean of the squared sides, in classes.
 
     The classes are the largest h² divided by powers of √2, so that triangles of one size share one coefficient; their
