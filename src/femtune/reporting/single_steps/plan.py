@@ -27,7 +27,7 @@ def plan_document(subject: Subject, plan: PlanResults) -> Document:
     verdict, level = plan_verdict(plan)
     alerts = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in plan.alerts)
     sections = (
-        Section("plan", f"Test plan of {plan.configuration}", (plan_numbers(plan), *alerts)),
+        Section("plan", f"Test plan: {plan.configuration}", (plan_numbers(plan), *alerts)),
         Section(
             "sensors", "Sensors", (sensor_table(plan, subject.length_unit), *exciter_tables(plan, subject.length_unit))
         ),
