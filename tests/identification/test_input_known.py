@@ -49,6 +49,28 @@ def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
     assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
 
 
+@pytest.mark.parametrize("hum", [False, True])
+def test_the_noise_of_a_dead_response_gives_no_mode_and_costs_none(three_modes: Any, hum: bool) -> None:
+    """A million times smaller than the others: scaled to their size, a hum of 16 Hz became a mode, noise hid others."""
+    lines, rng = np.linspace(5.0, 30.0, 300), np.random.default_rng(2)
+    frfs = three_modes.frfs(lines, noise=0.02, seed=2)
+    values = frfs.values.copy()
+    noise = rng.standard_normal(values[2].shape) + 1j * rng.standard_normal(values[2].shape)
+    values[2] = 1e-7 / (1j * lines - 16j + 0.05) + 1e-9 * noise if hum else 1e-7 * noise
+    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown(largest_order=16))
+    np.testing.assert_allclose(found.modes.freq_hz, three_modes.freq_hz, rtol=1e-3)
+    assert [n.code for n in found.notices] == ["frf.dead"]
+
+
+def test_what_is_wrong_with_the_functions_is_told_with_an_error(three_modes: Any) -> None:
+    frfs = three_modes.frfs(np.linspace(5.0, 30.0, 300), noise=0.02)
+    values = frfs.values.copy()
+    values[2] = 0.0
+    with pytest.raises(FemtuneError) as caught:
+        identify_frfs(dataclasses.replace(frfs, values=values), InputKnown(largest_order=400))
+    assert [n.code for n in caught.value.notices] == ["frf.dead"]
+
+
 @pytest.mark.slow
 def test_a_band_one_method_and_a_choice_by_hand(eight_modes: Any) -> None:
     asked = InputKnown(band_hz=(10.0, 48.0), methods=("N4SID",), largest_order=40, drop=(37.0,))
