@@ -19,7 +19,14 @@ from femtune.identification.near_band import fit_with_neighbours
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
-from femtune.identification.shapes import as_modes, driving_points, fit_remarks, leading_shapes, scaled_shapes
+from femtune.identification.shapes import (
+    as_modes,
+    driving_points,
+    fit_remarks,
+    leading_shapes,
+    scaled_shapes,
+    without_noise,
+)
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
@@ -159,7 +166,7 @@ def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: In
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
     """How the iterations ended, and candidates that came near to being modes."""
-    found = []
+    found = [Notice("identify.no-noise")] if without_noise(fit) else []
     if not fit.converged:
         found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
     if fit.outside.any():
