@@ -133,6 +133,13 @@ def test_impacts_bursts_and_steps_of_a_converter_are_no_spikes() -> None:
     assert "record.spikes" not in [n.code for n in check_record(_record(values))]
 
 
+def test_an_impact_near_the_end_is_no_spike() -> None:
+    values = _values()
+    values[1] *= 1e-3
+    values[1, -10:] = values[0].std() * np.array([9.0, -8.0, 6.0, -5.0, 4.0, -4.0, 3.0, -3.0, 2.0, -2.0])
+    assert "record.spikes" not in [n.code for n in check_record(_record(values))]
+
+
 def test_an_impact_of_one_sample_is_no_spike_of_an_input() -> None:
     values = _values()
     values[1] = 0.0

@@ -247,7 +247,7 @@ def test_a_lowest_mode_that_no_structure_has_is_told_by_modes(bench: Bench) -> N
     (alert,) = (a for a in made.records[0].alerts if a.code == "deck.sections-doubtful")
     ratio = 1.8751**2 / (2.0 * np.pi) * (2e-7 / 1e-3) ** 0.5 / 400.0
     assert f"is {ratio:.1g};" in alert.sentence
-    check_shown("deck.sections-doubtful, slow", alert.sentence)
+    check_shown("deck.sections-doubtful, slow", f"[{alert.code}] {alert.sentence}")
 
 
 def test_the_lowest_mode_of_a_beam_is_not(bench: Bench) -> None:

@@ -18,7 +18,8 @@ _KEYS = {
     "configuration.not-held": ("supports_removed",),
     "correlate.fixed-pair": ("pairs",),
 }
-_KINDS = {"residual.unmeasured": ("shape", "dynamic")}
+_KINDS = {"unmeasured": ("shape", "dynamic")}
+"""Kinds of residuals that a problem `residual.…` can belong to."""
 _HINTS = {
     "model.unknown-node": "correct the number here, or add the GRID card to the deck",
     "model.component": "a grid point has X Y Z RX RY RZ (1 to 6), a scalar point has S (0)",
@@ -59,7 +60,7 @@ def errors_at_residuals(file: StudyFile) -> Iterator[None]:
 
 def _residual_at_fault(file: StudyFile, code: str) -> Where:
     for comparison in file.comparisons:
-        if comparison.entry.kind in _KINDS.get(code, ()):
+        if comparison.entry.kind in _KINDS.get(code.removeprefix("residual."), ()):
             return file.where(*comparison.place, *(["shape_sd"] if comparison.short else []))
     return file.where(*(("residual",) if file.residual else ("residuals", "frequency_sd")))
 

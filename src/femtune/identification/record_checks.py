@@ -101,10 +101,9 @@ def _spikes_of(row: Reals) -> NDArray[np.bool_]:
     pieces = len(row) // AROUND
     middles = np.median(row[: pieces * AROUND].reshape(pieces, AROUND), axis=1)
     away = np.abs(row - np.interp(np.arange(len(row)), AROUND * (np.arange(pieces) + 0.5), middles))
-    largest = maximum_filter1d(away, AROUND, mode="constant")
     shift = SPIKE_SAMPLES + AROUND // 2
-    before, after = np.zeros(len(row)), np.zeros(len(row))
-    before[shift:], after[:-shift] = largest[:-shift], largest[shift:]
+    largest = maximum_filter1d(np.pad(away, shift), AROUND, mode="constant")
+    before, after = largest[: len(row)], largest[2 * shift :]
     # single steps of a converter between equal samples are no spikes
     moving = away[away > 0.0]
     least = np.median(moving) if len(moving) else np.inf

@@ -177,9 +177,9 @@ NOT_QUITE_ONE, BEYOND_NOISE = 0.98, 10.0
 """The same for a larger share, if what is left is this many times what errors of the residues alone leave."""
 
 
-NO_NOISE, NO_NOISE_LINES = 1e-5, 1e-6
+NO_NOISE, NO_NOISE_LINES = 1e-5, 5e-6
 """Noise relative to the functions below which they were not measured: what a fit leaves, and from line to line.
-Good measurements have 1e-4."""
+Good measurements have 1e-4, and values that were written with six digits 1e-6."""
 LARGE_SPREAD = 4.0
 """Spread of a pole between the functions above which it is reported."""
 
