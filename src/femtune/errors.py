@@ -7,8 +7,8 @@ A code is ``area.problem`` (``deck.missing-include``). The texts of all codes ar
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -99,6 +99,10 @@ class FemtuneError(Exception):
     hint : the smallest fix, where it is computed; otherwise it is that of the registry
     facts : what fills the wording of the registry, by name; they stay with the error as data
 
+    Attributes
+    ----------
+    notices : what was found in the same data before, often the cause; `with_notices` adds them
+
     Examples
     --------
     >>> import femtune as ft
@@ -123,6 +127,7 @@ class FemtuneError(Exception):
         self.what = said.what if what is not None else said.what.format_map(facts)
         self.where, self.values, self.facts = where, dict(values or {}), facts
         self.hint = said.hint.format_map(facts) if hint is None else hint
+        self.notices: tuple[Notice, ...] = ()
         super().__init__(self.what)
 
     def at(self, where: Where | None) -> FemtuneError:
@@ -140,6 +145,8 @@ class FemtuneError(Exception):
         if str(self.where or ""):
             lines.append(f"  at {self.where}")
         lines += [f"  {name} = {value}" for name, value in self.values.items()]
+        lines += ["", "found before this error, perhaps its cause:"] * bool(self.notices)
+        lines += [f"  {notice}" for notice in self.notices]
         if self.hint:
             lines += ["", f"hint: {self.hint}"]
         return printable("\n".join(lines))
@@ -228,6 +235,16 @@ class Notice:
     def __str__(self) -> str:
         place = f" at {self.where}" if str(self.where or "") else ""
         return printable(f"[{self.code}] {self.what}{place}")
+
+
+@contextmanager
+def with_notices(notices: Iterable[Notice]) -> Iterator[None]:
+    """Add what was found before to an error that is raised inside the block."""
+    try:
+        yield
+    except FemtuneError as error:
+        error.notices = (*notices, *error.notices)
+        raise
 
 
 def printable(text: str) -> str:

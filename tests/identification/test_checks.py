@@ -62,6 +62,22 @@ def _lost(v: np.ndarray) -> None:
     v[1, 100:103] = np.nan
 
 
+def _spike(v: np.ndarray) -> None:
+    v[1, 1234] += 200.0 * v[1].std()
+
+
+def _two_samples(v: np.ndarray) -> None:
+    v[1, 77:79] = [-40.0 * v[1].std(), -35.0 * v[1].std()]
+
+
+def _overflow(v: np.ndarray) -> None:
+    v[1, -1] = 1e30
+
+
+def _other_unit(v: np.ndarray) -> None:
+    v[1] *= 5000.0
+
+
 def _cut(v: np.ndarray) -> None:
     v[:, 4000:] = v[:, [4000]]
 
@@ -82,6 +98,10 @@ def test_a_sound_record_has_nothing_to_tell() -> None:
         (_clipped, "record.clipped"),
         (_drifting, "record.drifting"),
         (_lost, "record.lost-samples"),
+        (_spike, "record.spikes"),
+        (_two_samples, "record.spikes"),
+        (_overflow, "record.spikes"),
+        (_other_unit, "record.other-unit"),
         (_cut, "record.cut-short"),
         (_doubled, "record.same-signal"),
     ],
@@ -92,6 +112,51 @@ def test_a_bad_channel_is_found_and_named(harm: Callable[[np.ndarray], None], co
     (notice,) = check_record(_record(values))
     assert notice.code == code
     assert "2Z+" in notice.what or (code == "record.cut-short" and "40 s" in notice.what)
+
+
+def test_spikes_are_counted_with_their_times() -> None:
+    values = _values()
+    values[1, [500, 3000]] = 1e3
+    (notice,) = check_record(_record(values))
+    check_shown("record.spikes", notice)
+
+
+def test_impacts_bursts_and_steps_of_a_converter_are_no_spikes() -> None:
+    """Decays after impacts, bursts of fifty times the level, a slow large motion, single bits of a still channel."""
+    values, t = _values(), np.arange(5000) / 100.0
+    values[0] = 1e-3 * values[0]
+    for start in range(250, 5000, 500):
+        values[0, start:] += np.exp(-2.0 * t[: 5000 - start]) * np.cos(60.0 * t[: 5000 - start])
+    values[1] *= np.where((t > 20.0) & (t < 21.0), 50.0, 1.0)
+    values[2] += 1e3 * np.sin(2.0 * np.pi * 0.2 * t)
+    values[3] = 0.01 * (np.random.default_rng(1).random(5000) < 0.004)
+    assert "record.spikes" not in [n.code for n in check_record(_record(values))]
+
+
+def test_an_impact_near_the_end_is_no_spike() -> None:
+    values = _values()
+    values[1] *= 1e-3
+    values[1, -10:] = values[0].std() * np.array([9.0, -8.0, 6.0, -5.0, 4.0, -4.0, 3.0, -3.0, 2.0, -2.0])
+    assert "record.spikes" not in [n.code for n in check_record(_record(values))]
+
+
+def test_an_impact_of_one_sample_is_no_spike_of_an_input() -> None:
+    values = _values()
+    values[1] = 0.0
+    values[1, 1000] = 1.0
+    record = _record(values)
+    force = dataclasses.replace(record.channels[1], quantity="force", role="input", unit="N")
+    channels = (record.channels[0], force, *record.channels[2:])
+    assert check_record(dataclasses.replace(record, channels=channels)) == ()
+
+
+def test_the_level_of_a_channel_is_compared_with_all_others() -> None:
+    """The median of the others, whose levels are 1, 3 and .5 times that of the first."""
+    values = _values()
+    values[1] = 400.0 * np.roll(values[0], 700)
+    (notice,) = check_record(_record(values))
+    assert notice.code == "record.other-unit"
+    assert "2Z+ (400 times)" in notice.what
 
 
 @pytest.mark.parametrize(("still", "told"), [(75, False), (125, True)])

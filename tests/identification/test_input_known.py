@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
 from femtune.identification import InputKnown, identify_frfs
@@ -47,6 +48,54 @@ def test_a_response_that_is_zero_has_no_shape(eight_modes: Any) -> None:
     assert np.isnan(found.modes.shapes_sd[3]).all()
     assert np.isfinite(np.delete(found.modes.shapes, 3, axis=0)).all()
     assert any(n.code == "frf.dead" and n.what.endswith("4Z+") for n in found.notices)
+
+
+@pytest.mark.parametrize("hum", [False, True])
+def test_the_noise_of_a_dead_response_gives_no_mode_and_costs_none(three_modes: Any, hum: bool) -> None:
+    """A million times smaller than the others: scaled to their size, a hum of 16 Hz became a mode, noise hid others."""
+    lines, rng = np.linspace(5.0, 30.0, 300), np.random.default_rng(2)
+    frfs = three_modes.frfs(lines, noise=0.02, seed=2)
+    values = frfs.values.copy()
+    noise = rng.standard_normal(values[2].shape) + 1j * rng.standard_normal(values[2].shape)
+    values[2] = 1e-7 / (1j * lines - 16j + 0.05) + 1e-9 * noise if hum else 1e-7 * noise
+    found = identify_frfs(dataclasses.replace(frfs, values=values), InputKnown(largest_order=16))
+    np.testing.assert_allclose(found.modes.freq_hz, three_modes.freq_hz, rtol=1e-3)
+    assert [n.code for n in found.notices] == ["frf.dead"]
+
+
+@pytest.mark.parametrize(("more", "digits"), [(False, 15), (True, 15), (True, 5)])
+def test_functions_without_noise_are_told_and_not_compared_with_it(three_modes: Any, more: bool, digits: int) -> None:
+    """Also where the fit leaves more than rounding, since there are modes outside the band, and of a text file."""
+    lines = np.linspace(5.0, 30.0, 800)
+    frfs = three_modes.frfs(lines)
+    if more:
+        shapes = np.column_stack([three_modes.shapes, [[0.5, -0.2], [0.3, 0.4], [0.6, -0.7]]])
+        freq, damping = np.append(three_modes.freq_hz, [33.0, 47.0]), np.append(three_modes.damping_ratio, [0.01, 0.01])
+        frfs = dataclasses.replace(three_modes, freq_hz=freq, damping_ratio=damping, shapes=shapes).frfs(lines)
+    parts = [
+        np.array([[f"{x:.{digits}e}" for x in part.ravel()]], float) for part in (frfs.values.real, frfs.values.imag)
+    ]
+    frfs = dataclasses.replace(frfs, values=(parts[0] + 1j * parts[1]).reshape(frfs.values.shape))
+    found = identify_frfs(frfs, InputKnown(band_hz=(8.0, 23.0), largest_order=16))
+    codes = [n.code for n in found.notices]
+    assert codes.count("identify.no-noise") == 1
+    assert "identify.functions-disagree" not in codes
+    check_shown("identify.no-noise", next(n for n in found.notices if n.code == "identify.no-noise"))
+
+
+def test_functions_with_little_noise_are_measured_ones(three_modes: Any) -> None:
+    frfs = three_modes.frfs(np.linspace(5.0, 30.0, 800), noise=1e-4)
+    found = identify_frfs(frfs, InputKnown(largest_order=16))
+    assert "identify.no-noise" not in [n.code for n in found.notices]
+
+
+def test_what_is_wrong_with_the_functions_is_told_with_an_error(three_modes: Any) -> None:
+    frfs = three_modes.frfs(np.linspace(5.0, 30.0, 20), noise=0.02)
+    values = frfs.values.copy()
+    values[2] = 0.0
+    with pytest.raises(FemtuneError) as caught:
+        identify_frfs(dataclasses.replace(frfs, values=values), InputKnown(largest_order=60))
+    assert [n.code for n in caught.value.notices] == ["frf.dead"]
 
 
 @pytest.mark.slow

@@ -186,6 +186,36 @@ def test_a_dead_channel_is_named(record, tmp_path):
     assert "2S+" in made.record.alerts[0].sentence
 
 
+def test_what_was_found_before_an_error_is_shown_with_it(record, tmp_path):
+    values = np.loadtxt(record, delimiter=",")
+    values[700, 1] = 1e30
+    np.savetxt(tmp_path / "spike.csv", values, delimiter=",", fmt="%.6e")
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "methods": ("FDD",), "take_hz": (3.0,)}
+    with pytest.raises(FemtuneError) as caught:
+        identify(tmp_path / "spike.csv", output=tmp_path / "out", **asked)
+    assert [n.code for n in caught.value.notices] == ["record.spikes"]
+    assert "2S+ (1, the first at 14 s)" in str(caught.value)
+
+
+def test_a_channel_in_another_unit_costs_no_mode(record, tmp_path):
+    """The values of the channel are in mm/s²: same modes and deviations, entries 1000 times larger."""
+    values = np.loadtxt(record, delimiter=",")
+    values[:, 1] *= 1000.0
+    np.savetxt(tmp_path / "unit.csv", values, delimiter=",", fmt="%.6e")
+    asked = {"sampling_hz": 50.0, "band_hz": (1.0, 12.0), "methods": ("SSI-cov",), "largest_order": 16}
+    sound, made = identify(record, output=tmp_path / "a", **asked), identify(tmp_path / "unit.csv", **asked)
+    assert [a.code for a in made.record.alerts] == ["record.other-unit"]
+    check_shown("record.other-unit", made.found.notices[0])
+    assert made.modes.freq_hz == pytest.approx(sound.modes.freq_hz, rel=1e-3)
+    assert made.modes.freq_sd_hz == pytest.approx(sound.modes.freq_sd_hz, rel=0.1)
+    back = made.modes.shapes / np.array([[1.0], [1000.0], [1.0]])
+    assert np.diag(mac(back, sound.modes.shapes)) == pytest.approx(1.0, abs=1e-4)
+    assert np.abs(made.modes.shapes[1] / made.modes.shapes[0]) == pytest.approx(
+        1000.0 * np.abs(sound.modes.shapes[1] / sound.modes.shapes[0]), rel=0.02
+    )
+    assert made.modes.normalisation == "unknown"
+
+
 @pytest.mark.slow
 def test_the_command_says_the_same(record, tmp_path):
     said = [

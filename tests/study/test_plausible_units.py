@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -192,3 +194,62 @@ def test_the_error_of_unmatched_sensors_says_it_too(bench: Bench, factor: float,
         load_study(bench.study())
     assert caught.value.code == "sensor.unmatched"
     assert words in str(caught.value.hint)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Sections and coordinates in different units of length: a beam of 1 m and 77 mm.
+
+
+def _with_coordinates(bench: Bench, factor: float) -> Path:
+    text = bench.text
+    for x in ("0.25", "0.5", "0.75", "1.0"):
+        text = text.replace(f"               {x:<8}0.0", f"               {factor * float(x):<8.3f}0.0")
+    return bench.write("beam.bdf", text)
+
+
+def _doubtful(sentences: Iterable[str]) -> list[str]:
+    return [s for s in sentences if "deck.sections-doubtful" in s]
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"), [(1000.0, True), (0.01, True), (1.001, False), (25.4, False), (0.04, False)]
+)
+def test_sections_in_another_unit_than_coordinates_are_told_by_info(bench: Bench, factor: float, told: bool) -> None:
+    found = steps.info(_with_coordinates(bench, factor)).record.notices
+    assert ["sections-doubtful" in n.code for n in found if n.level == "warning"] == [True] * told
+
+
+def test_a_large_area_or_moment_without_effect_is_not(bench: Bench) -> None:
+    bench.write("beam.bdf", bench.text.replace("1.0-3   2.0-7   5.0-7", "1.0+6   2.0-7   5.0-7"))
+    assert load_study(bench.folder / "beam.bdf").notices == ()
+    bench.write("beam.bdf", bench.text.replace("1.0-3   2.0-7   5.0-7", "1.0-3   2.0+3   5.0+3"))
+    assert load_study(bench.folder / "beam.bdf").notices == ()
+
+
+def test_modes_and_correlate_tell_it_too_also_with_an_error(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = _with_coordinates(beam, 1000.0)
+    (sentence,) = _doubtful(steps.modes(path).remarks)
+    check_shown("deck.sections-doubtful", sentence)
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise FemtuneError("eigen.inaccurate", mode=1, residual=1.0)
+
+    monkeypatch.setattr("femtune.steps.of_study.model_records", fail)
+    with pytest.raises(FemtuneError) as caught:
+        steps.correlate(beam.study())
+    assert _doubtful(caught.value.__notes__) == [sentence]
+
+
+def test_a_lowest_mode_that_no_structure_has_is_told_by_modes(bench: Bench) -> None:
+    """Coordinates times 400: f L/c of a cantilever is 1.875²/(2π) sqrt(I/A)/L; 2 kg at its tip have no effect."""
+    made = steps.modes(_with_coordinates(bench, 400.0))
+    assert _doubtful(made.remarks) == []
+    (alert,) = (a for a in made.records[0].alerts if a.code == "deck.sections-doubtful")
+    ratio = 1.8751**2 / (2.0 * np.pi) * (2e-7 / 1e-3) ** 0.5 / 400.0
+    assert f"is {ratio:.1g};" in alert.sentence
+    check_shown("deck.sections-doubtful, slow", f"[{alert.code}] {alert.sentence}")
+
+
+def test_the_lowest_mode_of_a_beam_is_not(bench: Bench) -> None:
+    alerts = steps.modes(_with_coordinates(bench, 50.0)).records[0].alerts
+    assert [a for a in alerts if a.code == "deck.sections-doubtful"] == []

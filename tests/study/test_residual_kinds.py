@@ -113,8 +113,17 @@ def test_kinds_of_poles(kind: str, tail: str, bench: Bench):
     label = {"complex-eigenvalue": "complex eigenvalue", "damping": "damping ratio"}[kind]
     (record,) = [k for k in update.residual_counts if k.kind == label]
     assert record.count == (8 if not more else 4)
+    assert [p.label for p in update.poles] == list(test.modes.labels)
+    for p, hz, zeta in zip(update.poles, freq, ratio):
+        assert (p.measured_hz, p.measured_ratio) == pytest.approx((hz, zeta), rel=1e-5)
+        assert p.after_hz == pytest.approx(hz, rel=1e-3)
+        assert p.after_ratio == pytest.approx(zeta, rel=1e-3)
+        # the deck has a third of the loss factor
+        assert p.before_ratio == pytest.approx(zeta / 3.0, rel=1e-3)
     assert found.report is not None
-    assert label in found.report.read_text(encoding="utf-8")
+    html = found.report.read_text(encoding="utf-8")
+    assert label in html
+    assert "Poles of test and damped model" in html
     assert found.results.validation is not None
     told = [s for s in found.results.validation.not_tested if "damping" in s or "forced response" in s]
     assert told == ["forced response: no measured FRFs were compared with those of the model"]

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from tests.study.conftest import EI, measured
 
 from femtune import steps
 from femtune.cli.commands import main
@@ -30,6 +31,26 @@ def test_the_terminal_says_it_and_quiet_does_not(bench: Bench) -> None:
         found = CliRunner().invoke(main, [word, str(path)])
         assert "has no ENDDATA and may be incomplete" in " ".join(found.output.split())
     assert "ENDDATA" not in CliRunner().invoke(main, ["modes", str(path), "--quiet"]).output
+
+
+def test_validate_shows_the_warnings_on_the_deck(beam: Bench) -> None:
+    path = beam.folder / "beam.bdf"
+    path.write_text(path.read_text().replace("ENDDATA\n", ""))
+    found = CliRunner().invoke(main, ["validate", str(beam.study())])
+    assert "the deck has no ENDDATA and may be incomplete" in " ".join(found.output.split())
+
+
+def test_a_shape_of_one_sensor_is_an_error_at_the_standard_deviation_of_shapes(beam: Bench) -> None:
+    """At the table of the residual where there are such tables, whatever the residuals before it."""
+    keys = "[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"
+    tables = '[[residual]]\nkind = "frequency"\nsd = 0.01\n[[residual]]\nkind = "shape"\nsensors = ["5Z+"]\nsd = 0.05\n'
+    beam.uff(measured(beam.folder / "beam.bdf", ("5Z+",), count=2))
+    for text, record in ((keys, "residuals.shape_sd"), (tables, "residual[2]")):
+        with pytest.raises(FemtuneError) as caught:
+            steps.update(beam.study(EI + text))
+        assert caught.value.code == "residual.unmeasured"
+        assert caught.value.where is not None
+        assert caught.value.where.record == record
 
 
 def test_negative_densities_are_named_once_a_kind(bench: Bench) -> None:

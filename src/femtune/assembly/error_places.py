@@ -18,6 +18,8 @@ _KEYS = {
     "configuration.not-held": ("supports_removed",),
     "correlate.fixed-pair": ("pairs",),
 }
+_KINDS = {"unmeasured": ("shape", "dynamic")}
+"""Kinds of residuals that a problem `residual.…` can belong to."""
 _HINTS = {
     "model.unknown-node": "correct the number here, or add the GRID card to the deck",
     "model.component": "a grid point has X Y Z RX RY RZ (1 to 6), a scalar point has S (0)",
@@ -43,6 +45,24 @@ def _without_place(error: FemtuneError) -> list[FemtuneError]:
 def _place(error: FemtuneError, where: Where) -> None:
     error.where = where
     error.hint = error.hint or _HINTS.get(error.code, "")
+
+
+@contextmanager
+def errors_at_residuals(file: StudyFile) -> Iterator[None]:
+    """Errors about residuals point to the residual at fault where the code tells its kind, else to the first one."""
+    try:
+        yield
+    except FemtuneError as error:
+        for one in _without_place(error):
+            _place(one, _residual_at_fault(file, one.code))
+        raise
+
+
+def _residual_at_fault(file: StudyFile, code: str) -> Where:
+    for comparison in file.comparisons:
+        if comparison.entry.kind in _KINDS.get(code.removeprefix("residual."), ()):
+            return file.where(*comparison.place, *(["shape_sd"] if comparison.short else []))
+    return file.where(*(("residual",) if file.residual else ("residuals", "frequency_sd")))
 
 
 def place_of(file: StudyFile, entry: ConfigurationEntry, *keys: str | int) -> Where:

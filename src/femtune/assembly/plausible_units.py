@@ -47,7 +47,7 @@ _MODULI = {"MAT1": "E", "MAT2": "G11", "MAT8": "E1", "MAT9": "G11", "MAT11": "E1
 
 
 @dataclass(frozen=True)
-class _Material:
+class Material:
     """Modulus and density (times PARAM WTMASS) of one card, in units of the deck."""
 
     name: str
@@ -76,7 +76,7 @@ class _Material:
 def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     """A warning where the materials are those of another system than the declared one."""
     declared = file.study.unit_system
-    materials = list(_materials(built.structure))
+    materials = list(materials_of(built.structure))
     if not materials or any(material.is_possible(declared) for material in materials):
         return ()
     for material in materials:
@@ -97,7 +97,7 @@ def unit_notices(file: StudyFile, built: BuiltModel) -> tuple[Notice, ...]:
     return ()
 
 
-def _materials(structure: Structure) -> Iterator[_Material]:
+def materials_of(structure: Structure) -> Iterator[Material]:
     """Materials that elements use, with a modulus and a density."""
     table = structure.values
     for ref, value in zip(table.refs, table.values):
@@ -105,10 +105,10 @@ def _materials(structure: Structure) -> Iterator[_Material]:
             at = table.index(type(ref)(ref.card, ref.id, "RHO"))
             density = 0.0 if at is None else float(table.values[at]) * structure.mass_factor
             if density > 0.0:
-                yield _Material(f"{ref.card} {ref.id}", float(value), density)
+                yield Material(f"{ref.card} {ref.id}", float(value), density)
 
 
-def _explained(material: _Material, declared: UnitSystem) -> tuple[str, dict[str, str]] | None:
+def _explained(material: Material, declared: UnitSystem) -> tuple[str, dict[str, str]] | None:
     """The units in which a material is a common one: of both values, with a weight density, or of each value."""
     systems = [unit_system(name) for name in SYSTEMS if name != declared.word]
     for units in systems:

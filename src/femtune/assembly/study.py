@@ -119,6 +119,10 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     built = with_parameters_of_modes(file, _built(file, progress))
     with errors_at_cards(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
+    if not file.imported:
+        from femtune.assembly.plausible_sections import section_notices  # noqa: PLC0415  of a deck alone
+
+        study = replace(study, notices=(*section_notices(built.structure), *study.notices))
     if file.given.units_known and not file.imported:
         from femtune.assembly.plausible_units import unit_notices  # noqa: PLC0415  of a study alone
 

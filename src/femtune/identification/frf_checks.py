@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femtune.arrays import Complexes, Reals
+from femtune.arrays import Complexes, Flags, Reals
 from femtune.errors import FemtuneError, Notice
 from femtune.identification.shapes import DrivingPoint, driving_points
 from femtune.modal import FrfSet, as_kind
@@ -16,6 +16,8 @@ from femtune.modal.frf_set import KINDS
 
 POWER_IN = 0.95
 """Part of a driving point's power that must go into the structure, lines weighted by their mobility."""
+DEAD = 1e-6
+"""A response whose functions are below this part of the median is dead."""
 RECIPROCAL, COUPLED = 0.25, 0.02
 """Relative difference of H_ij and H_ji that is reported, and their least size relative to the driving points."""
 KNOWN_FACTORS = {
@@ -66,6 +68,12 @@ def check_frfs(frfs: FrfSet) -> tuple[Notice, ...]:
     ``frf.kind-contradicts``, ``frf.driving-point``, ``frf.not-reciprocal``, ``frf.dead``
     """
     return (*_dead(frfs), *_driving(frfs), *_not_reciprocal(frfs))
+
+
+def dead_responses(frfs: FrfSet) -> Flags:
+    """(n,) True where the functions of a response are zero or a million times smaller than those of the others."""
+    size = np.sqrt(np.nanmean(np.abs(np.nan_to_num(frfs.values)) ** 2, axis=(1, 2)))
+    return np.asarray(size <= DEAD * np.median(size))
 
 
 def power_in(frfs: FrfSet, point: DrivingPoint, kind: str | None = None) -> float:
@@ -208,8 +216,7 @@ def _unit(rows: Complexes) -> Complexes:
 
 
 def _dead(frfs: FrfSet) -> Iterator[Notice]:
-    size = np.sqrt(np.nanmean(np.abs(np.nan_to_num(frfs.values)) ** 2, axis=(1, 2)))
-    dead = np.flatnonzero(size <= 1e-6 * np.median(size))
+    dead = np.flatnonzero(dead_responses(frfs))
     if len(dead):
         names = ", ".join(frfs.responses.labels()[i] for i in dead)
         yield Notice("frf.dead", n_dead=len(dead), names=names)

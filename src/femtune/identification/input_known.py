@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import FemtuneError, Notice, with_notices
 from femtune.identification.choice import Candidate, Limits, Rule, change_choice, choose, chosen_poles
-from femtune.identification.frf_checks import check_frfs
+from femtune.identification.frf_checks import check_frfs, dead_responses
 from femtune.identification.join import FitQuality, complete_lines, fit_quality, in_band
 from femtune.identification.modal_fit import ModalFit
 from femtune.identification.modal_solve import OUT_OF_BAND
@@ -19,7 +19,14 @@ from femtune.identification.near_band import fit_with_neighbours
 from femtune.identification.plscf import normal_equations, plscf_poles
 from femtune.identification.pole_table import PoleTable, join_tables
 from femtune.identification.rigid_body import with_rigid_body, without_rigid_body
-from femtune.identification.shapes import as_modes, driving_points, fit_remarks, leading_shapes, scaled_shapes
+from femtune.identification.shapes import (
+    as_modes,
+    driving_points,
+    fit_remarks,
+    leading_shapes,
+    scaled_shapes,
+    without_noise,
+)
 from femtune.identification.state_space_fit import SystemFit, residual_poles, system_fit
 from femtune.modal import FrfSet, ModeSet, StateSpace, freq_and_damping
 
@@ -105,6 +112,18 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
         ``identify.missing-pair``, ``identify.missing-lines``, ``identify.no-candidate``, ``identify.rigid-modes``,
         ``identify.no-driving-point``
     """
+    told = check_frfs(frfs)
+    with with_notices(told):
+        found = _identified(_without_dead(frfs), asked, sd)
+    return replace(found, notices=(*told, *found.notices))
+
+
+def _without_dead(frfs: FrfSet) -> FrfSet:
+    """With zeros for dead responses: methods that scale each response to the same size would fit their noise."""
+    return replace(frfs, values=np.where(dead_responses(frfs)[:, None, None], 0.0, frfs.values))
+
+
+def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> IdentifiedModes:
     whole, errors = _used(frfs, asked, sd)
     elastic = whole if asked.rigid is None else without_rigid_body(whole, asked.rigid)
     table = join_tables([_poles(elastic, method, asked.largest_order, errors) for method in asked.methods])
@@ -117,7 +136,7 @@ def identify_frfs(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | Non
     quality = fit_quality(system.frf(whole.freq_hz), whole)
     remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
-    notices = (*check_frfs(frfs), *phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
+    notices = (*phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
     return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices, remarks)
 
 
@@ -147,7 +166,7 @@ def _system(elastic: FrfSet, fit: ModalFit, band: tuple[float, float], asked: In
 
 def _ends(fit: ModalFit, system: SystemFit, candidates: tuple[Candidate, ...]) -> tuple[Notice, ...]:
     """How the iterations ended, and candidates that came near to being modes."""
-    found = []
+    found = [Notice("identify.no-noise")] if without_noise(fit) else []
     if not fit.converged:
         found.append(Notice("identify.not-converged", n_poles=len(fit.poles), steps=fit.steps))
     if fit.outside.any():

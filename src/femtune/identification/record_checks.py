@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from femtune.arrays import Reals
 from femtune.errors import Notice
@@ -21,31 +22,48 @@ DRIFT = 0.5
 """Part of a channel's power in its trend (a polynomial of third degree) above which it drifts."""
 CUT = 0.02
 """Part of a record at its end in which nothing changes on any channel, above which it was cut short."""
+SPIKE, SPIKE_SAMPLES, AROUND = 10.0, 2, 50
+"""A spike is this many times larger than all samples around it, lasts so many samples, and is compared with so many
+on each side. Of Gaussian noise the largest of a hundred samples is 2.5 standard deviations: 25 make a spike."""
+SPIKES = 1e-3
+"""Part of the samples up to which spikes are errors; more are a signal of impacts."""
+OTHER_UNIT = 200.0
+"""Level of a channel, by the median of the others of its quantity, unit and role, above which its unit is doubted."""
 
 
 def check_record(record: TimeSeries) -> tuple[Notice, ...]:
-    """Notices of lost samples, of dead, clipped, drifting and doubled channels, and of a record that ends early.
+    """Notices of lost samples, of spikes, of dead, clipped, drifting and doubled channels, and of an early end.
 
     Returns
     -------
-    ``record.lost-samples``, ``record.dead``, ``record.clipped``, ``record.drifting``, ``record.same-signal``,
-    ``record.cut-short``; each names its channels
+    ``record.lost-samples``, ``record.spikes``, ``record.dead``, ``record.other-unit``, ``record.clipped``,
+    ``record.drifting``, ``record.same-signal``, ``record.cut-short``; each names its channels
     """
     return tuple(_checks(record))
 
 
 def dead_channels(record: TimeSeries) -> NDArray[np.bool_]:
     """(channels,) True where a channel hardly moves; lost samples count as zero."""
-    return _dead(record, np.where(np.isnan(record.values), 0.0, record.values))
+    return _dead(record, _filled(record))
+
+
+def level_ratios(record: TimeSeries) -> Reals:
+    """(channels,) rms by the median of the others of the same quantity, unit and role where this is beyond
+    `OTHER_UNIT`, else 1; spikes are not counted.
+    """
+    return _level_ratios(record, _without_spikes(_filled(record), _spikes(record)))
 
 
 def _checks(record: TimeSeries) -> Iterator[Notice]:
     values = record.values
     lost = np.isnan(values).sum(axis=1)
     yield from _told(record, "record.lost-samples/channels", lost > 0)
-    filled = np.where(np.isnan(values), 0.0, values)
+    spikes = _spikes(record)
+    yield from _spikes_told(record, spikes)
+    filled = _without_spikes(_filled(record), spikes)
     dead = _dead(record, filled)
     yield from _told(record, "record.dead", dead)
+    yield from _levels_told(record, _level_ratios(record, filled))
     yield from _told(record, "record.clipped", _clipped(filled) & ~dead)
     yield from _told(record, "record.drifting", _drifting(filled) & ~dead)
     yield from _same(record, filled, dead)
@@ -59,6 +77,72 @@ def _told(record: TimeSeries, code: str, bad: NDArray[np.bool_]) -> Iterator[Not
     names = [str(record.channels[i]) for i in np.flatnonzero(bad)]
     if names:
         yield Notice(code, channels=", ".join(names))
+
+
+def _filled(record: TimeSeries) -> Reals:
+    """Values with zeros for lost samples."""
+    return np.where(np.isnan(record.values), 0.0, record.values)
+
+
+def _spikes(record: TimeSeries) -> NDArray[np.bool_]:
+    """(channels, samples) Single samples, or two, far beyond all others around them.
+
+    Not of inputs: a short impact of a hammer is such a sample.
+    """
+    found = np.zeros(record.values.shape, bool)
+    for i, row in enumerate(_filled(record)):
+        if record.channels[i].role != "input" and len(row) > 2 * AROUND:
+            found[i] = _spikes_of(row)
+    return found
+
+
+def _spikes_of(row: Reals) -> NDArray[np.bool_]:
+    """Against the medians of pieces, so that a slow motion does not count."""
+    pieces = len(row) // AROUND
+    middles = np.median(row[: pieces * AROUND].reshape(pieces, AROUND), axis=1)
+    away = np.abs(row - np.interp(np.arange(len(row)), AROUND * (np.arange(pieces) + 0.5), middles))
+    shift = SPIKE_SAMPLES + AROUND // 2
+    largest = maximum_filter1d(np.pad(away, shift), AROUND, mode="constant")
+    before, after = largest[: len(row)], largest[2 * shift :]
+    # single steps of a converter between equal samples are no spikes
+    moving = away[away > 0.0]
+    least = np.median(moving) if len(moving) else np.inf
+    at = away > SPIKE * np.maximum(np.maximum(before, after), least)
+    return at if at.sum() <= max(SPIKES * len(row), 1.0) else np.zeros(len(row), bool)
+
+
+def _without_spikes(values: Reals, spikes: NDArray[np.bool_]) -> Reals:
+    """Spikes replaced by the median of their channel."""
+    return np.where(spikes, np.median(values, axis=1, keepdims=True), values)
+
+
+def _spikes_told(record: TimeSeries, spikes: NDArray[np.bool_]) -> Iterator[Notice]:
+    count = spikes.sum(axis=1)
+    if count.any():
+        names = [
+            f"{record.channels[i]} ({count[i]}, the first at {record.time_s[np.argmax(spikes[i])]:.6g} s)"
+            for i in np.flatnonzero(count)
+        ]
+        yield Notice("record.spikes", channels=", ".join(names))
+
+
+def _level_ratios(record: TimeSeries, values: Reals) -> Reals:
+    rms = np.std(values, axis=1)
+    kinds = [(c.quantity, c.unit, c.role == "input") for c in record.channels]
+    ratios = np.ones(len(kinds))
+    for i, kind in enumerate(kinds):
+        others = [rms[j] for j, other in enumerate(kinds) if other == kind and j != i and rms[j] > 0.0]
+        # of two channels nobody knows which one is wrong
+        if len(others) > 1 and rms[i] > OTHER_UNIT * np.median(others):
+            ratios[i] = rms[i] / np.median(others)
+    return ratios
+
+
+def _levels_told(record: TimeSeries, ratios: Reals) -> Iterator[Notice]:
+    odd = np.flatnonzero(ratios > 1.0)
+    if len(odd):
+        names = [f"{record.channels[i]} ({ratios[i]:.3g} times)" for i in odd]
+        yield Notice("record.other-unit", channels=", ".join(names))
 
 
 def _dead(record: TimeSeries, values: Reals) -> NDArray[np.bool_]:

@@ -177,6 +177,9 @@ NOT_QUITE_ONE, BEYOND_NOISE = 0.98, 10.0
 """The same for a larger share, if what is left is this many times what errors of the residues alone leave."""
 
 
+NO_NOISE, NO_NOISE_LINES = 1e-5, 5e-6
+"""Noise relative to the functions below which they were not measured: what a fit leaves, and from line to line.
+Good measurements have 1e-4, and values that were written with six digits 1e-6."""
 LARGE_SPREAD = 4.0
 """Spread of a pole between the functions above which it is reported."""
 
@@ -253,15 +256,33 @@ def fit_remarks(fit: ModalFit, made: ScaledShapes) -> tuple[ModeRemark, ...]:
         *collinearity_remarks(freq, collinearity, deviation),
         *mass_remarks(freq, made.mass_sign[inside]),
     ]
-    beyond = _beyond_noise(fit)[inside]
+    beyond, no_noise = _beyond_noise(fit)[inside], without_noise(fit)
     for r, (f, share, spread) in enumerate(zip(freq, made.rank_share[inside], fit.spread[inside])):
         if share < (NOT_QUITE_ONE if beyond[r] else NOT_ONE_SHAPE):
             notice = Notice("identify.references-disagree", frequency_hz=float(f), share=float(share))
             found.append(ModeRemark(r, notice))
-        if spread > LARGE_SPREAD:
+        if spread > LARGE_SPREAD and not no_noise:
             notice = Notice("identify.functions-disagree", frequency_hz=float(f), times=float(np.sqrt(spread)))
             found.append(ModeRemark(r, notice))
     return tuple(sorted(found, key=lambda remark: remark.mode))
+
+
+def without_noise(fit: ModalFit) -> bool:
+    """Whether functions without stated standard deviations have less noise than any measurement.
+
+    By what the fit leaves, and by fourth differences from line to line at the middle of the lines, which noise has and
+    a sum of modes between its resonances has not.
+    """
+    if np.isfinite(fit.misfit):
+        return False
+    values = fit.measured.values
+    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=2))
+    moving = size > 0.0
+    if not moving.any():
+        return False
+    left = np.median(fit.sd[moving] / size[moving])
+    rough = np.median(np.abs(np.diff(values[moving], 4, axis=1)), axis=1) / np.sqrt(70.0)
+    return bool(left < NO_NOISE or np.median(rough / np.median(np.abs(values[moving]), axis=1)) < NO_NOISE_LINES)
 
 
 def _beyond_noise(fit: ModalFit) -> Flags:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, TypeVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from femtune.residuals.asked import Asked, asked_covariance
 from femtune.residuals.case import CaseState, PairedMode
 from femtune.residuals.damped import damped_modes
 from femtune.residuals.pair import OfPairs
-from femtune.residuals.weights import ResidualBlock, Weights
+from femtune.residuals.weights import PolePair, ResidualBlock, Weights
 
 
 def pole_of(freq_hz: Reals, ratio: Reals) -> NDArray[np.complex128]:
@@ -155,7 +155,8 @@ class PoleResidual(OfPairs):
         found = [self.errors(pole) for pole in poles]
         errors, slopes = np.concatenate([e for e, _ in found]), np.vstack([s for _, s in found])
         label = ", ".join(pole.label for pole in poles)
-        return self.weighted(pair.case.name, label, errors, slopes, self._weights(pair, poles))
+        block = self.weighted(pair.case.name, label, errors, slopes, self._weights(pair, poles))
+        return replace(block, poles=tuple(PolePair(p.label, p.measured, p.pole) for p in poles))
 
     def _weights(self, pair: PairedMode, poles: Sequence[ComparedPole]) -> Weights:
         """Of the relative errors, to first order."""

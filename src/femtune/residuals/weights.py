@@ -34,6 +34,15 @@ class LineSamples:
 
 
 @dataclass(frozen=True)
+class PolePair:
+    """Poles in rad/s, measured and of the model, of the test modes with a label."""
+
+    label: str
+    measured: complex
+    model: complex
+
+
+@dataclass(frozen=True)
 class ResidualBlock:
     """One block of r(p) = (z_model(p) − z_test)/σ. The residual that makes it fills in what its kind says of itself.
 
@@ -53,6 +62,7 @@ class ResidualBlock:
     not_normal : why the values have no normal distribution; "" where they have one, to first order
     common : (n,) change of the values by a relative error of one that all values of the kind share; None where such an
         error has no meaning
+    poles : measured and computed poles that the values compare; none for other kinds
     """
 
     kind: str
@@ -67,6 +77,7 @@ class ResidualBlock:
     not_normal: str = ""
     common: Reals | None = field(default=None, repr=False)
     samples: LineSamples | None = field(default=None, repr=False)
+    poles: tuple[PolePair, ...] = ()
 
     @property
     def error(self) -> float:

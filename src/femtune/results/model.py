@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.assembly.cases import sensor_tolerance
+from femtune.assembly.plausible_sections import slow_modes
 from femtune.fem.checks import (
     grounding_elements,
     mass_properties,
@@ -744,8 +745,14 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         sturm_sentence="; ".join([sentence if counted else untested, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
         solver=solution.method,
-        alerts=tuple(_of_drilling(name, solution)),
+        alerts=(*_of_slow_modes(solution), *_of_drilling(name, solution)),
     )
+
+
+def _of_slow_modes(solution: EigenSolution) -> Iterable[Alert]:
+    """That the lowest elastic mode is that of no structure, as with coordinates and sections in different units."""
+    elastic = solution.freq_hz[_rigid_body_modes(solution) :]
+    return () if not len(elastic) else map(alert_of, slow_modes(solution.point.configured.model.structure, elastic[0]))
 
 
 _MOST_DRILLING = 6

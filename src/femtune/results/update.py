@@ -18,6 +18,7 @@ from femtune.errors import FemtuneError
 from femtune.fem.elements import KINDS
 from femtune.files.nastran.field_refs import BARS, WITHOUT_CARD
 from femtune.files.nastran.field_units import field_nature
+from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
@@ -319,6 +320,27 @@ class ComparisonResults(Record):
     """Root mean square of its residuals at the end, in units of the stated standard deviation (no unit)."""
 
 
+class PoleResults(Record):
+    """A measured pole λ = ω(−ζ + i√(1 − ζ²)) and that of the damped model, before and after the update."""
+
+    configuration: str
+    """Name of the configuration."""
+    label: str
+    """Label of the test mode; of close modes whose mean poles are compared, all labels."""
+    measured_hz: float
+    """Measured natural frequency, the modulus of λ over 2π, in Hz."""
+    before_hz: float | None
+    """That of the model at the start, in Hz; None if the mode was not paired."""
+    after_hz: float
+    """The same at the end, in Hz."""
+    measured_ratio: float
+    """Measured damping ratio (no unit)."""
+    before_ratio: float | None
+    """That of the model at the start (no unit); None if the mode was not paired."""
+    after_ratio: float
+    """The same at the end (no unit)."""
+
+
 class UpdateResults(Record):
     """The update."""
 
@@ -357,6 +379,8 @@ class UpdateResults(Record):
     """Residuals by kind."""
     comparisons: tuple[ComparisonResults, ...] = ()
     """Every comparison by itself."""
+    poles: tuple[PoleResults, ...] = ()
+    """Poles of residuals of kind complex-eigenvalue and damping."""
     citations: tuple[CitationRecord, ...] = ()
     """Publications on the methods of the update."""
     goodness: GoodnessResults | None = None
@@ -667,6 +691,7 @@ def update_results(
         interval_samples=_samples(result),
         residual_counts=_counts(study, result),
         comparisons=tuple(_comparisons(result)),
+        poles=tuple(_poles(result)),
         citations=citations((*result.citations, "bard1974", "wald1940", *_sampler(result))),
         goodness=goodness_results(goodness(study, result)),
         reduction=reduction,
@@ -812,6 +837,27 @@ def _comparisons(result: UpdateResult) -> Iterable[ComparisonResults]:
             error_before_percent=None if first is None else 100.0 * first,
             error_after_percent=100.0 * b.error,
             rms_after=float(np.sqrt(np.mean(b.values**2))) if len(b.values) else 0.0,
+        )
+
+
+def _poles(result: UpdateResult) -> Iterable[PoleResults]:
+    """Each pole once, although a study may compare both the pole and its damping ratio."""
+    before, after = (
+        {(b.configuration, p.label): p for b in at.blocks for p in b.poles} for at in (result.before, result.after)
+    )
+    for (configuration, label), pair in after.items():
+        first = before.get((configuration, label))
+        measured, end = (freq_and_damping(np.array([pole])) for pole in (pair.measured, pair.model))
+        start = None if first is None else freq_and_damping(np.array([first.model]))
+        yield PoleResults(
+            configuration=configuration,
+            label=label,
+            measured_hz=float(measured[0][0]),
+            before_hz=None if start is None else float(start[0][0]),
+            after_hz=float(end[0][0]),
+            measured_ratio=float(measured[1][0]),
+            before_ratio=None if start is None else float(start[1][0]),
+            after_ratio=float(end[1][0]),
         )
 
 

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.assembly.cases import StudyCase
-from femtune.assembly.error_places import errors_at, errors_at_configuration, errors_at_deck, place_of
+from femtune.assembly.error_places import (
+    errors_at,
+    errors_at_configuration,
+    errors_at_deck,
+    errors_at_residuals,
+    place_of,
+)
 from femtune.assembly.progress import silent
 from femtune.model import EigenSolution
 from femtune.residuals import CaseState, Evaluation, state_at
@@ -71,8 +77,7 @@ def start(study: Study, progress: Progress) -> Evaluation:
     of_modes = next((c.entry for c in cases if c.modal is not None), cases[0].entry)
     with errors_at(place_of(study.file, of_modes, "test")):
         problem.check_paired(states)
-    at_fault = ("residual",) if study.file.residual else ("residuals", "frequency_sd")
-    with errors_at(study.file.where(*at_fault)):
+    with errors_at_residuals(study.file):
         found = problem.assess(x, states)
         problem.check_compared(found)
         return found

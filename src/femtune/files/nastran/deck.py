@@ -20,7 +20,7 @@ _CEND = re.compile(r"\s*CEND\s*", re.IGNORECASE)
 _EXECUTIVE = re.compile(r"\s*(SOL|ID|TIME|DIAG|GEOMCHECK|NASTRAN|INIT|ASSIGN|APP|CEND)(?=[\s,]|$)", re.IGNORECASE)
 _SOL = re.compile(r"\s*SOL[\s,=]+(\w+)", re.IGNORECASE)
 _SOLUTION_NUMBERS = {"SEMODES": 103, "MODES": 103, "SESTATIC": 101, "SESTATICS": 101, "SEMFREQ": 111, "SEBUCKL": 105,
-    "NLSTATIC": 106, "NONLIN": 400}  # fmt: skip
+    "SEDCEIG": 107, "SEMCEIG": 110, "NLSTATIC": 106, "NONLIN": 400}  # fmt: skip
 _BUCKLING = 105
 
 

@@ -10,6 +10,7 @@ from femtune.files.nastran.deck import Deck
 
 _NONLINEAR = (106, 129, 153, 400, 401, 402, 600, 601, 700)
 _BUCKLING = 105
+_COMPLEX_MODES = (107, 110)
 _OF_STATSUB = ("", "(PRELOAD)")
 
 # commands that change stiffness or mass, with the wording of the warning
@@ -28,8 +29,25 @@ _COMMANDS = {
 
 def left_out(deck: Deck) -> list[Notice]:
     """A warning for each effect that the deck requests for its modes and that is not modelled."""
-    found = {notice.code + notice.what: notice for notice in (*_preloads(deck), *_nonlinear(deck), *_commands(deck))}
+    found = {notice.code + notice.what: notice for notice in _all(deck)}
     return list(found.values())
+
+
+def _all(deck: Deck) -> Iterator[Notice]:
+    yield from _preloads(deck)
+    yield from _nonlinear(deck)
+    yield from _complex_modes(deck)
+    yield from _commands(deck)
+
+
+def _complex_modes(deck: Deck) -> Iterator[Notice]:
+    number = deck.executive.solution_number
+    command = next((c for c in deck.case_control.effective if c.name == "CMETHOD"), None)
+    if command is not None:
+        yield Notice("deck.left-out/complex-modes", where=command.where, request=_text(command))
+    elif number in _COMPLEX_MODES:
+        where = Where(str(deck.path), record="SOL")
+        yield Notice("deck.left-out/complex-modes", where=where, request=f"SOL {number}")
 
 
 def _preloads(deck: Deck) -> Iterator[Notice]:

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 _UNFOLDED = 12
 """Comparisons that are shown at once."""
+_POLES_NOTE = (
+    "Of a pole λ the frequency is |λ|/2π, and the damping ratio −Re λ/|λ|. Close modes that are paired together have "
+    "one mean pole."
+)
 _TRUNCATION_NOTE = (
     "The FRFs of a residual are superposed from modes and residual vectors, and compared with solutions of "
     "K + iωC − ω²M at a few frequency lines; σ is the standard deviation of the measured values."
@@ -43,7 +47,7 @@ def residual_kinds(update: UpdateResults) -> list[Block]:
         return []
     heads = columns("Residuals", ">Number", ">Mean error % before", ">after", ">Root mean square before", ">after")
     by_kind = Table("Residuals by kind", heads, tuple(_row(kind) for kind in known))
-    return [by_kind, Paragraph(_NOTE, tone="muted"), *_comparisons(update), *_truncation(update)]
+    return [by_kind, Paragraph(_NOTE, tone="muted"), *_poles(update), *_comparisons(update), *_truncation(update)]
 
 
 def _row(kind: ResidualCount) -> tuple[Cell, ...]:
@@ -62,6 +66,24 @@ def _comparisons(update: UpdateResults) -> list[Block]:
     heads = columns("Configuration", "Compared", ">Values", ">Error % before", ">after", ">Root mean square after")
     rows = tuple(_comparison(c) for c in update.comparisons)
     return [Table("All residuals", heads, rows, folded=len(rows) > _UNFOLDED)] if rows else []
+
+
+def _poles(update: UpdateResults) -> list[Block]:
+    """Measured and computed damping ratios and natural frequencies of the poles that were compared."""
+    heads = columns(
+        "Configuration", "Test mode", ">Damping ratio % measured", ">before", ">after", ">Frequency Hz measured",
+        ">before", ">after",
+    )  # fmt: skip
+    rows = tuple(
+        row(p.configuration, p.label, *map(_ratio, (p.measured_ratio, p.before_ratio, p.after_ratio)),
+            freq(p.measured_hz), NONE if p.before_hz is None else freq(p.before_hz), freq(p.after_hz))
+        for p in update.poles
+    )  # fmt: skip
+    return [Table("Poles of test and damped model", heads, rows, _POLES_NOTE)] if rows else []
+
+
+def _ratio(ratio: float | None) -> str:
+    return NONE if ratio is None else short(100.0 * ratio)
 
 
 def _truncation(update: UpdateResults) -> list[Block]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from femtune.reporting.document import Listing, Paragraph, Section
+from femtune.reporting.document import AlertBox, Listing, Paragraph, Section
 from femtune.reporting.numbers import NOT_TESTED, as_sentence
 from femtune.reporting.sections.bootstrap import bootstrap_blocks
 from femtune.reporting.sections.quantify import (
@@ -54,9 +54,15 @@ def bootstrap_document(subject: Subject, results: Results) -> Document:
     if found is None:
         reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
         return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
-    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))),)
+    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))), *_warnings(results))
     level: Level = "info" if found.converged == found.runs else "warning"
     return subject.document(found.sentences[0], level, sections)
+
+
+def _warnings(results: Results) -> tuple[Section, ...]:
+    """Warnings on deck, test and update, as in the summary of a report."""
+    boxes = tuple(AlertBox(a.level, a.code, a.sentence, a.where) for a in results.alerts if a.level != "info")
+    return (Section("warnings", "Warnings", boxes),) if boxes else ()
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -76,6 +82,7 @@ def validation_document(subject: Subject, results: Results) -> Document:
         Section("sensors", "Held-out sensors", tuple(sensor_blocks(found))),
         Section("residuals", "Residuals of the update", tuple(_residuals(results))),
         Section("open", "What was not tested", (Listing((*untested_reasons(found), *found.not_tested)),)),
+        *_warnings(results),
     )
     return subject.document(as_sentence(sentence), _level(found), sections)
 

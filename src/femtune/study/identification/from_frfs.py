@@ -15,6 +15,7 @@ from femtune.identification.estimators import estimate_frfs
 from femtune.identification.input_known import FRF_METHODS, InputKnown, identify_frfs
 from femtune.identification.join import at_lines
 from femtune.identification.periodic import periodic_frfs
+from femtune.identification.record_checks import dead_channels
 from femtune.identification.shapes import leading_shapes
 from femtune.study.identification.found import Curve, Found
 from femtune.testdata import NO_GEOMETRY
@@ -124,13 +125,15 @@ def has_forces(record: TimeSeries) -> bool:
 
 
 def found_from_forces(record: TimeSeries, file: IdentifyFile) -> Found:
-    """Modes of the functions that the record gives, weighted by their standard deviations.
+    """Modes of the functions that the record gives, weighted by their standard deviations; without dead responses.
 
     Raises
     ------
     FemtuneError : ``identify.*``, ``record.*``
     """
-    frfs, sd = functions_of(record, file)
+    dead = dead_channels(record)
+    alive = [i for i, c in enumerate(record.channels) if c.role == "input" or not dead[i]]
+    frfs, sd = functions_of(record.select_channels(alive), file)
     usable = np.isfinite(frfs.values).all(axis=(0, 1)) & (frfs.freq_hz > 0.0)
     kept = np.flatnonzero(usable)
     errors = sd[:, :, kept]

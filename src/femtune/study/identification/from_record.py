@@ -25,6 +25,7 @@ from femtune.identification.operational import (
     prepared,
     segment_of,
 )
+from femtune.identification.record_checks import level_ratios
 from femtune.modal.shape_criteria import mac
 from femtune.study.identification.found import Curve, Found
 from femtune.study.identification.request import check_length
@@ -71,6 +72,8 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     table, asked = file.identify, _asked(record, file)
     names = [m for m in table.methods or DEFAULT_METHODS if m in OUTPUT_ONLY]
     check_length(record, asked, file)
+    levels = level_ratios(record)
+    measured, record = record, replace(record, values=record.values / levels[:, None])
     length = record.samples // table.fragments
     several: dict[tuple[str, int], OperationalModes] = {}
     for i in range(table.fragments):
@@ -87,7 +90,20 @@ def found_from_record(record: TimeSeries, file: IdentifyFile, progress: Progress
     level = 10.0 * np.log10(np.maximum(decompose(spectra).singular_values[:, 0], 1e-300))
     inside = (spectra.freq_hz >= asked.band_hz[0]) & (spectra.freq_hz <= asked.band_hz[1])
     curve = Curve(spectra.freq_hz[inside], level[inside] - level[inside].max(), "first singular value of the spectra")
-    return replace(_judged(found, record), curve=curve, notices=(*phases, *found.notices))
+    found = _unscaled(_judged(found, measured), measured, levels)
+    return replace(found, curve=curve, notices=(*phases, *found.notices))
+
+
+def _unscaled(found: Found, record: TimeSeries, levels: NDArray[np.float64]) -> Found:
+    """Shapes of the channels as they were measured, of those that were divided by their levels."""
+    if (levels == 1.0).all():
+        return found
+    of_channel = {c.dof: level for c, level in zip(record.channels, levels) if c.role != "input"}
+    factors = np.array([of_channel[dof] for dof in found.modes.dofs])[:, None]
+    modes, table = found.modes, found.table
+    sd = None if modes.shapes_sd is None else factors * modes.shapes_sd
+    modes = replace(modes, shapes=factors * modes.shapes, shapes_sd=sd, normalisation="unknown")
+    return replace(found, modes=modes, table=table and replace(table, shapes=factors * table.shapes))
 
 
 def _asked(record: TimeSeries, file: IdentifyFile) -> Operational:

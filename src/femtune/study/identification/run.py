@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femtune.assembly.progress import silent
-from femtune.errors import FemtuneError, Notice, Where
+from femtune.errors import FemtuneError, Notice, Where, with_notices
 from femtune.identification.choice import Limits, stable
 from femtune.identification.record_checks import check_record
 from femtune.results.base import InputFile
@@ -171,7 +171,8 @@ def _found(file: IdentifyFile, progress: Progress) -> Found:
     check_usable(record)
     notices = check_record(record)
     check_methods(file, has_forces(record))
-    found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
+    with with_notices(notices):
+        found = found_from_forces(record, file) if has_forces(record) else found_from_record(record, file, progress)
     return _with_agreement(replace(found, notices=(*notices, *found.notices)))
 
 
