@@ -134,12 +134,12 @@ class DenseModes:
 class KnownAtTruth(FrfResidual):
     """An FRF residual whose functions at the true parameters are known with their derivatives."""
 
-    known: tuple[Complexes, Complexes] = field(default=(np.zeros(0), np.zeros(0)), repr=False)
+    at_truth: tuple[Complexes, Complexes] = field(default=(np.zeros(0), np.zeros(0)), repr=False)
 
     def functions(self, model: ModelPoint | EigenSolution, derivatives: bool = False) -> tuple[Complexes, Complexes]:
         """As of any residual."""
         point = model.point if isinstance(model, EigenSolution) else model
-        return self.known if np.array_equal(point.x, TRUTH) else super().functions(model, derivatives)
+        return self.at_truth if np.array_equal(point.x, TRUTH) else super().functions(model, derivatives)
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class Campaigns:
         residual, _ = frf_residual(self.at_truth, self.test(seed), scatter=scatter, way=self.way)
         facts = {f.name: getattr(residual, f.name) for f in fields(residual)}
         case = case_without_modes(
-            self.model, (KnownAtTruth(**facts, known=self.functions),), count=MODES, solver=DenseModes()
+            self.model, (KnownAtTruth(**facts, at_truth=self.functions),), count=MODES, solver=DenseModes()
         )
         kind: Scatter = "stated" if self.weighted else "estimated"
         return UpdateProblem((case,), self.model.model.parameters, scatter=kind)
