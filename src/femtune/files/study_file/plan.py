@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Spread, Text, TomlTable
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    Elements,
+    NotNegative,
+    Numbers,
+    Spread,
+    Text,
+    TomlTable,
+    read_by,
+)
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
 from femtune.files.study_file.source import StudyLines, number, table
 
 Axis = Literal["X", "Y", "Z"]
+
+
+def _directions(value: object) -> None:
+    listed = isinstance(value, tuple) and value and all(value.count(d) == 1 and d in get_args(Axis) for d in value)
+    if value != "normal" and not listed:
+        raise FemtuneError("study.type/directions")
+
+
+Directions = Annotated[Literal["normal"] | tuple[Axis, ...], read_by(_directions)]
 SensorCount = Annotated[int, Field(ge=0, le=10_000)]
 Threshold = Annotated[float, Field(ge=0, lt=1)]
 
@@ -41,7 +59,7 @@ class PlanTable(TomlTable):
     region: RegionTable | None = None
     dof_set: Text | None = None
     exclude: Numbers | None = None
-    directions: Literal["normal"] | Annotated[tuple[Axis, ...], Field(min_length=1, max_length=3)] = "normal"
+    directions: Directions = "normal"
     method: Literal["expansion", "elimination"] = "expansion"
     exchange: bool = True
     weighting: Literal["none", "kinetic-energy"] = "none"
