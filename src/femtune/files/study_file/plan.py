@@ -20,7 +20,7 @@ from femtune.files.study_file.kinds import (
 )
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
-from femtune.files.study_file.source import StudyLines, number, table
+from femtune.files.study_file.source import StudyLines, falls, number, table
 
 Axis = Literal["X", "Y", "Z"]
 
@@ -98,8 +98,5 @@ def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneErro
     for key in ("frequency_sd", "shape_sd"):
         if number(plan, key) == 0.0:
             yield source.error(("plan", key), "plan.parameters/standard-deviation", {key: 0.0}, key=key)
-    band = plan.get("band_hz")
-    if isinstance(band, tuple | list) and len(band) == 2:
-        low, high = (number({"at": value}, "at") for value in band)
-        if low is not None and high is not None and low >= high:
-            yield source.error(("plan", "band_hz"), "plan.target-modes/band", {"band_hz": band})
+    if falls(plan.get("band_hz")):
+        yield source.error(("plan", "band_hz"), "plan.target-modes/band", {"band_hz": plan["band_hz"]})

@@ -54,8 +54,10 @@ def bootstrap_document(subject: Subject, results: Results) -> Document:
     if found is None:
         reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
         return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
-    sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))),)
-    level: Level = "info" if found.converged == found.runs else "warning"
+    warned = tuple(as_sentence(a.sentence) for a in results.alerts if a.code.startswith("bootstrap."))
+    blocks = (*((Listing(warned),) if warned else ()), *bootstrap_blocks(found))
+    sections = (Section("bootstrap", "Bootstrap", blocks),)
+    level: Level = "info" if found.converged == found.runs and not warned else "warning"
     return subject.document(found.sentences[0], level, sections)
 
 
