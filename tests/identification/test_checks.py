@@ -195,6 +195,21 @@ def test_sound_functions_have_nothing_to_tell(eight_modes: Any) -> None:
         assert check_frfs(eight_modes.frfs(_LINES, noise=0.03, kind=kind)) == ()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_driving_point_with_the_wrong_sign_is_named(eight_modes: Any, kind: str) -> None:
+    frfs = eight_modes.frfs(_LINES, kind=kind)
+    (point, *_) = driving_points(frfs)
+    values = frfs.values.copy()
+    values[point.response, point.reference] *= -1.0
+    (notice,) = [n for n in check_frfs(dataclasses.replace(frfs, values=values)) if "driving point" in n.what]
+    label = frfs.references[point.reference]
+    if kind == "mobility":
+        assert notice.what == f"at the driving point {label} only 0% of the power flows into the structure"
+    else:
+        assert f"the driving point {label}" in notice.what
+        check_shown(f"frf.kind-contradicts, wrong sign of {kind}", notice)
+
+
 @pytest.mark.parametrize(("true", "stated"), [("accelerance", "mobility"), ("mobility", "receptance")])
 def test_another_kind_than_stated_is_told(eight_modes: Any, true: str, stated: str) -> None:
     """A receptance and an accelerance differ in sign besides: taken for the other, all power comes out."""

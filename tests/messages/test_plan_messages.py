@@ -105,7 +105,7 @@ def test_rigid_body_modes_alone(tmp_path: Path) -> None:
         ({"placed": ["77"]}, "model.unknown-node"),
         ({"elements": [99]}, "parameter.region"),
         ({"region": {"set": 5}}, "parameter.region"),
-        ({"directions": ["RX"]}, "study.value"),
+        ({"directions": ["RX"]}, "study.type"),
         ({"modes": [1, 2], "exciter_nodes": [77], "exciters": 1}, "model.unknown-node"),
         ({"modes": [1, 2], "exciters_placed": ["77Z+"]}, "model.unknown-node"),
         ({"modes": "1 THRU 1000000000"}, "study.value"),

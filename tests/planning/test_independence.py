@@ -176,6 +176,17 @@ def test_modes_that_no_candidate_tells_apart_are_named() -> None:
     assert caught.value.code == "plan.dependent"
 
 
+def test_modes_that_do_not_move_at_the_candidates_are_named() -> None:
+    shapes = _random(9, 1, 4)
+    shapes[:, :, [1, 3]] *= 1e-11  # the residue of in-plane modes along the normal of a plate
+    with pytest.raises(FemtuneError, match="target modes 8, 10 do not move") as caught:
+        expand(Candidates(shapes, names=("7", "8", "9", "10")), 5)
+    assert caught.value.code == "plan.dependent"
+    # seen by a sensor that is there
+    there = np.eye(4)[[1, 3]][:, None, :]
+    assert len(expand(Candidates(shapes, names=("7", "8", "9", "10")), 3, (Placed(there, there),)).chosen) == 3
+
+
 def test_elimination_that_would_lose_a_mode_is_refused() -> None:
     # four triaxial sensors, each of which alone sees one mode: none can be removed, though 2 × 3 ≥ 4
     shapes = np.zeros((4, 3, 4))

@@ -16,6 +16,7 @@ from femtune.files.uff import write_uff_frfs
 from femtune.model import Configuration, configure, damping_by_mode, parametric_model, solve_modes
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
+from femtune.reporting.single_steps import bootstrap_document, subject_of
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -93,6 +94,34 @@ def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
     # lines at constant ratio: their number follows the logarithm of the band
     share = np.log(60.0 / BAND[0]) / np.log(BAND[1] / BAND[0])
     assert part.residual_counts[0].count == pytest.approx(share * whole.residual_counts[0].count, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_bootstrap_of_the_identified_test_is_told(bench: Bench) -> None:
+    _measured(bench, 0.005)
+    table = "[bootstrap]\nruns = 10\nchecked = 0\n"
+    study = _study(bench, EQUALISE + table)
+    run = steps.bootstrap(study)
+    assert run.results.bootstrap is not None
+    (alert,) = [a for a in run.results.alerts if a.code == "bootstrap.equalised"]
+    assert alert.level == "warning"
+    check_shown("bootstrap.equalised", f"[{alert.code}] {alert.sentence}")
+    page = bootstrap_document(subject_of(study), run.results)
+    assert page.verdict_level == "warning"
+    assert alert.sentence[1:] in str(page.short)
+    measured = steps.bootstrap(_study(bench, table, "ratio = 0.015\n"))
+    assert measured.results.bootstrap is not None
+    assert "bootstrap.equalised" not in [a.code for a in measured.results.alerts]
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [("band_hz = [240.0, 60.0]", "band_hz"), ("leave_out_hz = [[10.0, 20.0], [240.0, 60.0]]", "leave_out_hz[2]")],
+)
+def test_bands_have_a_lower_and_an_upper_end(bench: Bench, key: str, line: str) -> None:
+    with pytest.raises(FemtuneError, match="the frequency band is empty") as caught:
+        steps.run(_study(bench, f"[equalise]\ndamping = 0.01\n{key}\n"))
+    assert f"equalise.{line}" in str(caught.value)
 
 
 def test_keys_that_do_not_go_with_it(bench: Bench) -> None:

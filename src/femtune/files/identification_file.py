@@ -12,7 +12,7 @@ from femtune.errors import ErrorCollector, FemtuneError, Where
 from femtune.files.study_file.kinds import DofLabel, Positive, Text, TomlTable, Units
 from femtune.files.study_file.problems import problems
 from femtune.files.study_file.reading import toml_data, toml_text
-from femtune.files.study_file.source import StudyLines, line_numbers, table, tables, texts
+from femtune.files.study_file.source import StudyLines, falls, line_numbers, table, tables, texts
 from femtune.files.study_file.step_tables import OutputTable
 
 # ----------------------------------------------------------------------------------------------------
@@ -148,15 +148,9 @@ def _rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
         yield source.error(("identify",), "identify.source", {}, hint=hint)
     yield from _methods(asked, source)
     yield from _levels(data, source)
-    band = asked.get("band_hz")
-    if (
-        isinstance(band, tuple)
-        and len(band) == 2
-        and all(isinstance(b, int | float) for b in band)
-        and band[0] >= band[1]
-    ):
-        hint = "give the lower end first: band_hz = [2.0, 40.0]"
-        yield source.error(("identify", "band_hz"), "study.value/empty-band", {"band_hz": band}, hint=hint)
+    if falls(asked.get("band_hz")):
+        shown = {"band_hz": asked["band_hz"]}
+        yield source.error(("identify", "band_hz"), "study.value/empty-band", shown)
 
 
 def _levels(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:

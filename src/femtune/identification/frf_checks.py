@@ -229,7 +229,11 @@ def _driving(frfs: FrfSet) -> Iterator[Notice]:
         if own >= POWER_IN or not np.isfinite(own):
             continue
         better = [kind for kind, share in shares.items() if share >= POWER_IN]
-        if better:
+        opposite = KINDS[2 - KINDS.index(frfs.kind)]
+        if opposite in better:
+            # receptance and accelerance differ in sign, so that a wrong sign looks like the other kind
+            yield Notice("frf.kind-contradicts/sign", label=label, better=opposite, kind=frfs.kind)
+        elif better:
             yield Notice("frf.kind-contradicts", label=label, better=" or ".join(better), kind=frfs.kind)
         else:
             yield Notice("frf.driving-point", label=label, share=own)

@@ -27,6 +27,7 @@ _START = 1e-8
 _LOST = 1e-9
 """Part of the determinant below which a sensor cannot be removed: a target mode would be lost with it."""
 _SINGULAR = 1e-10
+_STILL = 1e-6
 """Relative singular value of the target modes at all candidates below which they are dependent."""
 _BETTER = 1e-9
 _MOST_ROUNDS = 20
@@ -96,14 +97,17 @@ def check_independent(candidates: Candidates, fixed: Reals) -> None:
 
     Raises
     ------
-    FemtuneError : ``plan.dependent``, naming the modes that cannot be told apart
+    FemtuneError : ``plan.dependent``, naming the modes that cannot be told apart, or that do not move there
     """
     Q = information_of(candidates.rows) + fixed
+    names = candidates.names or tuple(str(j + 1) for j in range(len(Q)))
+    still = np.flatnonzero(np.diag(Q) <= _STILL**2 * np.max(np.diag(Q)))
+    if len(still):
+        raise FemtuneError("plan.dependent/still", modes=", ".join(names[j] for j in still))
     scale = np.sqrt(np.maximum(np.diag(Q), 1e-300))
     values, vectors = np.linalg.eigh(Q / np.outer(scale, scale))
     if values[0] <= _SINGULAR * values[-1]:
         involved = np.flatnonzero(np.abs(vectors[:, 0]) > 0.1)
-        names = candidates.names or tuple(str(j + 1) for j in range(len(Q)))
         raise FemtuneError("plan.dependent", modes=", ".join(names[j] for j in involved))
 
 

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import DofLabel, Elements, NotNegative, Numbers, Spread, Text, TomlTable
+from femtune.files.study_file.kinds import (
+    DofLabel,
+    Elements,
+    NotNegative,
+    Numbers,
+    Spread,
+    Text,
+    TomlTable,
+    read_by,
+)
 from femtune.files.study_file.parameter import RegionTable
 from femtune.files.study_file.response import Hertz, HertzAboveZero
-from femtune.files.study_file.source import StudyLines, number, table
+from femtune.files.study_file.source import StudyLines, falls, number, table
 
 Axis = Literal["X", "Y", "Z"]
+
+
+def _directions(value: object) -> None:
+    listed = isinstance(value, tuple) and value and all(value.count(d) == 1 and d in get_args(Axis) for d in value)
+    if value != "normal" and not listed:
+        raise FemtuneError("study.type/directions")
+
+
+Directions = Annotated[Literal["normal"] | tuple[Axis, ...], read_by(_directions)]
 SensorCount = Annotated[int, Field(ge=0, le=10_000)]
 Threshold = Annotated[float, Field(ge=0, lt=1)]
 
@@ -41,7 +59,7 @@ class PlanTable(TomlTable):
     region: RegionTable | None = None
     dof_set: Text | None = None
     exclude: Numbers | None = None
-    directions: Literal["normal"] | Annotated[tuple[Axis, ...], Field(min_length=1, max_length=3)] = "normal"
+    directions: Directions = "normal"
     method: Literal["expansion", "elimination"] = "expansion"
     exchange: bool = True
     weighting: Literal["none", "kinetic-energy"] = "none"
@@ -80,8 +98,5 @@ def plan_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneErro
     for key in ("frequency_sd", "shape_sd"):
         if number(plan, key) == 0.0:
             yield source.error(("plan", key), "plan.parameters/standard-deviation", {key: 0.0}, key=key)
-    band = plan.get("band_hz")
-    if isinstance(band, tuple | list) and len(band) == 2:
-        low, high = (number({"at": value}, "at") for value in band)
-        if low is not None and high is not None and low >= high:
-            yield source.error(("plan", "band_hz"), "plan.target-modes/band", {"band_hz": band})
+    if falls(plan.get("band_hz")):
+        yield source.error(("plan", "band_hz"), "plan.target-modes/band", {"band_hz": plan["band_hz"]})

@@ -18,7 +18,7 @@ from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
-from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
+from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
@@ -42,10 +42,24 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from frequency_table_rules(data, source)
     yield from residual_rules(data, source)
     yield from update_rules(data, source)
+    yield from _equalised_bands(data, source)
     yield from plan_rules(data, source)
     yield from response_rules(data, source)
     yield from stage_rules(data, source)
     yield from validation_rules(data, source)
+
+
+def _equalised_bands(data: Data, source: StudyLines) -> Problems:
+    """Bands of [equalise] have a lower and an upper end."""
+    equalise = table(data, "equalise")
+    if falls(equalise.get("band_hz")):
+        shown = {"band_hz": equalise["band_hz"]}
+        yield source.error(("equalise", "band_hz"), "study.value/empty-band", shown)
+    left_out = equalise.get("leave_out_hz")
+    for k, band in enumerate(left_out if isinstance(left_out, tuple | list) else ()):
+        if falls(band):
+            place: Place = ("equalise", "leave_out_hz", k)
+            yield source.error(place, "study.value/empty-band", {"leave_out_hz": band})
 
 
 def _modes(data: Data, source: StudyLines) -> Problems:

@@ -216,6 +216,12 @@ def tables(data: Data, name: str) -> Iterator[tuple[Place, Data]]:
             yield (name, i), entry
 
 
+def falls(band: object) -> bool:
+    """True for two numbers of which the second is not larger; the types are the matter of others."""
+    ends = [b for b in band if isinstance(b, int | float)] if isinstance(band, tuple | list) else []
+    return isinstance(band, tuple | list) and len(band) == len(ends) == 2 and ends[0] >= ends[1]
+
+
 def number(data: Data, key: str) -> float | None:
     """A finite number, or None for anything else."""
     value = data.get(key)

@@ -55,7 +55,8 @@ def bootstrap_document(subject: Subject, results: Results) -> Document:
         reasons = [a.sentence for a in results.alerts if a.code.startswith(("bootstrap.", "executor."))]
         return subject.document(as_sentence((reasons or ["there was no bootstrap"])[0]), "problem", ())
     sections = (Section("bootstrap", "Bootstrap", tuple(bootstrap_blocks(found))), *_warnings(results))
-    level: Level = "info" if found.converged == found.runs else "warning"
+    warned = any(a.code.startswith("bootstrap.") and a.level != "info" for a in results.alerts)
+    level: Level = "info" if found.converged == found.runs and not warned else "warning"
     return subject.document(found.sentences[0], level, sections)
 
 
