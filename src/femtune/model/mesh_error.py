@@ -29,6 +29,10 @@ USUAL_DOFS = 30_000
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
 _SAME = 0.5
+_NEAR = 0.01
+"""Relative difference of eigenvalues that count as equal where shapes are matched: half a per cent of frequency."""
+_OWN = 1e-3
+"""Weight of a single shape where those of several nearly equal frequencies are equally alike."""
 _ZERO = 1e-3
 
 
@@ -121,18 +125,34 @@ def _beyond(dofs: str, most: int) -> str:
 def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
     """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits."""
     first = column_major(start)
-    step = pencil.factorise(solution.shift).solve(column_major(pencil.mass @ first))
+    step = pencil.factorise(_shift(solution)).solve(column_major(pencil.mass @ first))
     step = column_major(step / np.linalg.norm(step, axis=0))
     stiff, heavy = step.T @ (pencil.stiffness @ step), step.T @ (pencil.mass @ step)
     values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
     across = (first.T @ (pencil.mass @ step)) @ vectors
     own = np.einsum("ij,ij->j", first, pencil.mass @ first)
-    likeness = (across**2 / own[:, None])[: solution.wanted]
-    rows, columns = linear_sum_assignment(likeness, maximize=True)
+    single = (across**2 / own[:, None])[: solution.wanted]
+    # shapes of equal frequencies are any basis of their span: each counts with those of nearly the same frequency
+    near = np.abs(values[:, None] - values) <= _NEAR * np.abs(values)
+    likeness = single @ near
+    rows, columns = linear_sum_assignment(likeness + _OWN * single, maximize=True)
     out = np.full(solution.wanted, np.nan)
     good = likeness[rows, columns] >= _SAME
     out[rows[good]] = np.sqrt(np.maximum(values[columns[good]], 0.0)) / (2.0 * np.pi)
     return out
+
+
+def _shift(solution: EigenSolution) -> float:
+    """Shift of the step of inverse iteration: no further from zero than the lowest elastic mode.
+
+    The step leaves (λ − s) / (μ − s) of a component of eigenvalue μ in a mode of eigenvalue λ. The shift s of the
+    solution belongs to the whole spectrum: in thin plates it is so far below the lowest modes that the step would leave
+    most of the shear strains of interpolated shapes.
+    """
+    elastic = _elastic(solution.freq_hz)
+    if np.isnan(elastic).all():
+        return solution.shift
+    return max(solution.shift, -float((2.0 * np.pi * np.nanmin(elastic)) ** 2))
 
 
 def _elastic(freq_hz: Reals) -> Reals:
