@@ -15,6 +15,7 @@ from femtune.fem.structure import Structure
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model.configuration import held_dofs
 from femtune.model.configured import configure, grid_matrix
+from femtune.model.drilling import drilling_modes
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.linear.sparse_products import column_major
@@ -29,6 +30,8 @@ USUAL_DOFS = 30_000
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
 _SAME = 0.5
+_DRILLING = 0.2
+"""Share of drilling in the strain energy from which a mode has no frequency of a converged mesh."""
 _NEAR = 0.01
 """Relative difference of eigenvalues that count as equal where shapes are matched: half a per cent of frequency."""
 _OWN = 1e-3
@@ -46,12 +49,15 @@ class MeshChange:
         and where none resembles
     free_dofs : of the refined model
     whole : cards of surfaces that were not divided
+    drilling : numbers of modes of drilling stiffness, which falls with the area of the elements: they converge to zero
+        frequency, so that they have no refined frequency here
     """
 
     freq_hz: Reals
     refined_hz: Reals
     free_dofs: int
     whole: tuple[str, ...] = ()
+    drilling: tuple[int, ...] = ()
 
     @property
     def error(self) -> Reals:
@@ -104,7 +110,9 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
         refined = _refined_hz(Pencil(point.symmetric_stiffness, point.symmetric_mass), start, solution)
     except (SingularMatrixError, la.LinAlgError):
         return "the stiffness of the refined model is singular"
-    return MeshChange(_elastic(solution.freq_hz), refined, there.n_free, finer.whole)
+    drilling = tuple(mode.number for mode in drilling_modes(solution) if mode.share > _DRILLING)
+    refined[[number - 1 for number in drilling]] = np.nan
+    return MeshChange(_elastic(solution.freq_hz), refined, there.n_free, finer.whole, drilling)
 
 
 def too_large(structure: Structure, most_dofs: int) -> str:

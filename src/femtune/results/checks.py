@@ -142,7 +142,7 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     modes = tuple(_mode_errors(found))
     worst = _worst(case, solution, found.error)
     if worst is None:
-        reason = "no mode of the refined mesh resembles a mode of the original mesh"
+        reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(found)
         return _untested(case, MESH, limit, reason if modes else "no elastic mode was computed")
     mode, value = worst
     k = mode - 1
@@ -152,7 +152,16 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     )
     if found.whole:
         sentence += f"; {', '.join(found.whole)} elements were not divided"
-    return _tested(case, MESH, limit, value, sentence).model_copy(update={"modes": modes})
+    check = _tested(case, MESH, limit, value, sentence)
+    return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(found)})
+
+
+def _drilling(found: MeshChange) -> str:
+    """Part of a sentence on modes without an estimate because of the drilling stiffness."""
+    if not found.drilling:
+        return ""
+    modes = f"mode{'s' if len(found.drilling) > 1 else ''} {', '.join(map(str, found.drilling))}"
+    return f"; no estimate for {modes}, whose drilling stiffness (K6ROT) falls with the size of the elements"
 
 
 def _mode_errors(found: MeshChange) -> Iterator[ModeMeshError]:
