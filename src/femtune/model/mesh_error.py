@@ -20,6 +20,7 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.linear.sparse_products import column_major
 from femtune.model.parametric import parametric_model
+from femtune.model.response.rigid import is_rigid
 from femtune.model.solvers.interface import SingularMatrixError
 from femtune.parameters import ParameterSet
 
@@ -93,6 +94,8 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
     reason = too_large(structure, most_dofs)
     if reason:
         return reason
+    if np.isnan(_elastic(solution)).all():
+        return "no elastic mode was computed"
     try:
         finer = refine(structure, held_dofs(structure, configuration), configuration.elements_off)
     except CannotRefineError as reason:
@@ -112,7 +115,7 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
         return "the stiffness of the refined model is singular"
     drilling = tuple(mode.number for mode in drilling_modes(solution) if mode.share > _DRILLING)
     refined[[number - 1 for number in drilling]] = np.nan
-    return MeshChange(_elastic(solution.freq_hz), refined, there.n_free, finer.whole, drilling)
+    return MeshChange(_elastic(solution), refined, there.n_free, finer.whole, drilling)
 
 
 def too_large(structure: Structure, most_dofs: int) -> str:
@@ -157,15 +160,14 @@ def _shift(solution: EigenSolution) -> float:
     solution belongs to the whole spectrum: in thin plates it is so far below the lowest modes that the step would leave
     most of the shear strains of interpolated shapes.
     """
-    elastic = _elastic(solution.freq_hz)
-    if np.isnan(elastic).all():
-        return solution.shift
-    return max(solution.shift, -float((2.0 * np.pi * np.nanmin(elastic)) ** 2))
+    return max(solution.shift, -float((2.0 * np.pi * np.nanmin(_elastic(solution))) ** 2))
 
 
-def _elastic(freq_hz: Reals) -> Reals:
-    """NaN for rigid-body modes."""
-    return np.where(freq_hz > _ZERO * freq_hz.max(initial=0.0), freq_hz, np.nan)
+def _elastic(solution: EigenSolution) -> Reals:
+    """(m,) frequencies, NaN for rigid-body modes."""
+    freq_hz = solution.freq_hz
+    rigid = is_rigid(solution)[: solution.wanted] | (freq_hz <= _ZERO * freq_hz.max(initial=0.0))
+    return np.where(rigid, np.nan, freq_hz)
 
 
 def mass_change(solution: EigenSolution) -> Reals | str:
@@ -185,4 +187,4 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     own, changed = (grid_matrix(model, configuration, "mass") for model in models)
     shapes = configured.transformation @ solution.shapes[:, : solution.wanted]
     share = np.einsum("ij,ij->j", shapes, (changed - own) @ shapes)
-    return np.where(np.isnan(_elastic(solution.freq_hz)), np.nan, 1.0 / np.sqrt(1.0 + share) - 1.0)
+    return np.where(np.isnan(_elastic(solution)), np.nan, 1.0 / np.sqrt(1.0 + share) - 1.0)

@@ -139,11 +139,10 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     found = mesh_change(solution, _most_dofs(study))
     if isinstance(found, str):
         return _untested(case, MESH, limit, found)
-    modes = tuple(_mode_errors(found))
     worst = _worst(case, solution, found.error)
     if worst is None:
         reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(found)
-        return _untested(case, MESH, limit, reason if modes else "no elastic mode was computed")
+        return _untested(case, MESH, limit, reason)
     mode, value = worst
     k = mode - 1
     sentence = (
@@ -153,6 +152,7 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     if found.whole:
         sentence += f"; {', '.join(found.whole)} elements were not divided"
     check = _tested(case, MESH, limit, value, sentence)
+    modes = tuple(_mode_errors(found))
     return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(found)})
 
 
