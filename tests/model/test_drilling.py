@@ -95,6 +95,17 @@ def test_modes_tell_what_depends_on_k6rot(tmp_path: Path) -> None:
     assert told in result.results.alerts
 
 
+def test_a_mode_of_drilling_has_no_mesh_error(tmp_path: Path) -> None:
+    """A bar that only drilling holds: its frequency falls with every refinement. The other modes have their errors."""
+    result = steps.modes(sheet_with_bar(tmp_path))
+    assert [row["mode"] for row in result.mesh_errors if row["error_percent"] is None] == [3]
+    mesh = result.records[0].mesh
+    assert mesh is not None
+    assert mesh.sentence.endswith(
+        "; no estimate for mode 3, whose drilling stiffness (K6ROT) falls with the size of the elements"
+    )
+
+
 def test_bars_along_a_sheet_are_no_matter(tmp_path: Path) -> None:
     path = sheet_with_bar(tmp_path)
     lines = path.read_text().replace("CBAR,90,2,26,90", "CBAR,90,2,26,25").replace("CONM2,91,90", "CONM2,91,26")

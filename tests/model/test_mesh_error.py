@@ -145,3 +145,25 @@ def test_large_models_are_not_looked_at(tmp_path: Path, monkeypatch: pytest.Monk
     assert mass_change(solution) == "the model has 30 DOFs, more than 20"
     assert mesh_change(solution) == "the refined model would have at least 54 DOFs, more than 20"
     assert str(mesh_change(solution, 10)).endswith("more than 10; refinement = true in [checks] computes it")
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_the_estimate_of_a_very_thin_plate(tmp_path: Path, coupled: bool) -> None:
+    """1 m by 100 µm, with its membrane: the first two frequencies expected of a converged mesh are those of theory."""
+    sides, thickness = 4, 1e-4
+    out = ["MAT1,1,7.2+10,,0.3,2700.", f"PSHELL,1,1,{thickness:.1e},1,,1".replace("e-0", "-")]
+    out += [f"GRID,{1 + i + 5 * j},,{i / sides},{j / sides},0." for j in range(5) for i in range(5)]
+    out += [f"CQUAD4,{1 + i + 4 * j},1,{n},{n + 1},{n + 6},{n + 5}"
+            for j in range(4) for i in range(4) for n in [1 + i + 5 * j]]  # fmt: skip
+    out += [f"SPC1,1,123,{1 + i + 5 * j}" for j in range(5) for i in range(5) if {i, j} & {0, 4}]
+    found = mesh_change(_modes(_deck(out, coupled), tmp_path, 3))
+    assert isinstance(found, MeshChange)
+    bending = 7.2e10 * thickness**3 / (12.0 * (1.0 - 0.3**2))
+    exact = 0.5 * np.pi * np.sqrt(bending / (2700.0 * thickness)) * np.array([2.0, 5.0, 5.0])
+    np.testing.assert_allclose(found.converged_hz[:3], exact, rtol=0.01)
+
+
+def test_rigid_body_modes_alone_have_no_error(tmp_path: Path) -> None:
+    """Six modes of a free plate: what rounding leaves of their frequencies is no scale of the others."""
+    deck = "\n".join(line for line in plate(4).replace(",.01,", ",.0001,").splitlines() if not line.startswith("SPC"))
+    assert mesh_change(_modes(deck, tmp_path, 6)) == "no elastic mode was computed"

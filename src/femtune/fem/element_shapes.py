@@ -1,7 +1,9 @@
-"""Elements out of shape: the tests, the words and the limits of Nastran's GEOMCHECK statement.
+"""Elements out of shape: the tests, the words and the usual default limits of Nastran's GEOMCHECK statement.
 
-Shells are measured by their corners, also those with mid-side grid points. Sources: GEOMCHECK statement of the Quick
-Reference Guides of MSC Nastran and of Autodesk Nastran, which alone has an aspect ratio of shells.
+Shells are measured by their corners, also those with mid-side grid points. Sources: measures by the GEOMCHECK statement
+of the MSC Nastran Quick Reference Guide, which also lets a mid-side grid point lie anywhere between the quarter points
+of its side (EPLR); aspect ratios of shells, and the limits of EPLR, EPIA (30 degrees from straight) and WARP of solids
+(45 degrees), by the Autodesk Nastran Reference Manual. The others are the usual defaults of GEOMCHECK.
 """
 
 from __future__ import annotations
@@ -60,7 +62,8 @@ _SOLIDS = {"TET": "tetrahedron", "HEX": "hexahedron", "PEN": "pentahedron", "PYR
 def _of_solids(key: str, name: str) -> Iterator[ShapeTest]:
     longest = "longest side over shortest height" if key == "TET" else "longest over shortest side"
     yield ShapeTest(f"{key}_AR", f"{name}: {longest}", 100.0, False)
-    yield ShapeTest(f"{key}_EPLR", f"{name}: shorter over longer part of a side at its middle grid point", 0.5, True)
+    parts = "shorter part of a side at its middle grid point over half of the side"
+    yield ShapeTest(f"{key}_EPLR", f"{name}: {parts}", 0.5, True)
     yield ShapeTest(f"{key}_EPIA", f"{name}: angle of a side at its middle grid point", 150.0, True, _ANGLE)
     yield ShapeTest(f"{key}_DETJ", f"{name}: smallest over largest Jacobian determinant at the grid points", 0.0, True)
     if key != "TET":
@@ -252,10 +255,13 @@ def _middles(xyz: Reals, edges: Integers, count: int) -> Measures:
     """Parts of the sides and angles at the mid-side nodes; NaN where an element has none."""
     middles = xyz[:, count:]
     one, two = xyz[:, edges[:, 0]] - middles, xyz[:, edges[:, 1]] - middles
-    a, b = np.linalg.norm(one, axis=2), np.linalg.norm(two, axis=2)
-    none = np.isnan(a).all(axis=1)
-    parts = np.where(np.isnan(a), np.inf, np.minimum(a, b) / np.maximum(a, b)).min(axis=1)
-    angles = np.where(np.isnan(a), np.inf, _angle(one, two)).min(axis=1)
+    side = two - one
+    # of the side, from its first corner to the foot of the middle grid point
+    along = -np.sum(one * side, axis=2) / np.sum(side**2, axis=2)
+    missing = np.isnan(along)
+    none = missing.all(axis=1)
+    parts = np.where(missing, np.inf, 2.0 * np.minimum(along, 1.0 - along)).min(axis=1)
+    angles = np.where(missing, np.inf, _angle(one, two)).min(axis=1)
     return {"EPLR": np.where(none, np.nan, parts), "EPIA": np.where(none, np.nan, angles)}
 
 

@@ -15,10 +15,12 @@ from femtune.fem.structure import Structure
 from femtune.modal.assignment import linear_sum_assignment
 from femtune.model.configuration import held_dofs
 from femtune.model.configured import configure, grid_matrix
+from femtune.model.drilling import drilling_modes
 from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.linear.sparse_products import column_major
 from femtune.model.parametric import parametric_model
+from femtune.model.response.rigid import is_rigid
 from femtune.model.solvers.interface import SingularMatrixError
 from femtune.parameters import ParameterSet
 
@@ -29,6 +31,12 @@ USUAL_DOFS = 30_000
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
 _SAME = 0.5
+_DRILLING = 0.2
+"""Share of drilling in the strain energy from which a mode has no frequency of a converged mesh."""
+_NEAR = 0.01
+"""Relative difference of eigenvalues that count as equal where shapes are matched: half a per cent of frequency."""
+_OWN = 1e-3
+"""Weight of a single shape where those of several nearly equal frequencies are equally alike."""
 _ZERO = 1e-3
 
 
@@ -42,12 +50,15 @@ class MeshChange:
         and where none resembles
     free_dofs : of the refined model
     whole : cards of surfaces that were not divided
+    drilling : numbers of modes of drilling stiffness, which falls with the area of the elements: they converge to zero
+        frequency, so that they have no refined frequency here
     """
 
     freq_hz: Reals
     refined_hz: Reals
     free_dofs: int
     whole: tuple[str, ...] = ()
+    drilling: tuple[int, ...] = ()
 
     @property
     def error(self) -> Reals:
@@ -83,6 +94,8 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
     reason = too_large(structure, most_dofs)
     if reason:
         return reason
+    if np.isnan(_elastic(solution)).all():
+        return "no elastic mode was computed"
     try:
         finer = refine(structure, held_dofs(structure, configuration), configuration.elements_off)
     except CannotRefineError as reason:
@@ -100,7 +113,9 @@ def mesh_change(solution: EigenSolution, most_dofs: int = MOST_DOFS) -> MeshChan
         refined = _refined_hz(Pencil(point.symmetric_stiffness, point.symmetric_mass), start, solution)
     except (SingularMatrixError, la.LinAlgError):
         return "the stiffness of the refined model is singular"
-    return MeshChange(_elastic(solution.freq_hz), refined, there.n_free, finer.whole)
+    drilling = tuple(mode.number for mode in drilling_modes(solution) if mode.share > _DRILLING)
+    refined[[number - 1 for number in drilling]] = np.nan
+    return MeshChange(_elastic(solution), refined, there.n_free, finer.whole, drilling)
 
 
 def too_large(structure: Structure, most_dofs: int) -> str:
@@ -121,23 +136,38 @@ def _beyond(dofs: str, most: int) -> str:
 def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
     """(m,) frequencies of the wanted modes on the refined mesh from their interpolated shapes; NaN where none fits."""
     first = column_major(start)
-    step = pencil.factorise(solution.shift).solve(column_major(pencil.mass @ first))
+    step = pencil.factorise(_shift(solution)).solve(column_major(pencil.mass @ first))
     step = column_major(step / np.linalg.norm(step, axis=0))
     stiff, heavy = step.T @ (pencil.stiffness @ step), step.T @ (pencil.mass @ step)
     values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
     across = (first.T @ (pencil.mass @ step)) @ vectors
     own = np.einsum("ij,ij->j", first, pencil.mass @ first)
-    likeness = (across**2 / own[:, None])[: solution.wanted]
-    rows, columns = linear_sum_assignment(likeness, maximize=True)
+    single = (across**2 / own[:, None])[: solution.wanted]
+    # shapes of equal frequencies are any basis of their span: each counts with those of nearly the same frequency
+    near = np.abs(values[:, None] - values) <= _NEAR * np.abs(values)
+    likeness = single @ near
+    rows, columns = linear_sum_assignment(likeness + _OWN * single, maximize=True)
     out = np.full(solution.wanted, np.nan)
     good = likeness[rows, columns] >= _SAME
     out[rows[good]] = np.sqrt(np.maximum(values[columns[good]], 0.0)) / (2.0 * np.pi)
     return out
 
 
-def _elastic(freq_hz: Reals) -> Reals:
-    """NaN for rigid-body modes."""
-    return np.where(freq_hz > _ZERO * freq_hz.max(initial=0.0), freq_hz, np.nan)
+def _shift(solution: EigenSolution) -> float:
+    """Shift of the step of inverse iteration: no further from zero than the lowest elastic mode.
+
+    The step leaves (λ − s) / (μ − s) of a component of eigenvalue μ in a mode of eigenvalue λ. The shift s of the
+    solution belongs to the whole spectrum: in thin plates it is so far below the lowest modes that the step would leave
+    most of the shear strains of interpolated shapes.
+    """
+    return max(solution.shift, -float((2.0 * np.pi * np.nanmin(_elastic(solution))) ** 2))
+
+
+def _elastic(solution: EigenSolution) -> Reals:
+    """(m,) frequencies, NaN for rigid-body modes."""
+    freq_hz = solution.freq_hz
+    rigid = is_rigid(solution)[: solution.wanted] | (freq_hz <= _ZERO * freq_hz.max(initial=0.0))
+    return np.where(rigid, np.nan, freq_hz)
 
 
 def mass_change(solution: EigenSolution) -> Reals | str:
@@ -157,4 +187,4 @@ def mass_change(solution: EigenSolution) -> Reals | str:
     own, changed = (grid_matrix(model, configuration, "mass") for model in models)
     shapes = configured.transformation @ solution.shapes[:, : solution.wanted]
     share = np.einsum("ij,ij->j", shapes, (changed - own) @ shapes)
-    return np.where(np.isnan(_elastic(solution.freq_hz)), np.nan, 1.0 / np.sqrt(1.0 + share) - 1.0)
+    return np.where(np.isnan(_elastic(solution)), np.nan, 1.0 / np.sqrt(1.0 + share) - 1.0)

@@ -25,10 +25,10 @@ def short(number: float | None, none: str = NONE) -> str:
 
 
 def freq(number: float | None, none: str = NONE) -> str:
-    """A frequency in Hz: three decimals below 100, two below 1000, one above."""
+    """A frequency in Hz: five decimals below 0.1 (three of what rounds to nothing), three below 100, two below 1000."""
     if number is None:
         return none
-    decimals = 3 if number < 100 else 2 if number < 1000 else 1
+    decimals = 5 if 1e-4 <= number < 0.1 else 3 if number < 100 else 2 if number < 1000 else 1
     return typeset(f"{number:.{decimals}f}")
 
 

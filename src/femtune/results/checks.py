@@ -139,11 +139,10 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     found = mesh_change(solution, _most_dofs(study))
     if isinstance(found, str):
         return _untested(case, MESH, limit, found)
-    modes = tuple(_mode_errors(found))
     worst = _worst(case, solution, found.error)
     if worst is None:
-        reason = "no mode of the refined mesh resembles a mode of the original mesh"
-        return _untested(case, MESH, limit, reason if modes else "no elastic mode was computed")
+        reason = "no mode of the refined mesh resembles a mode of the original mesh" + _drilling(found)
+        return _untested(case, MESH, limit, reason)
     mode, value = worst
     k = mode - 1
     sentence = (
@@ -152,7 +151,17 @@ def mesh_check(study: Study, case: StudyCase, solution: EigenSolution) -> ModelC
     )
     if found.whole:
         sentence += f"; {', '.join(found.whole)} elements were not divided"
-    return _tested(case, MESH, limit, value, sentence).model_copy(update={"modes": modes})
+    check = _tested(case, MESH, limit, value, sentence)
+    modes = tuple(_mode_errors(found))
+    return check.model_copy(update={"modes": modes, "sentence": check.sentence + _drilling(found)})
+
+
+def _drilling(found: MeshChange) -> str:
+    """Part of a sentence on modes without an estimate because of the drilling stiffness."""
+    if not found.drilling:
+        return ""
+    modes = f"mode{'s' if len(found.drilling) > 1 else ''} {', '.join(map(str, found.drilling))}"
+    return f"; no estimate for {modes}, whose drilling stiffness (K6ROT) falls with the size of the elements"
 
 
 def _mode_errors(found: MeshChange) -> Iterator[ModeMeshError]:

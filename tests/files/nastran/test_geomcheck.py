@@ -48,6 +48,8 @@ def _checks(folder: Path, head: str) -> GeometryChecks:
         ("GEOMCHECK NONE\n", GeometryChecks(off=True)),
         ("GEOMCHECK NONE\nGEOMCHECK Q4_SKEW=15.0\n", GeometryChecks({"Q4_SKEW": 15.0})),
         ("GEOMCHECK SUMMARY\n", GeometryChecks()),
+        ("GEOMCHECK ADVNLELM, MSGTYPE=WARN\n", GeometryChecks()),
+        ("GEOMCHECK Q4_WARP=-1.0, Q4_SKEW=0.0\n", GeometryChecks({"Q4_SKEW": 0.0}, unknown=("Q4_WARP=-1.0",))),
         ("GEOMCHECK Q9_SKEW=15.0, Q4_WARP=much\n", GeometryChecks(unknown=("Q9_SKEW=15.0", "Q4_WARP=MUCH"))),
     ],
 )  # fmt: skip

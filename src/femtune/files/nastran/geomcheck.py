@@ -12,8 +12,8 @@ from femtune.files.nastran.source import SourceLine
 
 _STATEMENT = re.compile(r"\s*GEOMCHECK(?=[\s,]|$)(.*)", re.IGNORECASE)
 _ENTRY = re.compile(r"([A-Z0-9_]+)(?:\s*=\s*([^\s,=]+))?")
-_SETTINGS = ("MSGLIMIT", "MSGTYPE", "SUMMARY", "FATAL", "WARN", "INFORM")
-"""Words that say how a solver prints its messages."""
+_SETTINGS = ("MSGLIMIT", "MSGTYPE", "SUMMARY", "FATAL", "WARN", "INFORM", "ADVNLELM")
+"""Words that say how a solver prints its messages, and for which of its elements."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def geometry_checks(lines: Iterable[SourceLine]) -> GeometryChecks:
         number = _number(value)
         if word == "NONE":
             limits, off = {}, True
-        elif word in TESTS and (number is not None or not value):
+        elif word in TESTS and ((number is not None and number >= 0.0) or not value):
             off = False
             limits |= {} if number is None else {word: number}
         elif word not in _SETTINGS:

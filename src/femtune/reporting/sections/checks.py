@@ -61,7 +61,7 @@ def shape_blocks(facts: ModelFacts) -> list[Block]:
     if not failed:
         return [Paragraph(f"Shapes of elements: {shapes.sentence}.{limits}")]
     heads = columns("Test", "Measure", ">Limit", ">Beyond it", ">Of", "Worst elements")
-    note = f"Names and limits are those of Nastran's GEOMCHECK.{limits}"
+    note = f"Names and default limits are the usual ones of Nastran's GEOMCHECK.{limits}"
     return [Table("Elements out of shape", heads, tuple(map(_shape_row, failed)), note)]
 
 
