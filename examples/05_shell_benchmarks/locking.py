@@ -47,7 +47,10 @@ def slender_rows(n: int) -> list[list[str]]:
         for distort in (0.0, 0.3):
             found = {s: errors(kind, n, s, distort) for s in (10.0, 100.0, 1000.0, 10000.0)}
             worst = [float(np.abs(e).max()) for e in found.values()]
-            assert max(worst) < 2.0 * worst[0] + 0.002, (label, distort, worst)
+            # a thick plate has smaller errors, as those of shear and mass cancel in part: an element that locks is
+            # one whose error grows on from L/t = 100, in proportion to it
+            assert max(worst[2:]) < 1.3 * worst[1] + 0.001, (label, distort, worst)
+            assert worst[1] < 4.0 * worst[0] + 0.002, (label, distort, worst)
             name = f"{label}, inner points moved by up to 30 % of a cell" if distort else f"{label}, regular"
             rows.append([name, *(numbers(100 * e) for e in found.values())])
     return rows
