@@ -1,7 +1,7 @@
 """Update a model of imported matrices and compare it with its deck: python run.py [--quick] [--evidence DIR].
 
 A portal of columns, a beam and a shell panel is written as matrices, one file per group: the stiffness of the columns,
-of the beam, and of the panel at five thicknesses, and likewise the mass. The matrices are imported, compared with the
+of the beam, and of the panel at seven thicknesses, and likewise the mass. The matrices are imported, compared with the
 modes listed for the deck, and updated with a simulated test, as is the deck. Both must give the same values.
 """
 
@@ -31,7 +31,7 @@ _NOMINAL, _TRUE = (
     {"columns": 2.1e11, "beam": 2.1e11, "panel": 0.010},
     {"columns": 1.8e11, "beam": 2.4e11, "panel": 0.012},
 )
-_THICKNESSES = (0.006, 0.008, 0.010, 0.013, 0.016)
+_THICKNESSES = (0.006, 0.0075, 0.009, 0.0105, 0.012, 0.014, 0.016)
 _SENSORS = (
     "{top_left}X+",
     "{top_left}Y+",
@@ -160,7 +160,7 @@ def matrix_study(folder: Path, n: int, listed: tuple[float, ...], mass_factor: f
     """The study of the matrices."""
     text = '[study]\ntitle = "Portal, matrices"\nunits = "m-kg-s"\n'
     text += f'\n[model]\ngrid = "portal.bdf"\ndofs = "portal.dof"\nlisted_hz = {list(listed)}\n'
-    text += f'\n[[variable]]\nname = "T"\nnominal = {_NOMINAL["panel"]}\ndegree = 3\n'
+    text += f'\n[[variable]]\nname = "T"\nnominal = {_NOMINAL["panel"]}\ndegree = 5\n'
     for group, short in (("columns", "C"), ("beam", "B")):
         text += matrix(f"{short}K", "stiffness", f"{group}_stiffness.mtx")
         text += matrix(f"{short}M", "mass", f"{group}_mass.mtx", f"factor = {mass_factor}\n")
@@ -213,8 +213,8 @@ def evidence(folder: Path, n: int) -> str:
     assert "factor of 1000" in message.partition("likely cause 1")[2].partition("\n")[0]
     return "\n".join([
         "# Imported matrices compared with their deck", "",
-        f"A portal frame with a panel of {n} × {n} shells, as a deck and as matrices (those of the panel at five "
-        "thicknesses, as a polynomial of degree 3), updated with a simulated test.", "",
+        f"A portal frame with a panel of {n} × {n} shells, as a deck and as matrices (those of the panel at seven "
+        "thicknesses, as a polynomial of degree 5), updated with a simulated test.", "",
         "| parameter | true | with the deck | with the matrices |", "| --- | --- | --- | --- |", *rows, "",
         f"Largest difference of a frequency after both updates: {difference:.1e}.", "",
         "With masses in grams the matrices are rejected:", "", "```text", message, "```", "",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.reporting.document import Bar, Cell, Column, Heading, Listing, Paragraph, Table, columns, row
+from femtune.reporting.document import AlertBox, Bar, Cell, Column, Heading, Listing, Paragraph, Table, columns, row
 from femtune.reporting.numbers import (
     NONE,
     NOT_TESTED,
@@ -280,11 +280,12 @@ def natural_modes(source: ReportSource) -> list[Block]:
     if not found:
         return [Paragraph("Modes were not computed.")]
     units = _units(source.results.study.units)
+    alerts = [AlertBox(a.level, a.code, a.sentence, a.where) for m in found for a in m.alerts]
     tables = [block for m in found for block in _natural_modes_of(m, len(found) > 1, units)]
     note: list[Block] = [Paragraph(_NOTE, "muted")] if any(m.effective_masses for m in found) else []
     note += mesh_sentences(found)
     note += [Paragraph(MESH_NOTE, "muted")] if any(m.mesh and m.mesh.modes for m in found) else []
-    return [*tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, found))), *solved_by(found)]
+    return [*alerts, *tables, *note, Heading(_STURM), Listing(tuple(map(_sturm, found))), *solved_by(found)]
 
 
 def _units(units: str) -> tuple[str, str]:
