@@ -9,10 +9,8 @@ from femtune.assembly.parameters import elements_of
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.model import Configuration, configure
 from femtune.model.reduce import Alone, Components, alone
-from femtune.updating import ReductionRules
 
 if TYPE_CHECKING:
-    from femtune.assembly.study import Study
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import ConfigurationEntry, StudyFile
     from femtune.model import ConfiguredModel, ParametricModel
@@ -63,11 +61,3 @@ def present_components(
             "study.component/no-interface", where=place_of(file, entry, "interface"), configuration=entry.name
         )
     return found
-
-
-def reduction_rules(study: Study) -> ReductionRules | None:
-    """What [reduction] asks for, with the components of the study; None without the table."""
-    table = study.file.reduction
-    if table is None:
-        return None
-    return ReductionRules(table.tolerance, table.full_solutions, table.order, study.components, table.frf_tolerance)

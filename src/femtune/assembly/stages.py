@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.components import reduction_rules
 from femtune.assembly.resonances import resonance_case
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
@@ -20,6 +19,7 @@ from femtune.updating import (
     NOBODY,
     Iteration,
     ParameterCovariance,
+    ReductionRules,
     SideConstraint,
     Stage,
     UpdateResult,
@@ -145,3 +145,11 @@ def _covariance(belief: Belief, after: Evaluation) -> ParameterCovariance:
     if belief.found.any():
         posterior = posterior_of_covariance(belief.x, belief.covariance, belief.found, belief.parameters.limits)
     return ParameterCovariance(matrix, reasons, misfit, freedom=freedom, posterior=posterior)
+
+
+def reduction_rules(study: Study) -> ReductionRules | None:
+    """What [reduction] asks for, with the components of the study; None without the table."""
+    table = study.file.reduction
+    if table is None:
+        return None
+    return ReductionRules(table.tolerance, table.full_solutions, table.order, study.components, table.frf_tolerance)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.components import reduction_rules
+from femtune.assembly.stages import reduction_rules
 from femtune.results.reduction import ReductionResults, reduction_results
 from femtune.updating import update_reduced
 

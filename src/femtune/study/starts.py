@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.components import reduction_rules
+from femtune.assembly.stages import reduction_rules
 from femtune.assembly.update_method import start_rules
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file import PlanTable
     from femtune.files.study_file.kinds import Elements
     from femtune.model import EigenSolution
+    from femtune.results.plan import SensorKind
 
 _STILL = 1e-6
 """Motion relative to the largest of any candidate, in every target mode, below which a candidate does not move."""
@@ -216,3 +217,30 @@ def masses_at(study: Study, case: StudyCase, table: PlanTable, rows: Integers) -
         return np.ones(len(rows))
     diagonal = grid_matrix(study.model, case.configured.configuration, "mass").diagonal()
     return np.asarray(np.maximum(diagonal[6 * rows[:, None] + np.arange(3)], 0.0).mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class SiteSensor:
+    """A sensor at a grid point.
+
+    Parameters
+    ----------
+    row : row of the grid point
+    axes : (3, 3) local axes, one a row, in the basic system
+    axis : measured local axis from 0, None for a triaxial sensor
+    shapes : (d, m) target modes along its directions
+    mass : of the grid point, for weighting by kinetic energy
+    """
+
+    kind: SensorKind
+    row: int
+    axes: Reals
+    axis: int | None
+    shapes: Reals
+    mass: float
+    given: bool = False
+
+    @property
+    def direction(self) -> Reals | None:
+        """(3,) of a uniaxial sensor."""
+        return None if self.axis is None else np.asarray(self.axes[self.axis])

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.files.study_file import PlanTable
     from femtune.model import EigenSolution
-    from femtune.study.planning.sensors import SiteSensor
+    from femtune.study.planning.candidates import SiteSensor
 
 _NO_INERTIA = ((0.0, 0.0, 0.0),) * 3
 

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.files.study_file import PlanTable
     from femtune.model import EigenSolution
-    from femtune.study.planning.candidates import Sites, Uniaxial
-    from femtune.study.planning.sensors import SiteSensor
+    from femtune.study.planning.candidates import Sites, SiteSensor, Uniaxial
 
 
 @dataclass(frozen=True, eq=False)

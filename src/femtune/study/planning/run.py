@@ -31,6 +31,7 @@ from femtune.results.step_results import PlanResult
 from femtune.results.update import citations
 from femtune.study.planning.candidates import (
     Sites,
+    SiteSensor,
     Uniaxial,
     accessible_rows,
     masses_at,
@@ -48,7 +49,7 @@ from femtune.study.planning.excitation import (
 )
 from femtune.study.planning.files import NO_FILES, PlanFiles, check_plan_files, write_plan_files
 from femtune.study.planning.parameters import Calibration, calibration, expected_parameters
-from femtune.study.planning.sensors import PlacedSensors, SensorPlan, SiteSensor, candidate_shapes, given_sensors
+from femtune.study.planning.sensors import PlacedSensors, SensorPlan, candidate_shapes, given_sensors
 from femtune.study.solutions import looking_up
 from femtune.units import unit_system
 

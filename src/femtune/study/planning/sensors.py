@@ -14,7 +14,7 @@ from femtune.dofs import Dof, parse_dof
 from femtune.errors import FemtuneError
 from femtune.planning import Candidates, Placed, eliminate, expand, farthest_points
 from femtune.results.shapes import grid_translations
-from femtune.study.planning.candidates import Sites, Uniaxial, masses_at, uniaxial_of
+from femtune.study.planning.candidates import Sites, SiteSensor, Uniaxial, masses_at, uniaxial_of
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -25,33 +25,6 @@ if TYPE_CHECKING:
     from femtune.planning import ChosenSensors
     from femtune.results.plan import SensorKind
     from femtune.study.planning.parameters import Calibration
-
-
-@dataclass(frozen=True, eq=False)
-class SiteSensor:
-    """A sensor at a grid point.
-
-    Parameters
-    ----------
-    row : row of the grid point
-    axes : (3, 3) local axes, one a row, in the basic system
-    axis : measured local axis from 0, None for a triaxial sensor
-    shapes : (d, m) target modes along its directions
-    mass : of the grid point, for weighting by kinetic energy
-    """
-
-    kind: SensorKind
-    row: int
-    axes: Reals
-    axis: int | None
-    shapes: Reals
-    mass: float
-    given: bool = False
-
-    @property
-    def direction(self) -> Reals | None:
-        """(3,) of a uniaxial sensor."""
-        return None if self.axis is None else np.asarray(self.axes[self.axis])
 
 
 @dataclass(frozen=True, eq=False)
