@@ -60,7 +60,7 @@ class Size:
 
 
 QUICK = Size(2_500, 12, 4, 2e-3, 8, 10, 1e-2, 1e-3)
-FULL = Size(40_000, 40, 30, 1e-3, 15, 128, 3e-3, 2e-4)
+FULL = Size(40_000, 40, 30, 1e-3, 15, 256, 3e-3, 2e-4)
 
 
 def frame(n_dofs: int) -> ConfiguredModel:
