@@ -50,7 +50,7 @@ class AskedFrfs(AtFirstState):
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 class AskedAntiresonances(AtFirstState):
@@ -81,7 +81,7 @@ class AskedAntiresonances(AtFirstState):
             found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
             return found, (*notices, *left)
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
