@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.fem import Contribution, ElementBatch, Structure
+from femtune.fem.distribution import varied_entries
 from femtune.fem.elements import pieces
 from femtune.fem.fields import MatrixKind
 from femtune.fem.values import TableJet
@@ -314,9 +315,11 @@ def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> Co
     moving = np.zeros(len(structure.values.values), bool)
     moving[list(touched)] = True
     book, used = CoefficientBook(samples), {kind: np.zeros(len(moving), bool) for kind in get_args(MatrixKind)}
+    varied = np.zeros(len(moving), bool)
+    varied[list(varied_entries(structure.values))] = True
     terms: list[Term] = []
     for batch in structure.batches:
-        terms += _BatchTerms(structure, batch, moving, used, book).compile()
+        terms += _BatchTerms(structure, batch, moving, used, book, varied).compile()
     return CompiledTerms(tuple(terms), used)
 
 
@@ -335,6 +338,7 @@ class _BatchTerms:
     moving: Flags
     used: Mapping[MatrixKind, Flags]
     book: CoefficientBook
+    varied: Flags
     sums: dict[MatrixKind, TermSums] = field(default_factory=dict)
 
     def compile(self) -> list[Term]:
@@ -354,7 +358,10 @@ class _BatchTerms:
             sums.pack()
 
     def _add(self, part: Contribution, start: int, stop: int) -> None:
-        numbers, factors = self._coefficients(part)
+        for numbers, factors in self._coefficients(part):
+            self._add_with(part, numbers, factors, start, stop)
+
+    def _add_with(self, part: Contribution, numbers: Integers, factors: Reals, start: int, stop: int) -> None:
         some = np.flatnonzero(numbers != NOTHING)
         if not some.size:
             return
@@ -365,8 +372,11 @@ class _BatchTerms:
         sums.span(start, stop, part.matrices.shape[1])
         sums.add(part.at[some] - start, numbers[some], factors[some], matrices)
 
-    def _coefficients(self, part: Contribution) -> tuple[Integers, Reals]:
-        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor."""
+    def _coefficients(self, part: Contribution) -> Iterator[tuple[Integers, Reals]]:
+        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor.
+
+        Elements whose coefficients are combinations of several functions come once for each of these.
+        """
         at = np.stack([self.batch.roles[role][part.at] for role in part.roles], axis=1)
         first, kinds = _distinct([*at.T, *part.facts.values()])
         at, facts = at[first], {name: fact[first] for name, fact in part.facts.items()}
@@ -378,9 +388,18 @@ class _BatchTerms:
         if still.size:
             factors[still] = source.rows(still).values(self.structure.values.values[None])[0]
             numbers[still[factors[still] == 0.0]] = NOTHING
+        varied = free[self.varied[at[free]].any(axis=1)] if self.varied.any() else free[:0]
+        spanned = self.book.spanned(source.rows(varied)) if varied.size else None
+        if spanned is not None:
+            numbers[varied] = NOTHING
+            free = np.setdiff1d(free, varied)
         if free.size:
             numbers[free], factors[free] = self.book.number(source.rows(free))
-        return numbers[kinds], factors[kinds]
+        yield numbers[kinds], factors[kinds]
+        for number, weights in () if spanned is None else zip(spanned.numbers, spanned.factors):
+            own, sizes = np.full(len(first), NOTHING), np.zeros(len(first))
+            own[varied], sizes[varied] = np.where(weights == 0.0, NOTHING, number), weights
+            yield own[kinds], sizes[kinds]
 
     def _lossless(self, part: Contribution, chosen: Integers) -> Flags:
         """True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.distribution import DistributionEntry
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
     from femtune.files.study_file.options import with_expansion, with_modes, with_plan, with_response
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
-    from femtune.files.study_file.stage import StageEntry
+    from femtune.files.study_file.stage import ByHandEntry, StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
         CorrelateTable,
@@ -51,12 +52,14 @@ else:
 
 __all__ = [
     "BootstrapTable",
+    "ByHandEntry",
     "ChecksTable",
     "Comparison",
     "ComponentEntry",
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "DistributionEntry",
     "EqualiseTable",
     "FrequencyTableEntry",
     "GenericEntry",

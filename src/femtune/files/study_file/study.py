@@ -13,6 +13,7 @@ from femtune.errors import Where
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.distribution import DistributionEntry
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
@@ -84,6 +85,7 @@ class StudyFile(TomlTable):
     rigid_floor: tuple[RigidFloorEntry, ...] = ()
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
     generic: tuple[GenericEntry, ...] = ()
+    distribution: tuple[DistributionEntry, ...] = ()
     parameter: tuple[ParameterEntry, ...] = ()
     frequency_table: tuple[FrequencyTableEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
