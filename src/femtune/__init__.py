@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from femtune.labelled import to_xarray
     from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
     from femtune.results.step_results import (
+        CandidatesResult,
         CorrelateResult,
         InfoResult,
         ModesResult,
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
-    from femtune.steps.of_run import bootstrap, read_results, run, update, validate
+    from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
     from femtune.steps.of_study import correlate, quantify, select
     from femtune.steps.pages import report
     from femtune.study.identification.run import IdentifyResult
@@ -62,6 +63,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AntiresonanceResidual",
+    "CandidatesResult",
     "CentreOfGravityResidual",
     "ComplexEigenvalueResidual",
     "Configuration",
@@ -98,6 +100,7 @@ __all__ = [
     "Study",
     "TimeSeries",
     "bootstrap",
+    "candidates",
     "correlate",
     "identify",
     "info",

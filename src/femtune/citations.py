@@ -374,6 +374,38 @@ _register(
     year="1932",
 )
 _register(
+    "schwarz1978",
+    "article",
+    author="Schwarz, G.",
+    title="Estimating the dimension of a model",
+    journal="The Annals of Statistics",
+    volume="6",
+    number="2",
+    pages="461--464",
+    year="1978",
+)
+_register(
+    "beck2004",
+    "article",
+    author="Beck, J. L. and Yuen, K.-V.",
+    title="Model selection using response measurements: Bayesian probabilistic approach",
+    journal="Journal of Engineering Mechanics",
+    volume="130",
+    number="2",
+    pages="192--203",
+    year="2004",
+)
+_register(
+    "goulet2013",
+    "article",
+    author="Goulet, J.-A. and Smith, I. F. C.",
+    title="Structural identification with systematic errors and unknown uncertainty dependencies",
+    journal="Computers and Structures",
+    volume="128",
+    pages="251--258",
+    year="2013",
+)
+_register(
     "kammer1991",
     "article",
     author="Kammer, D. C.",

@@ -318,6 +318,26 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 @main.command()
 @_study
 @_output
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
+    """Update several sets of parameters and compare these candidate models.
+
+    The sets are those of [[candidate]] and [candidates] in the study. An interrupted comparison continues from the
+    candidates that had ended.
+    """
+    result = run_step("of_run:candidates", study, quiet, output=output, report=page, fresh=fresh)
+    out.say(result.remarks, quiet)
+    out.show("candidates:candidates_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@_study
+@_output
 @_eigensolver
 @_fresh
 @_json

@@ -31,6 +31,7 @@ from femtune.reporting.source import versions
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Level
     from femtune.reporting.source import ReportSource, Scores
+    from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults, ModePairRecord
     from femtune.results.model import ModelModes
     from femtune.results.plan import PlanResults
@@ -246,6 +247,12 @@ def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
     level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
     modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
     return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
+
+
+def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
+    """The first sentence of the comparison."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
 
 
 def agreement(scores: Scores) -> str:

@@ -25,6 +25,7 @@ from femtune.results.tables import Rows, rows_of, text_of
 if TYPE_CHECKING:
     from femtune.modal import ModeSet
     from femtune.results.base import Alert, ModelVersion
+    from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults
     from femtune.results.model import ModelFacts, ModelModes
     from femtune.results.plan import PlanResults
@@ -304,6 +305,47 @@ class PlanResult(StepResult):
 
     def _table(self) -> Rows:
         return self.sensors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CandidatesResult(StepResult):
+    """Candidate models, each updated from the same test, and their comparison.
+
+    `record` is that of results.json, ``candidates``; `results` has it with the facts of the study, `arrays` the arrays
+    by key, `report` the page, None without one.
+    """
+
+    record: CandidatesResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    report: Path | None = None
+
+    @property
+    def candidates(self) -> Rows:
+        """Models with their criteria; see `CandidateResults` in the schema of the results."""
+        columns = (
+            "name", "status", "rank", "error_percent", "prediction_percent", "bic", "bic_weight", "log_evidence",
+            "probability", "worst_residual", "worst_label", "admissible", "cluster", "starts_at_best",
+        )  # fmt: skip
+        return rows_of(self.record.candidates, *columns)
+
+    @property
+    def values(self) -> dict[str, dict[str, float]]:
+        """By candidate that was solved, the values of all parameters at its optimum."""
+        return {c.name: {v.parameter: v.value for v in c.values} for c in self.record.solved}
+
+    @property
+    def distances(self) -> NDArray[np.float64]:
+        """(m, m) root mean square difference of the parameters of the solved candidates, relative to initial values."""
+        return self.arrays[self.record.distances_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{len(self.record.candidates)} models", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.candidates
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -622,8 +622,8 @@ def selection_results(
         singular_values=tuple(float(s) for s in result.singular_values),
         rank=result.rank,
         rank_threshold=NO_EFFECT,
-        undetermined=tuple(_combination(result, c) for c in result.undetermined),
-        weakly_determined=tuple(_combination(result, c) for c in result.weak),
+        undetermined=tuple(combination_record(result, c) for c in result.undetermined),
+        weakly_determined=tuple(combination_record(result, c) for c in result.weak),
         correlation_key="selection/correlation",
         parameters=tuple(
             IdentifiabilityResults(parameter=name, sd_ratio=float(ratio), verdict=verdict(float(ratio)))
@@ -646,7 +646,7 @@ def _sensitivities(evaluation: Evaluation) -> Iterable[Sensitivity]:
             )
 
 
-def _combination(result: Identifiability, c: Combination) -> CombinationRecord:
+def combination_record(result: Identifiability, c: Combination) -> CombinationRecord:
     shares = tuple(
         Share(parameter=name, coefficient=float(a)) for name, a in zip(result.names, c.coefficients) if abs(a) >= 1e-3
     )

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
     from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
         ConfigurationEntry,
@@ -51,6 +52,8 @@ else:
 
 __all__ = [
     "BootstrapTable",
+    "CandidateEntry",
+    "CandidatesTable",
     "ChecksTable",
     "Comparison",
     "ComponentEntry",

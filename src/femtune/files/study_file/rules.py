@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
@@ -37,6 +38,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from component_rules(data, source)
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
+    yield from candidate_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
+from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
@@ -97,6 +98,8 @@ class StudyFile(TomlTable):
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
+    candidates: CandidatesTable | None = None
+    candidate: tuple[CandidateEntry, ...] = ()
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None

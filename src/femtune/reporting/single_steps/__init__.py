@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.reporting.single_steps.candidates import candidates_document
     from femtune.reporting.single_steps.correlate import correlation_document
     from femtune.reporting.single_steps.model import Subject, info_document, subject_of
     from femtune.reporting.single_steps.modes import modes_document, responses_document
@@ -17,6 +18,7 @@ else:
 __all__ = [
     "Subject",
     "bootstrap_document",
+    "candidates_document",
     "correlation_document",
     "info_document",
     "modes_document",
