@@ -156,11 +156,14 @@ class _Fitting:
     def _predicted(
         self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, left_out: int
     ) -> Found:
-        """Sum of squares of the residuals of a configuration, and of their weights, from an update without it."""
+        """Sum of squares of the residuals of a configuration, and of their weights, from an update without it.
+
+        It starts from the initial values: the optimum with all configurations would betray the one that is left out.
+        """
         others = replace(problem, cases=tuple(c for i, c in enumerate(problem.cases) if i != left_out))
         x = np.zeros(len(problem.parameters.free))
         if candidate.parameters:
-            x = self._updated(others, method, candidate)[0].x
+            x = update(others, method, active=candidate.parameters).x
         at = replace(problem, cases=(problem.cases[left_out],)).start(x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
 
