@@ -2,8 +2,8 @@
 
 A response is y(x) = f(x)ᵀβ + z(x) + ε with Cov z = σ²R and Var ε = σ²g. With K = R + gI, F the terms of the trend at
 the runs and P = K⁻¹ − K⁻¹F(FᵀK⁻¹F)⁻¹FᵀK⁻¹, everything follows from P: σ² = yᵀPy/(N − q), the restricted likelihood, and
-the errors of leaving out one run, eᵢ = (Py)ᵢ/Pᵢᵢ with the variance σ²/Pᵢᵢ. Without correlation, K = I, this is the response
-surface of ordinary least squares.
+the errors of leaving out one run, eᵢ = (Py)ᵢ/Pᵢᵢ with the variance σ²/Pᵢᵢ. Without correlation, K = I, this is the
+response surface of ordinary least squares.
 
 The lengths and g maximise the restricted likelihood, by a bounded quasi-Newton method with exact gradient from several
 starts. Each response has its own. The parameters are scaled to the unit cube, responses to unit variance.
