@@ -392,8 +392,6 @@ def _results(
     arrays: dict[str, Reals],
 ) -> CandidatesResults:
     solved = [i for i, f in enumerate(found) if "problem" not in f]
-    if not solved:
-        raise FemtuneError("candidates.unsolved", reason=found[0]["problem"])
     free, scatter = study.parameters, study.file.residuals.scatter
     ranking = rank_candidates(
         [_fit(found[i], free) for i in solved], scatter=scatter, threshold=table.threshold,
