@@ -45,6 +45,39 @@ _register(
     year="1940",
 )
 _register(
+    "cochran1954",
+    "article",
+    author="Cochran, W. G.",
+    title="The combination of estimates from different experiments",
+    journal="Biometrics",
+    volume="10",
+    number="1",
+    pages="101--129",
+    year="1954",
+)
+_register(
+    "dersimonian1986",
+    "article",
+    author="DerSimonian, R. and Laird, N.",
+    title="Meta-analysis in clinical trials",
+    journal="Controlled Clinical Trials",
+    volume="7",
+    number="3",
+    pages="177--188",
+    year="1986",
+)
+_register(
+    "holm1979",
+    "article",
+    author="Holm, S.",
+    title="A simple sequentially rejective multiple test procedure",
+    journal="Scandinavian Journal of Statistics",
+    volume="6",
+    number="2",
+    pages="65--70",
+    year="1979",
+)
+_register(
     "efron1993",
     "book",
     author="Efron, B. and Tibshirani, R. J.",

@@ -24,6 +24,7 @@ from femtune.reporting.sections.parameters import (
     interval_remarks,
     physical_values,
 )
+from femtune.reporting.sections.specimens import specimen_blocks
 from femtune.reporting.sections.summary import summary
 from femtune.reporting.sections.validation import untested_reasons, validation_verdicts
 from femtune.reporting.source import versions
@@ -47,10 +48,16 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
         ("summary", "Summary", summary(source)),
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
+        ("specimens", "Specimens", _specimens(source)),
         ("validation", "Validation", _validation(source)),
         ("open", "What was not determined or tested", [*_undetermined(source), *_not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+
+
+def _specimens(source: ReportSource) -> list[Block]:
+    found = source.results.specimens
+    return [] if found is None else specimen_blocks(found)
 
 
 def _validation(source: ReportSource) -> list[Block]:

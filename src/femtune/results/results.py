@@ -19,6 +19,7 @@ from femtune.results.plan import PlanResults
 from femtune.results.quantify import QuantifyResults
 from femtune.results.response import ResponseResults
 from femtune.results.shapes import ModeShapes
+from femtune.results.specimens import SpecimenResults
 from femtune.results.update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
 from femtune.results.validation import ValidationResults
 
@@ -63,6 +64,8 @@ class Results(Record):
     """Variability of the parameters from repeated tests; None if the study has no [quantify]."""
     bootstrap: BootstrapResults | None = None
     """Spread of the parameters by a bootstrap of the FRFs; None if the study has no [bootstrap]."""
+    specimens: SpecimenResults | None = None
+    """Nominally identical specimens, calibrated jointly and separately; None if the study has none."""
     write_back: WriteBackResults | None = None
     """The updated deck; None if none was written."""
     validation: ValidationResults | None = None

@@ -503,7 +503,7 @@ _NO_VALUE = "its expression is not finite at the updated parameters"
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
     """The derived quantities of a study after an update; an expression without a value there says so."""
-    for quantity in quantities(study.file):
+    for quantity in quantities(study):
         before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
         sd = np.nan if after is None else result.spread(after.grad)
         sampled = partial(quantity.at_samples, result.parameters)
@@ -579,7 +579,7 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
     values = study.parameters.values(np.zeros(len(study.parameters.free)))
     out = []
     for p in study.parameters.parameters:
-        free, mine = p.free, [a for a in study.model.assignments if a.parameter == p.name]
+        free, mine = p.free, [a for a in study.model.assignments if a.parameter == study.in_study(p.name)]
         out.append(
             ParameterFacts(
                 name=p.name,
@@ -776,7 +776,7 @@ def _physical(study: Study, name: str, value: float, start: float, found: Margin
     table = study.model.structure.values
     for owner, i, relative in study.model.placed:
         ref = table.refs[i]
-        if owner != name or not relative or ref.card in WITHOUT_CARD:
+        if owner != study.in_study(name) or not relative or ref.card in WITHOUT_CARD:
             continue
         own = float(table.values[i])
         ends = None if found is None else sorted(own * end for end in found.interval)

@@ -20,6 +20,7 @@ from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
+from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
@@ -39,6 +40,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
     yield from candidate_rules(data, source)
+    yield from specimen_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

@@ -132,6 +132,11 @@ class StudyFile(TomlTable):
         return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
 
     @property
+    def specimens(self) -> tuple[str, ...]:
+        """Names of the nominally identical specimens, in the order of their configurations; none without them."""
+        return tuple(dict.fromkeys(c.specimen for c in self.configuration if c.specimen is not None))
+
+    @property
     def comparisons(self) -> tuple[Comparison, ...]:
         """All residuals: those of [residuals], and every [[residual]]."""
         tables = (Comparison(entry, ("residual", i)) for i, entry in enumerate(self.residual))
