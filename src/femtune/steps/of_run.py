@@ -17,6 +17,7 @@ from femtune.results.provenance import Stopwatch, call, inputs_of
 from femtune.results.step_results import RunResult
 from femtune.steps.pages import report
 from femtune.study.bootstrap import forget_bootstrap
+from femtune.study.executor import check_executor
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -217,6 +218,7 @@ def _run(
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
+        check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     with locked(folder):
