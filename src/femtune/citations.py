@@ -86,6 +86,17 @@ _register(
     year="1993",
 )
 _register(
+    "wu1986",
+    "article",
+    author="Wu, C. F. J.",
+    title="Jackknife, Bootstrap and Other Resampling Methods in Regression Analysis",
+    journal="The Annals of Statistics",
+    volume="14",
+    number="4",
+    pages="1261--1295",
+    year="1986",
+)
+_register(
     "hesterberg2015",
     "article",
     author="Hesterberg, T. C.",

@@ -20,6 +20,7 @@ from femtune.results.results import Results
 from femtune.results.step_results import CandidatesResult, RunResult
 from femtune.steps.pages import checked_page, report, with_page
 from femtune.study.bootstrap import forget_bootstrap
+from femtune.study.executor import check_executor
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -285,6 +286,7 @@ def _run(
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
+        check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     with locked(folder):

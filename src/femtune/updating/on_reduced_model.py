@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.executor import Executor
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.reduce import (
     Components,
@@ -39,7 +40,7 @@ from femtune.updating.sensitivity_method import (
     moving_parameters,
     update,
 )
-from femtune.updating.starts import DEFAULT_RULES, MultiStart, StartResult, StartRules, follow_up, multi_start
+from femtune.updating.starts import DEFAULT_RULES, MultiStart, Sample, StartResult, StartRules, follow_up, multi_start
 
 SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
@@ -586,6 +587,9 @@ def multi_start_reduced(
     active: Sequence[str] | None = None,
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
+    executor: Executor | None = None,
+    sampled: Mapping[int, Sample] | None = None,
+    report_sample: Callable[[Sample], None] | None = None,
     told: Told = NOBODY,
 ) -> ReducedStarts:
     """`multi_start` on reduced models, which the full models certify at the best end.
@@ -597,7 +601,7 @@ def multi_start_reduced(
     Parameters
     ----------
     equation_error : whether starts first go through `equation_error_phases`; hops are judged by the equation error then
-    nominal, points, active, known, report : as for `multi_start`
+    nominal, points, active, known, report, executor, sampled, report_sample : as for `multi_start`
     told : as for `update_reduced`
 
     Raises
@@ -609,13 +613,17 @@ def multi_start_reduced(
     method = replace(method, regularisation=side)
     run = _Run(problem, method, reduction, train(problem, reduction, before, told, active), told, active, [])
     reduced = run.search.reduced_problem()
+    options: dict[str, Any] = {
+        "points": points, "active": active, "known": known, "report": report, "executor": executor, "sampled": sampled,
+        "report_sample": report_sample,
+    }  # fmt: skip
     if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
-        found = multi_start(last, NO_SIDE, rules, first=first, points=points, active=active, known=known, report=report)
+        found = multi_start(last, NO_SIDE, rules, first=first, **options)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
         found = follow_up(found, run.search.reduced_problem(), method, side, active)
     else:
-        found = multi_start(reduced, method, rules, points=points, active=active, known=known, report=report)
+        found = multi_start(reduced, method, rules, **options)
     found = run.certify(found, lambda p: p, method)
     full = run.search.assess(found.best.x, run.states, run.better)
     best = on_full_model(problem, method, before, full, found.best, found.best.history)
