@@ -7,6 +7,7 @@ from femtune._lazy import lazy_names
 if TYPE_CHECKING:
     from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
+        MEASURED,
         ConfigurationEntry,
         LeaveOutEntry,
         MassEntry,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
+    from femtune.files.study_file.runs import RunsModelTable
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
@@ -50,6 +52,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "MEASURED",
     "BootstrapTable",
     "ChecksTable",
     "Comparison",
@@ -80,6 +83,7 @@ __all__ = [
     "ResidualsTable",
     "ResponseTable",
     "RigidFloorEntry",
+    "RunsModelTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
