@@ -140,6 +140,10 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     else:
         file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
     built = with_parameters_of_modes(file, _built(file, progress))
+    if file.runs is not None:
+        from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
+
+        file = with_modes_of_runs(file, built)
     with errors_at_cards(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
     if not file.imported:
@@ -160,6 +164,11 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
 
 def _built(file: StudyFile, progress: Progress) -> BuiltModel:
     """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.runs is not None:
+        from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
+
+        progress.step("fitting the runs", 0, None)
+        return file.given.model or build_of_runs(file)
     if file.imported:
         # readers of the matrices of other solvers, which few studies have
         from femtune.assembly.imported_model import build_imported, compare_listed  # noqa: PLC0415

@@ -151,7 +151,8 @@ class InfoResult(StepResult):
         used = sum(c.count for c in self.record.cards_read)
         ignored = sum(c.count for c in self.record.cards_ignored)
         each = [
-            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, mass {c.mass:.6g}, "
+            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, "
+            f"mass {'not known' if c.mass is None else f'{c.mass:.6g}'}, "
             f"rigid-body check: {c.rigid_body_check.verdict}"
             for c in self.record.configurations
         ]

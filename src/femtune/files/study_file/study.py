@@ -22,6 +22,7 @@ from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
+from femtune.files.study_file.runs import RunsModelTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
@@ -76,6 +77,7 @@ class StudyFile(TomlTable):
     model: ModelTable = Field(default_factory=ModelTable)
     matrix: tuple[MatrixEntry, ...] = ()
     variable: tuple[VariableEntry, ...] = ()
+    runs: RunsModelTable | None = None
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
     component: tuple[ComponentEntry, ...] = ()
@@ -149,13 +151,13 @@ class StudyFile(TomlTable):
 
     @property
     def source_name(self) -> str:
-        """Name of the model in the study: the deck, or the file of the first matrix."""
-        return self.study.deck or self.matrix[0].file
+        """Name of the model in the study: the deck, the file of the first matrix, or the table of runs."""
+        return self.study.deck or (self.runs.file if self.runs is not None else self.matrix[0].file)
 
     @property
     def imported(self) -> bool:
-        """True for a study of matrices."""
-        return bool(self.matrix)
+        """True for a study of matrices or runs of another solver, which has no deck."""
+        return bool(self.matrix) or self.runs is not None
 
     @property
     def output_folder(self) -> Path:
