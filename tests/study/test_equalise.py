@@ -140,6 +140,20 @@ def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> 
     one, other = (run.results.bootstrap for run in both)
     assert one is not None
     assert other is not None
+    # the expected standard deviations are those of the same noise, before anything is drawn
+    for run in both:
+        selection, update = run.results.selection, run.results.update
+        assert selection is not None
+        assert update is not None
+        assert selection.fisher is not None
+        assert update.fisher is not None
+        assert update.fisher.measured
+        assert all(p.known for p in update.fisher.parameters)
+        assert "can be known" in update.fisher.sentences[0]
+        if method == "noise" and run is both[0]:
+            for p, q in zip(update.fisher.parameters, one.parameters):
+                assert p.sd_percent is not None
+                assert p.sd_percent * p.value / 100.0 == pytest.approx(q.sd, rel=0.3)
     # noise that is independent from value to value: all three see it, the draws of lines from few lines at resonances
     for p, q in zip(one.parameters, other.parameters):
         assert 0.5 * q.sd < p.sd < 2.0 * q.sd

@@ -158,10 +158,13 @@ def _undetermined(source: ReportSource) -> list[Block]:
         return [Paragraph("The identifiability of the parameters was not tested.")]
     weak, found = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
+    update = source.results.update
+    fisher = None if update is None else update.fisher
+    known = [] if fisher is None else [Listing(fisher.sentences)]
     if not found:
-        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}.")]
+        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
     lines = _some([c.sentence for c in found], "combination")
-    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines))]
+    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
 def _not_tested(source: ReportSource) -> list[Block]:

@@ -22,6 +22,7 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
+from femtune.results.fisher import FisherResults
 from femtune.results.reduction import ReductionResults
 from femtune.results.search import (
     CertificateResults,
@@ -156,6 +157,8 @@ class SelectionResults(Record):
     """Identifiability, in sentences."""
     measures: SelectionMeasures | None = None
     """Collinearity, information, order and energies; None if not computed."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the initial values; None without residuals of measured FRFs."""
 
 
 class PairingEvent(Record):
@@ -393,6 +396,8 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the result; None without residuals of measured FRFs."""
     frf_truncation: tuple[FrfTruncation, ...] = ()
     """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
     iteration: int | None = None

@@ -14,6 +14,7 @@ from femtune.assembly.study import on_decks
 from femtune.errors import FemtuneError
 from femtune.results.alerts import alerts_of
 from femtune.results.base import Alert, alert
+from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import unused_frfs
@@ -78,6 +79,7 @@ class Known:
     before, after : the model's modes, correlations and responses at the start and at the end of the update
     selection : which parameters the data determine
     parameters : the update
+    fisher : information of the FRFs at its result
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
@@ -97,6 +99,7 @@ class Known:
     before: ModelRecords = _LATER
     selection: SelectionResults = _LATER
     parameters: FoundParameters = _LATER
+    fisher: FisherResults | None = None
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
@@ -193,7 +196,12 @@ class Run:
         values = {} if written is None else written.written
         update = update_results(
             self.study, found.result, values, known.error_as_written, found.reduction, found.starts
-        ).model_copy(update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation})
+        ).model_copy(
+            update={
+                "stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation,
+                "fisher": known.fisher,
+            }
+        )  # fmt: skip
         predicted = predictions(self.study, found.result, known.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for v in versions for m in v.modes)),
@@ -253,7 +261,9 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    return {"parameters": find_parameters(run.study, run.folder, known.start, run.progress)}
+    found = find_parameters(run.study, run.folder, known.start, run.progress)
+    known_after = fisher_results(run.study, found.result.after, "after", found.result.active)
+    return {"parameters": found, "fisher": known_after}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:

@@ -26,6 +26,7 @@ from femtune.errors import FemtuneError
 from femtune.identification.redrawn import RedrawnTest
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
+from femtune.residuals.identified import drawn_changes, identified_tests
 from femtune.selection import determined
 from femtune.updating.regularisation import SideConstraint
 from femtune.updating.search import LocalModel
@@ -191,8 +192,7 @@ class Bootstrap:
     @cached_property
     def identified(self) -> tuple[RedrawnTest, ...]:
         """Identified tests whose FRFs are compared."""
-        values = [b.samples.identified for b in self.at.weighted if b.samples is not None]
-        return tuple({id(v.test): v.test for v in values if v is not None}.values())
+        return identified_tests(self.at.weighted)
 
     def optimum(self) -> BootstrapRun:
         """The run on all data as they are: the optimum near the point that the derivatives belong to."""
@@ -281,18 +281,9 @@ class Bootstrap:
 
     def _changes(self, rng: np.random.Generator, own: bool) -> Reals:
         """(n,) change of the residuals with one draw of the measured FRFs of identified tests, and with other noise."""
-        functions = {}
-        for test in self.identified:
-            change = test.draw(self.rules.method, rng)
-            functions[id(test)] = test.identified_again(change) if own else test.functions(change)
-        parts = []
-        for block in self.at.weighted:
-            values = None if block.samples is None else block.samples.identified
-            if values is None:
-                parts.append(noise_of(block, rng, self.size))
-            else:
-                parts.append(values.change(functions[id(values.test)]))
-        return np.concatenate(parts)
+        changes = drawn_changes(self.at.weighted, self.rules.method, rng, complete=own)
+        pairs = zip(self.at.weighted, changes)
+        return np.concatenate([noise_of(b, rng, self.size) if c is None else c for b, c in pairs])
 
     def _data(self, number: int, own: bool = False) -> tuple[Reals, Reals]:
         """(n,) roots of the weights of the residuals of a run, and what is added to them."""
