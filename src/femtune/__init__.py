@@ -45,10 +45,12 @@ if TYPE_CHECKING:
         QuantifyResult,
         RespondResult,
         RunResult,
+        ScreenResult,
         SelectResult,
     )
     from femtune.status import Status
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.of_experiments import screen
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
@@ -91,6 +93,7 @@ __all__ = [
     "QuantifyResult",
     "RespondResult",
     "RunResult",
+    "ScreenResult",
     "SelectResult",
     "ShapeResidual",
     "StaticDisplacementResidual",
@@ -116,6 +119,7 @@ __all__ = [
     "report",
     "respond",
     "run",
+    "screen",
     "select",
     "simulate",
     "testing",

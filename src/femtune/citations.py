@@ -78,6 +78,32 @@ _register(
     year="1979",
 )
 _register(
+    "hedayat1999",
+    "book",
+    author="Hedayat, A. S. and Sloane, N. J. A. and Stufken, J.",
+    title="Orthogonal Arrays: Theory and Applications",
+    publisher="Springer",
+    year="1999",
+)
+_register(
+    "montgomery2017",
+    "book",
+    author="Montgomery, D. C.",
+    title="Design and Analysis of Experiments",
+    publisher="Wiley",
+    year="2017",
+)
+_register(
+    "plackett1946",
+    "article",
+    author="Plackett, R. L. and Burman, J. P.",
+    title="The design of optimum multifactorial experiments",
+    journal="Biometrika",
+    volume="33",
+    number="4",
+    year="1946",
+)
+_register(
     "efron1993",
     "book",
     author="Efron, B. and Tibshirani, R. J.",

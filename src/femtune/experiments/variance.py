@@ -71,8 +71,12 @@ class Effects:
 
     @property
     def p_values(self) -> Reals:
-        """(n, m) probability of at least this F if the factor had no effect and the error were normal."""
-        return np.asarray(stats.f.sf(self.f_values, self.freedom[:, None], max(self.error_freedom, 1)))
+        """(n, m) probability of at least this F if the factor had no effect and the error were normal.
+
+        NaN where F is infinite: there is no error that could be normal.
+        """
+        f = np.where(np.isinf(self.f_values), np.nan, self.f_values)
+        return np.asarray(stats.f.sf(f, self.freedom[:, None], max(self.error_freedom, 1)))
 
 
 def main_effects(levels: Integers, responses: Reals) -> Effects:

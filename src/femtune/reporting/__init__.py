@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         build_plan_page,
         build_report,
         build_responses_page,
+        build_screen_page,
     )
     from femtune.reporting.html import check_page, html_text, write_html
     from femtune.reporting.identification import build_identification_page
@@ -25,6 +26,7 @@ __all__ = [
     "build_plan_page",
     "build_report",
     "build_responses_page",
+    "build_screen_page",
     "check_page",
     "html_text",
     "print_terminal",

@@ -15,6 +15,7 @@ from femtune.reporting.short_form import (
     candidates_verdict,
     plan_verdict,
     responses_verdict,
+    screen_verdict,
     short_form,
     sturm_verdict,
     verdict,
@@ -63,6 +64,15 @@ def build_plan_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Doc
     sentence, level = plan_verdict(results.plan)
     sections = tuple(_section(text, source) for text in section_texts("plan"))
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Test plan")
+
+
+def build_screen_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """A screening as data: effects, modes, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.screen is not None
+    sentence, level = screen_verdict(results.screen)
+    sections = tuple(_section(text, source) for text in section_texts("screen"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Screening of parameters")
 
 
 def build_candidates_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from femtune.results.model import ModelModes
     from femtune.results.plan import PlanResults
     from femtune.results.response import ResponseResults
+    from femtune.results.screen import ScreenResults
     from femtune.results.update import ParameterFacts, UpdateResults
 
 _MODES, _PARAMETERS, _LINES = 12, 24, 6
@@ -257,6 +258,12 @@ def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
     level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
     modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
     return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
+
+
+def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
+    """The first sentence of a screening."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
 
 
 def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:

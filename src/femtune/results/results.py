@@ -18,6 +18,7 @@ from femtune.results.model import ModelFacts, ModelModes, SensorResults
 from femtune.results.plan import PlanResults
 from femtune.results.quantify import QuantifyResults
 from femtune.results.response import ResponseResults
+from femtune.results.screen import ScreenResults
 from femtune.results.shapes import ModeShapes
 from femtune.results.specimens import SpecimenResults
 from femtune.results.update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
@@ -54,6 +55,8 @@ class Results(Record):
     """Frequency responses, complex modes and static displacements, by configuration and model version."""
     plan: PlanResults | None = None
     """A planned test; None if not run. `femtune run` makes none."""
+    screen: ScreenResults | None = None
+    """Effects of the parameters by designed runs; None if not run. `femtune run` makes none."""
     candidates: CandidatesResults | None = None
     """Comparison of candidate models; None if not run. `femtune run` makes none."""
     selection: SelectionResults | None = None
@@ -90,7 +93,16 @@ class Results(Record):
         lines = self.plan.frequency_lines if self.plan is not None else None
         single = [
             r
-            for r in (self.plan, lines, self.candidates, self.selection, self.quantify, self.bootstrap, *frfs)
+            for r in (
+                self.plan,
+                lines,
+                self.screen,
+                self.candidates,
+                self.selection,
+                self.quantify,
+                self.bootstrap,
+                *frfs,
+            )
             if r is not None
         ]
         owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from femtune.results.quantify import QuantifyResults
     from femtune.results.response import FrfResults, ResponseResults
     from femtune.results.results import Results
+    from femtune.results.screen import ScreenResults
     from femtune.results.update import SelectionResults
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -306,6 +307,46 @@ class PlanResult(StepResult):
 
     def _table(self) -> Rows:
         return self.sensors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScreenResult(StepResult):
+    """Effects of the parameters on the natural frequencies, by designed runs.
+
+    `record` is that of results.json, ``screen``; `results` has it with the facts of the study, `arrays` the arrays by
+    key, `files` the files that were written, `report` the page, None without one.
+    """
+
+    record: ScreenResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+    report: Path | None = None
+
+    @property
+    def effects(self) -> Rows:
+        """Effect of each parameter on each mode: `contribution`, `f_value`, `p_value`, `range_hz`."""
+        columns = ("parameter", "configuration", "mode", "contribution", "f_value", "p_value", "range_hz")
+        return rows_of(self.record.effects, *columns)
+
+    @property
+    def modes(self) -> Rows:
+        """The modes: initial and mean frequency, what main effects leave, smallest MAC of the followed shape."""
+        columns = ("configuration", "mode", "freq_hz", "mean_hz", "error_contribution", "least_mac")
+        return rows_of(self.record.modes, *columns)
+
+    @property
+    def runs(self) -> NDArray[np.float64]:
+        """(runs, parameters + modes) values of the free parameters, and frequencies in Hz; NaN where a run failed."""
+        return self.arrays[self.record.table_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{self.record.design}, {self.record.runs} runs", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.effects
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -19,9 +19,16 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.experiments import ScreenTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
-    from femtune.files.study_file.options import with_expansion, with_modes, with_plan, with_response
+    from femtune.files.study_file.options import (
+        with_expansion,
+        with_modes,
+        with_plan,
+        with_response,
+        with_screen,
+    )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
     from femtune.files.study_file.plan import PlanTable, SuspensionEntry
@@ -87,6 +94,7 @@ __all__ = [
     "ResponseTable",
     "RigidFloorEntry",
     "RunsModelTable",
+    "ScreenTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
@@ -113,4 +121,5 @@ __all__ = [
     "with_modes",
     "with_plan",
     "with_response",
+    "with_screen",
 ]

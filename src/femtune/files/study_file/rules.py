@@ -13,6 +13,7 @@ from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
+from femtune.files.study_file.experiments import experiment_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
 from femtune.files.study_file.parameter import parameter_rules
@@ -43,6 +44,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from parameter_rules(data, source)
     yield from candidate_rules(data, source)
     yield from specimen_rules(data, source)
+    yield from experiment_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

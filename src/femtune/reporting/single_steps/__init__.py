@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from femtune.reporting.single_steps.model import Subject, info_document, subject_of
     from femtune.reporting.single_steps.modes import modes_document, responses_document
     from femtune.reporting.single_steps.plan import plan_document
+    from femtune.reporting.single_steps.screen import screen_document
     from femtune.reporting.single_steps.select import selection_document
     from femtune.reporting.single_steps.validate import bootstrap_document, quantify_document, validation_document
 else:
@@ -25,6 +26,7 @@ __all__ = [
     "plan_document",
     "quantify_document",
     "responses_document",
+    "screen_document",
     "selection_document",
     "subject_of",
     "validation_document",
