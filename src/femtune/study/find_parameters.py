@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.residuals import Evaluation
     from femtune.results.reduction import ReductionResults
-    from femtune.updating import Iteration, MultiStart, StageResult, UpdateResult
+    from femtune.updating import Iteration, MultiStart, ReducedSearch, StageResult, UpdateResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +31,14 @@ class FoundParameters:
     reduction : how the reduced models did, where the study asks for them
     starts : the starts, where the study asks for several
     stages : the stages of a bottom-up study
+    search : the reduced models at the end, from which another update may go on
     """
 
     result: UpdateResult
     reduction: ReductionResults | None = None
     starts: MultiStart | None = None
     stages: tuple[StageResult, ...] = ()
+    search: ReducedSearch | None = None
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
@@ -65,10 +67,11 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
         result, stages = bottom_up(study, at, tell_of_stage, told)
         return FoundParameters(result, stages=stages)
     if table.starts > 1:
-        starts, facts = find_from_starts(study, method, folder, at, progress)
+        starts, facts, search = find_from_starts(study, method, folder, at, progress)
         for iteration in starts.best.history:
             history.add(iteration)
-        return FoundParameters(starts.best, facts, starts)
+        return FoundParameters(starts.best, facts, starts, search=search)
     if reduction is not None:
-        return FoundParameters(*find_on_reduced(study, method, tell, at, progress))
+        result, facts, search = find_on_reduced(study, method, tell, at, progress)
+        return FoundParameters(result, facts, search=search)
     return FoundParameters(update(study.problem(), method, tell, at))
