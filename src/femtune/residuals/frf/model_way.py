@@ -94,9 +94,11 @@ class AtFirstState(Residual):
     Parameters
     ----------
     settle : state -> the residual, and what was left out
+    limited : lowest and highest frequency -> the same of a band only
     """
 
     settle: Callable[[CaseState], Settled]
+    limited: Callable[[float, float], Residual] | None = field(default=None, repr=False)
     _settled: list[Settled] = field(default_factory=list, repr=False)
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
@@ -104,6 +106,10 @@ class AtFirstState(Residual):
         if not self._settled:
             self._settled.append(self.settle(state))
         return self._settled[0][0].blocks(state, derivatives)
+
+    def in_band(self, low_hz: float, high_hz: float) -> Residual:
+        """See `Residual`; it is settled again."""
+        return self if self.limited is None else self.limited(low_hz, high_hz)
 
     @property
     def settled(self) -> Residual | None:
