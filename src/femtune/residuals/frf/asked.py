@@ -125,7 +125,7 @@ def _settled_functions(
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
-    doubts = against_model(found.measured, found.functions(model)[0], np.isfinite(found.sd), found.configuration)
+    doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
     return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
 
 
