@@ -25,8 +25,8 @@ class KnownParameter(Record):
     value: float
     """Its value at this stage, in its unit."""
     sd_percent: float | None
-    """Expected standard deviation from the data alone, all parameters unknown, in % of the value; None if the data leave
-    it open or the value is zero."""
+    """Expected standard deviation from the data alone, all parameters unknown, in % of the value; None if the data
+    leave it open or the value is zero."""
     sd_alone_percent: float | None
     """The same if all others were known; None without effect."""
     known: bool
