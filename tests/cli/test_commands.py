@@ -28,6 +28,8 @@ _COMMANDS = [
     "select",
     "quantify",
     "update",
+    "screen",
+    "candidates",
     "bootstrap",
     "validate",
     "run",

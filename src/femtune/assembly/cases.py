@@ -16,6 +16,7 @@ from femtune.model import AddedMass, Configuration, configure
 
 if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
+    from femtune.assembly.specimens import Specimens
     from femtune.correlation import SensorMap, SensorPlacement
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
@@ -128,18 +129,30 @@ def overlay(entry: ConfigurationEntry, present: Alone | None = None) -> Configur
     )
 
 
-def study_case(
-    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry, present: Alone | None = None
-) -> StudyCase:
-    """The model in the state of a configuration, still without its test; `present` as for `overlay`.
+@dataclass(frozen=True, eq=False)
+class States:
+    """The model of a study in the states of its configurations; those of one state share their matrices."""
 
-    Raises
-    ------
-    FemtuneError : what is wrong with the overlay
-    """
-    _check_nodes(file, entry, model.structure.nodes)
-    with errors_at_configuration(file, entry):
-        return StudyCase(entry, configure(model, overlay(entry, present)))
+    file: StudyFile
+    model: ParametricModel
+    specimens: Specimens | None = None
+    made: dict[Configuration, ConfiguredModel] = field(default_factory=dict)
+
+    def case(self, entry: ConfigurationEntry, present: Alone | None = None) -> StudyCase:
+        """The model in the state of a configuration, still without its test; `present` as for `overlay`.
+
+        Raises
+        ------
+        FemtuneError : what is wrong with the overlay
+        """
+        _check_nodes(self.file, entry, self.model.structure.nodes)
+        asked = overlay(entry, present)
+        state = asked.state
+        with errors_at_configuration(self.file, entry):
+            if state not in self.made:
+                self.made[state] = configure(self.model, asked)
+        own = None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
+        return StudyCase(entry, replace(self.made[state], model=own or self.model, configuration=asked))
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:

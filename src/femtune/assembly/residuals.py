@@ -169,7 +169,8 @@ def _is_of(comparison: Comparison, case: StudyCase) -> bool:
     """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
     if comparison.short:
         return case.modal is not None and case.entry.use == "update"
-    return comparison.entry.configuration in (None, case.name)
+    several, used = case.entry.specimen is not None, case.entry.use == "update"
+    return comparison.entry.is_in(case.name, several, used)
 
 
 def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:

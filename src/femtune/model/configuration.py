@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,11 @@ class Configuration:
     supports_removed: tuple[tuple[int, str], ...] = ()
     masses: tuple[AddedMass, ...] = field(default_factory=tuple)
     weighed_mass: float | None = None
+
+    @property
+    def state(self) -> Configuration:
+        """What the matrices depend on: configurations with the same state differ in name and weighed mass only."""
+        return replace(self, name="", weighed_mass=None)
 
 
 def held_dofs(structure: Structure, configuration: Configuration) -> NDArray[np.int64]:

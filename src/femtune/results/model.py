@@ -28,6 +28,7 @@ from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord, alert
 from femtune.results.checks import ModelCheck, mass_checks
+from femtune.results.neutral_axis import of_neutral_axis
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -355,7 +356,8 @@ class ModelModes(Record):
     """Eigen-solver and sparse solver that found them: "block Lanczos, sparse factors by PARDISO"; "" in results of
     before it was kept."""
     alerts: tuple[Alert, ...] = ()
-    """Remarks on these modes: which of them depend on the drilling stiffness of shells."""
+    """Remarks on these modes: which of them depend on the drilling stiffness of shells, or on the place of the mass of
+    beams with an offset neutral axis."""
     mesh: ModelCheck | None = None
     """Errors of the frequencies due to the mesh, from the step modes; None in a run, which has them in
     SelectionResults."""
@@ -747,7 +749,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         sturm_sentence="; ".join([sentence if counted else untested, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
         solver=solution.method,
-        alerts=(*_of_slow_modes(solution), *_of_drilling(name, solution)),
+        alerts=(*_of_slow_modes(solution), *_of_drilling(name, solution), *of_neutral_axis(name, solution)),
     )
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation
     from femtune.results.base import Alert
     from femtune.results.reduction import ReductionResults
-    from femtune.updating import Iteration, MultiStart, StageResult, UpdateResult
+    from femtune.updating import Iteration, MultiStart, ReducedSearch, StageResult, UpdateResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,7 @@ class FoundParameters:
     stages : the stages of a bottom-up study
     study : the study on the model at the result, where the model has moved
     alerts : what is said of the runs of an external solver
+    search : the reduced models at the end, from which another update may go on
     """
 
     result: UpdateResult
@@ -42,6 +43,7 @@ class FoundParameters:
     stages: tuple[StageResult, ...] = ()
     study: Study | None = None
     alerts: tuple[Alert, ...] = ()
+    search: ReducedSearch | None = None
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
@@ -75,10 +77,11 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
         result, stages = bottom_up(study, at, tell_of_stage, told)
         return FoundParameters(result, stages=stages)
     if table.starts > 1:
-        starts, facts = find_from_starts(study, method, folder, at, progress)
+        starts, facts, search = find_from_starts(study, method, folder, at, progress)
         for iteration in starts.best.history:
             history.add(iteration)
-        return FoundParameters(starts.best, facts, starts)
+        return FoundParameters(starts.best, facts, starts, search=search)
     if reduction is not None:
-        return FoundParameters(*find_on_reduced(study, method, tell, at, progress))
+        result, facts, search = find_on_reduced(study, method, tell, at, progress)
+        return FoundParameters(result, facts, search=search)
     return FoundParameters(update(study.problem(), method, tell, at))

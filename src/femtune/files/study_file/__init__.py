@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
     from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
         MEASURED,
@@ -18,9 +19,16 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.experiments import ScreenTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
-    from femtune.files.study_file.options import with_expansion, with_modes, with_plan, with_response
+    from femtune.files.study_file.options import (
+        with_expansion,
+        with_modes,
+        with_plan,
+        with_response,
+        with_screen,
+    )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
     from femtune.files.study_file.plan import PlanTable, SuspensionEntry
@@ -55,6 +63,8 @@ else:
 __all__ = [
     "MEASURED",
     "BootstrapTable",
+    "CandidateEntry",
+    "CandidatesTable",
     "ChecksTable",
     "Comparison",
     "ComponentEntry",
@@ -85,6 +95,7 @@ __all__ = [
     "ResponseTable",
     "RigidFloorEntry",
     "RunsModelTable",
+    "ScreenTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
@@ -112,4 +123,5 @@ __all__ = [
     "with_modes",
     "with_plan",
     "with_response",
+    "with_screen",
 ]

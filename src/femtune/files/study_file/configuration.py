@@ -13,6 +13,7 @@ from femtune.files.study_file.kinds import (
     Number,
     Positive,
     Rotation,
+    SpecimenName,
     Support,
     Text,
     TomlTable,
@@ -88,6 +89,7 @@ class ConfigurationEntry(TestKeys):
     """[[configuration]]: changes of the deck, and the test of this configuration."""
 
     name: Text
+    specimen: SpecimenName | None = None
     test: Text | None = None
     test_units: Units | None = None
     elements_off: ElementsOff = ()

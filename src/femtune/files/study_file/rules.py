@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
+from femtune.files.study_file.experiments import experiment_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
 from femtune.files.study_file.parameter import parameter_rules
@@ -21,6 +23,7 @@ from femtune.files.study_file.response import response_rules
 from femtune.files.study_file.runs import is_of_runs, runs_rules
 from femtune.files.study_file.solver import solver_rules
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
+from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
@@ -41,6 +44,9 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from component_rules(data, source)
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
+    yield from candidate_rules(data, source)
+    yield from specimen_rules(data, source)
+    yield from experiment_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

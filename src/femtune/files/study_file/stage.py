@@ -10,6 +10,7 @@ from pydantic import Field
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable, is_number
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
+from femtune.files.study_file.specimens import free_names
 
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
 
@@ -52,7 +53,7 @@ def stage_rules(data: Data, source: StudyLines) -> Problems:
         yield from _update(data, source)
     for place, entry in entries:
         yield from _names((*place, "configurations"), entry, _configurations(data), "configuration", source)
-        yield from _names((*place, "parameters"), entry, _parameters(data), "free parameter", source)
+        yield from _names((*place, "parameters"), entry, free_names(data), "free parameter", source)
         yield from _names((*place, "residuals"), entry, _kinds(data), "kind of residual of this study", source)
         yield from _doubled((*place, "parameters"), entry, source)
         yield from _seeds(place, entry, data, source)
@@ -70,10 +71,6 @@ def _update(data: Data, source: StudyLines) -> Problems:
 def _configurations(data: Data) -> list[str]:
     found = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
     return [str(entry.get("name")) for entry in found]
-
-
-def _parameters(data: Data) -> list[str]:
-    return [str(entry.get("name")) for _, entry in tables(data, "parameter") if "tie" not in entry]
 
 
 def _kinds(data: Data) -> list[str]:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
+from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.experiments import ScreenTable
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
@@ -101,6 +103,9 @@ class StudyFile(TomlTable):
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
+    screen: ScreenTable | None = None
+    candidates: CandidatesTable | None = None
+    candidate: tuple[CandidateEntry, ...] = ()
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None
@@ -131,6 +136,11 @@ class StudyFile(TomlTable):
         That is called "as the deck", or "as imported" where the model is made of matrices.
         """
         return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
+
+    @property
+    def specimens(self) -> tuple[str, ...]:
+        """Names of the nominally identical specimens, in the order of their configurations; none without them."""
+        return tuple(dict.fromkeys(c.specimen for c in self.configuration if c.specimen is not None))
 
     @property
     def comparisons(self) -> tuple[Comparison, ...]:

@@ -46,9 +46,11 @@ class AskedFrfs(AtFirstState):
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)
-            return _settled_functions(
+            found, told = _settled_functions(
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
+            test = asked.equalised()
+            return (found if test is None else replace(found, identified=test.redrawn)), told
 
         return cls(_placed(settle, asked))
 
@@ -117,7 +119,7 @@ def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[C
 def _settled_functions(
     entry: Any, measured: FrfSet, places: Places, scatter: FrfScatter, way: ModelWay,
     notices: tuple[Notice, ...], state: CaseState,
-) -> Settled:  # fmt: skip
+) -> tuple[FrfResidual, tuple[Notice, ...]]:  # fmt: skip
     lines, about_lines = _lines(entry, state)
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
