@@ -266,8 +266,9 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
-    known_after = fisher_results(run.study, found.result.after, "after", found.result.active)
-    return {"parameters": found, "fisher": known_after}
+    study = found.study or run.study
+    known_after = fisher_results(study, found.result.after, "after", found.result.active)
+    return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -282,7 +283,8 @@ def _mapped_damping(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
-    records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
+    study = known.parameters.study or run.study
+    records = model_records(study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
     return {"after": records, "sensitivities": sensitivities}
 
 
@@ -298,7 +300,8 @@ def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if known.repeats is None:
         return {}
-    return {"quantify": quantify_at(run.study, known.repeats, known.parameters.result.x, arrays, run.progress)}
+    study, x = known.parameters.study or run.study, known.parameters.result.x
+    return {"quantify": quantify_at(study, known.repeats, x, arrays, run.progress)}
 
 
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -345,7 +348,7 @@ def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """The test shapes expanded to the model at its last version."""
-    study, records = run.study, known.as_written or known.after
+    study, records = known.parameters.study or run.study, known.as_written or known.after
     write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
     return {}
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
     from femtune.files.study_file.runs import RunsModelTable
+    from femtune.files.study_file.solver import SolverTable
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
@@ -100,6 +101,7 @@ __all__ = [
     "SensorTerm",
     "SensorsTable",
     "SingleTest",
+    "SolverTable",
     "StageEntry",
     "StudyFile",
     "StudyTable",
