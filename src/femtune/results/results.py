@@ -13,6 +13,7 @@ from femtune.results.base import Alert, CitationRecord, Provenance, Record, Stud
 from femtune.results.bootstrap import BootstrapResults
 from femtune.results.candidates import CandidatesResults
 from femtune.results.correlation import CorrelationResults
+from femtune.results.global_search import GlobalSearchResults
 from femtune.results.journal import JournalResults
 from femtune.results.model import ModelFacts, ModelModes, SensorResults
 from femtune.results.plan import PlanResults
@@ -56,6 +57,8 @@ class Results(Record):
     """A planned test; None if not run. `femtune run` makes none."""
     screen: ScreenResults | None = None
     """Effects of the parameters by designed runs; None if not run. `femtune run` makes none."""
+    search: GlobalSearchResults | None = None
+    """A search of the whole box; None if not run. `femtune run` makes none."""
     candidates: CandidatesResults | None = None
     """Comparison of candidate models; None if not run. `femtune run` makes none."""
     selection: SelectionResults | None = None
@@ -94,6 +97,7 @@ class Results(Record):
                 self.plan,
                 lines,
                 self.screen,
+                self.search,
                 self.candidates,
                 self.selection,
                 self.quantify,
