@@ -400,7 +400,8 @@ def _forecast(terms: Sequence[TermFunction], T: sp.csr_array) -> int:
 def grid_matrix(model: ParametricModel, configuration: Configuration, matrix: MatrixKind) -> sp.csr_array:
     """(n_g, n_g) matrix of a configuration at nominal values, before any constraint: for mass and rigid-body checks."""
     added = mass_terms(model.structure.nodes, configuration.masses)
-    terms = [t for t in (*_active(model.terms, configuration), *added) if t.matrix == matrix]
+    terms = model.kept.mass if matrix == "mass" else [t for t in model.terms if t.matrix == matrix]
+    terms = [*_active(terms, configuration), *(t for t in added if t.matrix == matrix)]
     pattern, projected = project(terms, sp.csr_array(sp.eye_array(model.structure.nodes.n_dofs)))
     table, data = _nominal_table(model), np.zeros(len(pattern.indices))
     for p in projected:

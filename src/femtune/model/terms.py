@@ -383,6 +383,31 @@ class CompiledTerms:
     used: Mapping[MatrixKind, Flags]
 
 
+class KeptTerms:
+    """The terms of a model; their memory can be given back, and they are compiled again where they are requested."""
+
+    def __init__(self, terms: Sequence[TermFunction], again: Callable[[], Sequence[TermFunction]]) -> None:
+        self._terms: tuple[TermFunction, ...] | None = tuple(terms)
+        self._mass = tuple(term for term in terms if term.matrix == "mass")
+        self._again = again
+
+    @property
+    def every(self) -> tuple[TermFunction, ...]:
+        """All of them."""
+        if self._terms is None:
+            self._terms = tuple(self._again())
+        return self._terms
+
+    @property
+    def mass(self) -> tuple[TermFunction, ...]:
+        """Those of the mass, which are kept: they are small, and weighing a model takes no others."""
+        return self._mass
+
+    def release(self) -> None:
+        """Give the memory of all but the mass back."""
+        self._terms = None
+
+
 def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> CompiledTerms:
     """Exact terms of a structure; what no touched value reaches folds into one constant term a batch and matrix.
 

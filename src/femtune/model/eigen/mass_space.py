@@ -89,7 +89,8 @@ class MassSpace:
 
     def _spread(self, b: Reals) -> Reals:
         """(n, k) in Fortran's order, zero where there is no mass."""
-        out = np.zeros((self.pencil.n, b.shape[1]), order="F")
+        out = empty_block(self.pencil.n, b.shape[1])
+        out[...] = 0.0
         for column, own in zip(out.T, b.T):
             column[self.pencil.heavy] = own
         return out
