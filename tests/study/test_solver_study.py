@@ -383,6 +383,13 @@ def test_a_deck_needs_no_template(tmp_path: Path) -> None:
         one, other = (dict(zip(r.parameters.column("name"), r.parameters.column(name))) for r in (ours, exact_result))
         for parameter in ("E", "I1"):
             assert one[parameter] == pytest.approx(other[parameter], rel=2e-5 if name == "value" else 1e-2), parameter
+    model = ours.results.model
+    assert model is not None
+    said = next(n for n in model.notices if n.code == "external.own-elements")
+    # the same kernel
+    sentence = re.sub(r"mode \d+: by \S+ %", "mode 4: by +1e-14 %", said.sentence)
+    check_shown("external.own-elements", f"[external.own-elements] {sentence}")
+    assert abs(float(re.search(r"by (\S+) %", said.sentence)[1])) < 1e-6  # type: ignore[index]
     updated = tmp_path / "run" / "external" / "updated"
     # the deck and the file that it includes, which has the material
     assert sorted(path.name for path in updated.iterdir()) == ["beam.bdf", "material.inc"]

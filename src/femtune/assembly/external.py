@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import on_model
+from femtune.assembly.cases import on_model, overlay
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
@@ -30,7 +30,7 @@ from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import RunsModelTable
 from femtune.files.whole_file import write_whole
 from femtune.journal.runs import RunJournal, open_run_journal
-from femtune.model import parametric_model
+from femtune.model import configure, parametric_model, solve_modes
 from femtune.runs import ExternalSolver, ResultFile, RunOutcome, Templates, evaluate, read_template
 from femtune.runs.external import Checks
 from femtune.runs.repeatable import compare_repeated, described
@@ -326,7 +326,31 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltMo
             built = built_of_table(file, table, 0)
     finally:
         runs.journal.close()
-    return replace(built, notices=(*_facts(runs, table), *runs.journal.notices))
+    own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
+    return replace(built, notices=(*_facts(runs, table), *own, *runs.journal.notices))
+
+
+def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:
+    """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
+    assert isinstance(runs.solver.inputs, DeckFiles)
+    assert known.modes is not None
+    hz, where = known.modes.freq_hz, file.where("solver")
+    try:
+        configured = configure(runs.solver.inputs.model, overlay(file.configurations[0]))
+        own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
+    except FemtuneError as error:
+        return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),)
+    elastic = hz[: len(own)] > 1e-3 * hz.max()
+    if not elastic.any():
+        return ()
+    difference = 100.0 * (own[elastic] / hz[: len(own)][elastic] - 1.0)
+    worst = int(np.abs(difference).argmax())
+    return (
+        Notice(
+            "external.own-elements", where=where, level="info", percent=float(difference[worst]),
+            mode=int(np.flatnonzero(elastic)[worst]) + 1, count=len(difference),
+        ),
+    )  # fmt: skip
 
 
 def nominal_point(file: StudyFile) -> Reals:
