@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 class Study:
     """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model.
 
-    With `specimens`, `model` is that of the first of them.
+    With `specimens`, `model` is that of the first of them, or of the only `specimen` that the study is limited to.
 
     `units_known` is False for a deck alone, which tells none.
     """
@@ -60,6 +60,7 @@ class Study:
     units_known: bool = True
     components: Components | None = None
     specimens: Specimens | None = None
+    specimen: str | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -80,7 +81,7 @@ class Study:
         """The study of one specimen, with the parameters of all; those of others have no effect."""
         assert self.specimens is not None
         cases = tuple(c for c in self.cases if c.entry.specimen == name)
-        return replace(self, model=self.specimens.models[name], cases=cases)
+        return replace(self, model=self.specimens.models[name], cases=cases, specimen=name)
 
     def problem(self) -> UpdateProblem:
         """The update problem of all configurations that are not kept for validation.

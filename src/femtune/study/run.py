@@ -18,6 +18,7 @@ from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import unused_frfs
+from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
@@ -80,6 +81,7 @@ class Known:
     selection : which parameters the data determine
     parameters : the update
     fisher : information of the FRFs at its result
+    mapped_damping : measured damping on the modes of the updated model
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
@@ -100,6 +102,7 @@ class Known:
     selection: SelectionResults = _LATER
     parameters: FoundParameters = _LATER
     fisher: FisherResults | None = None
+    mapped_damping: tuple[MappedDamping, ...] = ()
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
@@ -214,6 +217,7 @@ class Run:
             "quantify": known.quantify,
             "bootstrap": known.bootstrap,
             "specimens": known.specimens,
+            "mapped_damping": known.mapped_damping,
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs).model_copy(
                 update={"deviations": known.deviations}
@@ -271,6 +275,10 @@ def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """At the start as the update saw it; the end may be that of other cases, if it was reached in stages."""
     before = frf_truncations(known.start, "before", run.progress)
     return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
+
+
+def _mapped_damping(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"mapped_damping": mapped_damping(known.start, known.parameters.result.after, arrays)}
 
 
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -354,6 +362,7 @@ UNTIL_UPDATED = (
     Step("update", _update),
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
+    Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
 )
 ONCE_UPDATED = (

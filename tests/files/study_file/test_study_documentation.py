@@ -47,6 +47,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[residuals]`": study_file.ResidualsTable,
     "## `[update]`": study_file.UpdateTable,
     "## `[screen]`": study_file.ScreenTable,
+    "## `[search]`": study_file.SearchTable,
     "## `[[candidate]]`": study_file.CandidateEntry,
     "## `[candidates]`": study_file.CandidatesTable,
     "## `[select]`": study_file.SelectTable,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
-    from femtune.files.study_file.experiments import ScreenTable
+    from femtune.files.study_file.experiments import ScreenTable, SearchTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
     from femtune.files.study_file.options import (
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         with_plan,
         with_response,
         with_screen,
+        with_search,
     )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
@@ -96,6 +97,7 @@ __all__ = [
     "RigidFloorEntry",
     "RunsModelTable",
     "ScreenTable",
+    "SearchTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
@@ -124,4 +126,5 @@ __all__ = [
     "with_plan",
     "with_response",
     "with_screen",
+    "with_search",
 ]

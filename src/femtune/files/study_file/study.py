@@ -14,7 +14,7 @@ from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
-from femtune.files.study_file.experiments import ScreenTable
+from femtune.files.study_file.experiments import ScreenTable, SearchTable
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
@@ -104,6 +104,7 @@ class StudyFile(TomlTable):
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
     screen: ScreenTable | None = None
+    search: SearchTable | None = None
     candidates: CandidatesTable | None = None
     candidate: tuple[CandidateEntry, ...] = ()
     response: ResponseTable | None = None
