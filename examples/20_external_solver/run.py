@@ -2,8 +2,8 @@
 
 A frame of two columns and a beam is known to femtune as an input file of CalculiX with placeholders only. Its
 "measured" modes are those of the same file with other moduli and another density. The study finds these values with
-runs of CalculiX alone. CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the example
-reports this and ends.
+runs of CalculiX alone. CalculiX (`ccx`) is searched for on the path, or taken from $FEMTUNE_CALCULIX; without it the
+example reports this and ends.
 """
 
 from __future__ import annotations
