@@ -224,3 +224,20 @@ def test_intervals_cover_the_truth_of_simulated_specimens() -> None:
     """Six outputs of 200 runs, 90 % intervals of 100 specimens: within what the binomial of 0.1 % admits."""
     hits, trials = coverage(200, 100)
     assert abs(hits / trials - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 100)
+
+
+@pytest.mark.slow
+def test_repeats_and_intervals_on_a_table_of_runs(study: Path) -> None:
+    """Forty specimens: mean and standard deviation of the parameters, and the box of their frequencies."""
+    rng = np.random.default_rng(8)
+    specimens = TRUTH * (1.0 + 0.03 * rng.standard_normal((40, 2)))
+    hz = np.array([modes(p)[0] for p in specimens])
+    lines = [",".join(repr(float(f)) for f in row) for row in hz]
+    (study.parent / "repeats.csv").write_text("\n".join(["1,2,3,4", *lines]) + "\n")
+    study.write_text(STUDY + '\n[quantify]\nrepeats = "repeats.csv"\nintervals = true\n')
+    found = ft.quantify(study)
+    assert found.parameters.column("parameter").tolist() == ["k1", "k2"]
+    np.testing.assert_allclose(found.parameters.column("mean"), specimens.mean(axis=0), rtol=2e-3)
+    np.testing.assert_allclose(found.parameters.column("sd"), specimens.std(axis=0, ddof=1), rtol=0.05)
+    assert found.record.intervals is not None
+    assert found.record.intervals.ok

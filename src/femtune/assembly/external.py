@@ -6,28 +6,35 @@ is chosen from the noise of the solver's results. All of them are made side by s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import on_model
+from femtune.assembly.cases import on_model, overlay
 from femtune.assembly.error_places import errors_at
-from femtune.assembly.parameters import assignments, targets
+from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
 from femtune.assembly.runs_model import built_of_table
 from femtune.dofs import DIRECTIONS, Dof, DofSet
-from femtune.errors import FemtuneError, Notice
+from femtune.errors import FemtuneError, Notice, Where
 from femtune.executor import Cluster, Threads
+from femtune.files.nastran.build import build_structure
+from femtune.files.nastran.deck import read_deck
+from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
 from femtune.files.study_file import RunsModelTable
+from femtune.files.whole_file import write_whole
 from femtune.journal.runs import RunJournal, open_run_journal
-from femtune.model import parametric_model
+from femtune.model import configure, parametric_model, solve_modes
 from femtune.runs import ExternalSolver, ResultFile, RunOutcome, Templates, evaluate, read_template
 from femtune.runs.external import Checks
 from femtune.runs.repeatable import compare_repeated, described
-from femtune.runs.template import check_names
+from femtune.runs.template import InputFiles, check_names
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -38,6 +45,7 @@ if TYPE_CHECKING:
     from femtune.executor import Executor
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import StudyFile
+    from femtune.model import ParametricModel
 
 RUNS_FOLDER = "external"
 _DIGITS = 5e-7
@@ -47,16 +55,75 @@ _OFFSETS = (1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, -0.25)
 """Places of the runs beside the central one, in steps; the first two within the bounds that succeed are used."""
 
 
+@dataclass(frozen=True, eq=False)
+class DeckFiles:
+    """The deck of a study with the values of parameters in its fields, for a solver that reads decks.
+
+    Parameters
+    ----------
+    built, model : the deck, and the fields that the parameters set
+    folder : beside which the runs are made, so that paths of INCLUDE files are right
+    name : of the deck in the folder of a run
+    """
+
+    built: BuiltModel
+    model: ParametricModel
+    folder: Path
+    name: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.model.parameters.names
+
+    @property
+    def version(self) -> str:
+        """Digest of all files of the deck, of which a run has only those that are changed."""
+        return sha256("".join(line.text for file in self.built.deck.files for line in file.lines).encode()).hexdigest()
+
+    def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
+        """See `InputFiles` (errors ``write.*``)."""
+        x = np.array([(values[p.name] - p.nominal) / p.scale for p in self.model.parameters.free])
+        updates = self.model.field_values(x)
+        updates = {**updates, **self.model.structure.values.following(updates, self.built.fields)}
+        regions = {a.parameter: a.elements for a in self.model.assignments if a.elements is not None}
+        # in fields of 16 columns, where 8 would round a value
+        plan = plan_edits(self.built, updates, regions, wide=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(dir=self.folder, prefix="deck-") as folder:
+                return {path.name: path.read_bytes() for path in write_deck(plan.edited, folder, self.name).files}
+        except OSError as error:
+            raise FemtuneError("external.folder", where=Where(str(self.folder)), reason=error.strerror) from error
+
+
+def _deck_files(file: StudyFile) -> DeckFiles:
+    """Errors of the deck, and of fields that the parameters name."""
+    assert file.solver is not None
+    plain = file.model_copy(update={"runs": None, "solver": None})
+    plain._path, plain._source, plain._given = file._path, file._source, file._given
+    built = build_structure(read_deck(file.path_of(str(file.study.deck))), bool(file.study.allow_ignored))
+    found = targets(plain, built)
+    model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
+    return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, file.solver.deck_name)
+
+
 def of_solver(file: StudyFile) -> StudyFile:
     """The study with initial values for all parameters, and polynomials of degree two without products."""
     assert file.solver is not None
+    deck = file.study.deck
+    known = {} if deck is None else {p.name: p.nominal for p in _deck_files(file).model.parameters.free}
     entries = []
     for entry in file.parameter:
         middle = None if entry.lower is None or entry.upper is None else 0.5 * (entry.lower + entry.upper)
-        entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": middle}))
+        start = known.get(entry.name, middle)
+        entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
     # what the polynomials are good for is told by the next run, not by one that is left out
-    runs = RunsModelTable(file=file.solver.templates[0], degree=2, crossed=False, tolerance=0.5)
-    return file.model_copy(update={"parameter": tuple(entries), "runs": runs})
+    runs = RunsModelTable(file=deck or file.solver.templates[0], degree=2, crossed=False, tolerance=0.5)
+    changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
+    if deck is not None and file.model.grid is None:
+        changed["model"] = file.model.model_copy(update={"grid": deck})
+    return file.model_copy(update=changed)
 
 
 @dataclass(eq=False)
@@ -212,11 +279,7 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     """
     entry = file.solver
     assert entry is not None
-    inputs = Templates(
-        tuple(read_template(file.path_of(name)) for name in entry.templates), tuple(map(file.path_of, entry.files))
-    )
-    names = [p.name for p in file.parameter]
-    check_names(inputs.names, names, names, file.where("solver", "templates"))
+    inputs = _inputs(file)
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
@@ -230,6 +293,19 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
         Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
     )
     return SolverRuns(file, solver, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
+
+
+def _inputs(file: StudyFile) -> InputFiles:
+    """The deck, or templates whose placeholders are the parameters."""
+    entry = file.solver
+    assert entry is not None
+    if file.study.deck is not None:
+        return _deck_files(file)
+    templates = tuple(read_template(file.path_of(name)) for name in entry.templates)
+    found = Templates(templates, tuple(map(file.path_of, entry.files)))
+    names = [p.name for p in file.parameter]
+    check_names(found.names, names, names, file.where("solver", "templates"))
+    return found
 
 
 def _workers(file: StudyFile) -> int:
@@ -250,7 +326,31 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltMo
             built = built_of_table(file, table, 0)
     finally:
         runs.journal.close()
-    return replace(built, notices=(*_facts(runs, table), *runs.journal.notices))
+    own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
+    return replace(built, notices=(*_facts(runs, table), *own, *runs.journal.notices))
+
+
+def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:
+    """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
+    assert isinstance(runs.solver.inputs, DeckFiles)
+    assert known.modes is not None
+    hz, where = known.modes.freq_hz, file.where("solver")
+    try:
+        configured = configure(runs.solver.inputs.model, overlay(file.configurations[0]))
+        own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
+    except FemtuneError as error:
+        return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),)
+    elastic = hz[: len(own)] > 1e-3 * hz.max()
+    if not elastic.any():
+        return ()
+    difference = 100.0 * (own[elastic] / hz[: len(own)][elastic] - 1.0)
+    worst = int(np.abs(difference).argmax())
+    return (
+        Notice(
+            "external.own-elements", where=where, level="info", percent=float(difference[worst]),
+            mode=int(np.flatnonzero(elastic)[worst]) + 1, count=len(difference),
+        ),
+    )  # fmt: skip
 
 
 def nominal_point(file: StudyFile) -> Reals:
@@ -287,3 +387,18 @@ def _resized(case: StudyCase, size: int) -> StudyCase:
         return replace(sensors, matrix=matrix)
 
     return replace(case, sensors=on(case.sensors), all_sensors=on(case.all_sensors))
+
+
+UPDATED_FOLDER = "updated"
+
+
+def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
+    """The input files with some values, beside the folders of the runs (error ``external.folder``)."""
+    folder = runs.solver.folder / UPDATED_FOLDER
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in runs.solver.inputs.files(values).items():
+            write_whole(folder / name, content)
+    except OSError as error:
+        raise FemtuneError("external.folder", where=Where(str(folder)), reason=error.strerror or error) from error
+    return folder

@@ -55,11 +55,14 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
     for i, given in enumerate(file.parameter):
         with errors.catch():
             entry = _with_known(file, i, given)
-            where, chosen = file.where("parameter", i), region_of(file, i, built)
-            refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
+            where = file.where("parameter", i)
             if file.runs is not None:
-                # a tied parameter is a value, too
-                refs, entry = _of_runs(entry.name, built), entry.model_copy(update={"absolute": True})
+                # factors and tied parameters are values for the runs, too
+                value = entry.model_copy(update={"absolute": True})
+                found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
+                continue
+            chosen = region_of(file, i, built)
+            refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
             found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
     return tuple(found)

@@ -156,7 +156,7 @@ class ExternalSolver:
         digest = sha256(b"femtune run 1")
         settings = (*self.command, self.version, _file_digest(self._program), self.result.name, self.result.format)
         environment = tuple(f"{name}={value}" for name, value in self.environment)
-        for text in (*settings, *environment):
+        for text in (*settings, *environment, self.inputs.version):
             digest.update(sha256(text.encode()).digest())
         for name, content in sorted(self.inputs.files(values).items()):
             digest.update(sha256(name.encode()).digest() + sha256(content).digest())

@@ -32,6 +32,11 @@ class InputFiles(Protocol):
         """Names of the values that it needs."""
         ...
 
+    @property
+    def version(self) -> str:
+        """Changes where something changes that the files refer to."""
+        ...
+
     def files(self, values: Mapping[str, float]) -> dict[str, bytes]:
         """Content by name of the file."""
         ...
@@ -158,10 +163,12 @@ class Templates:
     ----------
     templates : the files with placeholders
     copied : files that are copied into the folder of every run
+    version : of what these files refer to elsewhere, in words
     """
 
     templates: tuple[Template, ...]
     copied: tuple[Path, ...] = ()
+    version: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.external import SolverRuns, moved_to, nominal_point, solver_runs
+from femtune.assembly.external import SolverRuns, moved_to, nominal_point, solver_runs, write_updated
 from femtune.errors import FemtuneError, Notice
 from femtune.results.model import alert_of
 from femtune.status import Status
@@ -98,10 +98,12 @@ def find_on_solver(
         told += [*runs.replaced, *runs.journal.notices]
     finally:
         runs.journal.close()
+    # the journal is closed, and nothing is run any more
     first_number = len(history) - len(place.result.history)
     result = replace(place.result, before=at, history=tuple(history), number=first_number + place.result.number)
     if not settled:
         result = _at_place(result, place, first_number, radius)
+    write_updated(runs, result.values)
     return SolverUpdate(result, place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
 

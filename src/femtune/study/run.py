@@ -156,13 +156,13 @@ class Run:
         """
         of_deck = not self.study.file.imported
         known = self._done(UNTIL_UPDATED, Known())
-        self._keep(known, alert("problem", "run.unfinished") if of_deck else _no_deck())
+        self._keep(known, alert("problem", "run.unfinished") if of_deck else _no_deck(self.study))
         try:
             known = self._done((*ONCE_UPDATED, *(ON_WRITTEN_DECK if of_deck else WITHOUT_DECK)), known)
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
             raise
-        results = self._keep(known, *(() if of_deck else (_no_deck(),)))
+        results = self._keep(known, *(() if of_deck else (_no_deck(self.study),)))
         return RunResult(self.folder, results, known.arrays)
 
     def _done(self, steps: Iterable[Step], known: Known) -> Known:
@@ -380,5 +380,7 @@ WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
 """A model of matrices has no deck that could be written: the run ends with the responses at the updated values."""
 
 
-def _no_deck() -> Alert:
-    return alert("info", "write.no-deck/run")
+def _no_deck(study: Study) -> Alert:
+    if study.file.solver is not None:
+        return alert("info", "write.no-deck/solver")
+    return alert("info", "write.no-deck/run" if study.file.runs is None else "write.no-deck/runs")

@@ -38,14 +38,16 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     """What a model of runs has no use for, and what its parameters are."""
     if not is_of_runs(data):
         return
-    if "deck" in table(data, "study"):
+    of_deck = "solver" in data and "deck" in table(data, "study")
+    if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
     for name in ("matrix", "variable", "reduction", "component", "generic", "frequency_table", "response", "plan"):
         if name in data:
             yield source.error((name,), "runs.study/table", {}, name=name)
     if "max_hz" in table(data, "modes"):
         yield source.error(("modes", "max_hz"), "runs.study/max-hz", {})
-    yield from _parameters(data, source)
+    if not of_deck:
+        yield from _parameters(data, source)
     yield from _configurations(data, source)
     for place, entry in tables(data, "residual"):
         if entry.get("kind") not in _KINDS:

@@ -27,7 +27,8 @@ class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
 
     command: Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
-    templates: Annotated[tuple[Text, ...], Field(min_length=1)]
+    templates: tuple[Text, ...] = ()
+    deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     files: tuple[Text, ...] = ()
     result: Text
     format: Literal["calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"]
@@ -56,6 +57,9 @@ def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
         return
     if "runs" in data:
         yield source.error(("runs",), "external.study/runs", {})
+    solver = table(data, "solver")
+    if bool(solver.get("templates")) == ("deck" in table(data, "study")):
+        yield source.error(("solver",), "external.study/input", {})
     if "count" not in table(data, "modes"):
         yield source.error(("solver",), "external.study/count", {})
     for place, entry in tables(data, "parameter"):

@@ -158,7 +158,7 @@ class StudyFile(TomlTable):
     def source_name(self) -> str:
         """Name of the model in the study: the deck, the file of the first matrix, the table of runs, or a template."""
         return self.study.deck or (
-            self.solver.templates[0] if self.solver else self.runs.file if self.runs else self.matrix[0].file
+            self.runs.file if self.runs else self.solver.templates[0] if self.solver else self.matrix[0].file
         )
 
     @property
