@@ -153,6 +153,13 @@ def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) 
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
 
 
+def test_coefficients_are_told_apart_whatever_their_hash_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femtune.model.terms._odd_numbers", lambda count: np.zeros(count, np.uint64))
+    point = model(shells("union"), **THREE)
+    exact = slowly(point, "stiffness")
+    np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
+
+
 def test_a_state_without_any_element_of_a_term() -> None:
     """The only dashpot is switched off: the model has no damping, and is built all the same."""
     ends = np.array([[0, -1], [0, -1]])
