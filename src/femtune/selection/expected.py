@@ -100,8 +100,8 @@ class ExpectedKnowledge:
         if open_:
             out.append(f"{listed(open_)} cannot: the standard deviation is more than a third of the prior's.")
         out += [
-            f"{listed(group)} are correlated by more than {TOGETHER:g}: a combination of them is known much better than "
-            "each."
+            f"{listed(group)} are correlated by more than {TOGETHER:g}: a combination of them is known much better "
+            "than each."
             for group in self.groups
         ]
         for parts in self.open:
