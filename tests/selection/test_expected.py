@@ -40,8 +40,8 @@ def test_parameters_that_are_known_together_only() -> None:
     found = expected_knowledge(at(J), PRIOR, NAMES)
     assert found.known.tolist() == [True, False, False]
     assert found.groups == (("b", "c"),)
-    assert "b and c are correlated by more than 0.9: only a combination of them is known well." in found.sentences(
-        np.ones(3)
+    assert "b and c are correlated by more than 0.9: a combination of them is known much better than each." in (
+        found.sentences(np.ones(3))
     )
 
 

@@ -117,6 +117,54 @@ def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
 
 
 @pytest.mark.slow
+def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) -> None:
+    _measured(bench, 0.0)
+    more = 'leave_out_hz = [[60.0, 150.0]]\n[[hold_out]]\noutputs = ["4Y+"]\n[response]\nmodes = 12\n'
+    run = steps.run(_study(bench, EQUALISE + more))
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised"]
+    assert "lines, without 60 to 150 Hz." in alert.sentence
+    assert run.results.validation is not None
+    (curves,) = run.results.validation.curves
+    at = curves.outputs.index("4Y+")
+    lines, test = run.arrays[curves.freq_key], run.arrays[curves.test_values_key][at, 0]
+    inside = (lines >= 60.0) & (lines <= 150.0)
+    assert np.isnan(test[inside]).all()
+    assert np.isfinite(test[~inside]).all()
+    # .4 % measured at the first resonance; with 2 % its peak would be a fifth
+    model = run.arrays[curves.values_key][at, 0]
+    assert np.abs(model[~inside] / test[~inside] - 1.0).max() < 0.2
+    deviations = run.results.validation.deviations
+    assert deviations is not None
+    (held,) = [s for s in deviations.sums if s.data == "validation"]
+    assert held.after < 0.05 * held.before
+    # the functions of [response] beside the measured ones too
+    frfs = run.results.responses[-1].frfs
+    assert frfs is not None
+    assert frfs.test_values_key is not None
+    assert frfs.test_freq_key is not None
+    hertz = run.arrays[frfs.test_freq_key]
+    known = np.isfinite(run.arrays[frfs.test_values_key]).any(axis=(0, 1))
+    np.testing.assert_array_equal(known, (hertz < 60.0) | (hertz > 150.0))
+
+
+def test_an_order_that_is_too_small(bench: Bench) -> None:
+    _measured(bench, 0.005)
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(_study(bench, EQUALISE.replace("largest_order = 20", "largest_order = 4")))
+    check_shown("system.equalise, no modes", str(caught.value).replace(str(bench.folder), "folder"))
+
+
+@pytest.mark.slow
+def test_a_poor_identification_is_told(bench: Bench) -> None:
+    _measured(bench, 0.4)
+    run = steps.update(_study(bench, EQUALISE))
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised-poor"]
+    assert alert.level == "warning"
+    notice = Notice("residual.equalised-poor", configuration="free", misfit=23.4, modes=3, order=12)
+    check_shown("residual.equalised-poor", notice)
+
+
+@pytest.mark.slow
 def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(bench: Bench) -> None:
     repeated = []
     for seed in range(10):
@@ -207,6 +255,6 @@ def test_keys_are_checked(bench: Bench, key: str) -> None:
 def test_what_the_notice_says() -> None:
     notice = Notice(
         "residual.equalised", level="info", configuration="free", ratio=0.01, low=40.0, high=400.0, modes=14,
-        least=0.12, most=2.9, lines=347, misfit=1.83,
+        least=0.12, most=2.9, lines=347, misfit=1.83, left_out=", without 118 to 131 Hz",
     )  # fmt: skip
     check_shown("residual.equalised", notice)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError
 from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, terms_outside
 from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import Equalised, FrfSet, equalise_damping, half_band_lines
@@ -25,6 +26,8 @@ class EqualisedTest:
     band_hz : of the identification and of the lines
     moved : the identified system with that ratio, and what its modes had before
     identified : the identification
+    left_out_hz : bands without lines
+    largest_order : of the models of the identification
     redrawn : how the FRFs follow the measured ones; None where rigid-body modes were taken away first
     """
 
@@ -34,6 +37,8 @@ class EqualisedTest:
     moved: Equalised
     identified: IdentifiedModes
     redrawn: RedrawnTest | None
+    left_out_hz: tuple[Band, ...] = ()
+    largest_order: int = 0
 
     @property
     def misfit(self) -> float:
@@ -63,14 +68,21 @@ def equalised_test(
     FemtuneError : ``system.equalise``, and as `identify_frfs`
     """
     asked = asked or InputKnown()
-    identified = identify_frfs(frfs, asked)
+    try:
+        identified = identify_frfs(frfs, asked)
+    except FemtuneError as error:
+        if error.code != "identify.no-poles":
+            raise
+        raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
     used = identified.measured.freq_hz
     band = (float(used[0]), float(used[-1]))
     moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
     lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
     again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
     redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
-    return EqualisedTest(moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn)
+    return EqualisedTest(
+        moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn, again.left_out_hz, asked.largest_order
+    )
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class FisherResults(Record):
     parameters: tuple[KnownParameter, ...]
     """The free parameters."""
     groups: tuple[tuple[str, ...], ...]
-    """Parameters that are correlated by more than 0.9: known in combination only."""
+    """Parameters that are correlated by more than 0.9: a combination is known much better than each."""
     open: tuple[tuple[str, ...], ...]
     """Parameters of each combination that the data do not determine."""
     sentences: tuple[str, ...]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from femtune.arrays import Complexes, Reals
     from femtune.correlation import Pairing
     from femtune.identification.redrawn import RedrawnTest
-    from femtune.residuals import CaseState, Evaluation
+    from femtune.residuals import CaseState, Evaluation, Residual
 
 
 class MappedMode(Record):
@@ -123,16 +123,16 @@ def mapped_damping(start: Evaluation, end: Evaluation, arrays: dict[str, NDArray
     """
     found: list[MappedDamping] = []
     for i, (before, after) in enumerate(zip(start.states, end.states)):
-        for residual, test in identified_residuals(after):
+        for residual, test in identified_residuals(after.case.on_full_model.residuals):
             key = f"{array_prefix('after', after.case.name, i + 1)}/mapped_damping"
             if not any(f.freq_key == f"{key}_hz" for f in found):
                 found.append(_record(residual, test, before, after, key, arrays))
     return tuple(found)
 
 
-def identified_residuals(state: CaseState) -> Iterator[tuple[FrfResidual, RedrawnTest]]:
-    """FRF residuals of a case that compare an identified test."""
-    for one in state.case.on_full_model.residuals:
+def identified_residuals(residuals: Iterable[Residual]) -> Iterator[tuple[FrfResidual, RedrawnTest]]:
+    """FRF residuals that compare an identified test."""
+    for one in residuals:
         residual = settled(one)
         if isinstance(residual, FrfResidual) and residual.identified is not None:
             yield residual, residual.identified

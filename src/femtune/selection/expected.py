@@ -19,7 +19,7 @@ from femtune.selection.combinations import determined, listed, sparse_basis
 from femtune.selection.information import KNOWN
 
 TOGETHER = 0.9
-"""Absolute correlation from which parameters are known in combination only."""
+"""Absolute correlation from which a combination of parameters is known much better than each."""
 _DRAWS = 200
 _SHARE = 0.1
 _NO_PART = 1e-6
@@ -100,7 +100,8 @@ class ExpectedKnowledge:
         if open_:
             out.append(f"{listed(open_)} cannot: the standard deviation is more than a third of the prior's.")
         out += [
-            f"{listed(group)} are correlated by more than {TOGETHER:g}: only a combination of them is known well."
+            f"{listed(group)} are correlated by more than {TOGETHER:g}: a combination of them is known much better "
+            "than each."
             for group in self.groups
         ]
         for parts in self.open:
