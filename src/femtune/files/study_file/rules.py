@@ -24,6 +24,7 @@ from femtune.files.study_file.source import Place, StudyLines, falls, named_twic
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
+from femtune.files.study_file.vibration import vibration_rules
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -41,6 +42,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from parameter_rules(data, source)
     yield from candidate_rules(data, source)
     yield from experiment_rules(data, source)
+    yield from vibration_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

@@ -42,7 +42,7 @@ class Spectrum:
     >>> from femtune.model.vibration import Spectrum
     >>> level = Spectrum([20.0, 80.0, 350.0, 2000.0], [0.01, 0.04, 0.04, 0.007])
     >>> round(level.root_mean_square, 2)
-    5.98
+    6.06
     """
 
     freq_hz: Reals
@@ -64,6 +64,14 @@ class Spectrum:
             np.interp(np.log(np.where(inside, hz, self.freq_hz[0])), np.log(self.freq_hz), np.log(self.density))
         )
         return np.where(inside, found, 0.0)
+
+    def within(self, low_hz: float, high_hz: float) -> Spectrum | None:
+        """The spectrum in a band; None if they have nothing in common."""
+        low, high = max(low_hz, float(self.freq_hz[0])), min(high_hz, float(self.freq_hz[-1]))
+        if not low < high:
+            return None
+        hz = np.unique(np.concatenate([[low, high], self.freq_hz[(self.freq_hz > low) & (self.freq_hz < high)]]))
+        return Spectrum(hz, self.at(hz))
 
     @property
     def root_mean_square(self) -> float:
