@@ -132,6 +132,9 @@ RATIOS = {
     100.0: (0.679, 0.748, 0.529, 0.776, 1.02, 1.19, 102.0, 119.0),
 }
 
+# Section 5.3: uniform thickness and sagging of the slabs of floors 1 and 2 from M7, cm
+SAGGING = {1: (6.3, 4.2), 2: (6.8, 3.7)}
+
 # Table 8: frequency error (%) and MAC of modes 1, 2, 3, 5, 6 of the updated ten-parameter model
 RESIDUALS_M8 = {
     "BC": ((0.21, 1.000), (0.21, 1.000), (-0.26, 0.991), (-0.74, 1.000), (-0.55, 0.991)),

@@ -45,6 +45,39 @@ _register(
     year="1940",
 )
 _register(
+    "cochran1954",
+    "article",
+    author="Cochran, W. G.",
+    title="The combination of estimates from different experiments",
+    journal="Biometrics",
+    volume="10",
+    number="1",
+    pages="101--129",
+    year="1954",
+)
+_register(
+    "dersimonian1986",
+    "article",
+    author="DerSimonian, R. and Laird, N.",
+    title="Meta-analysis in clinical trials",
+    journal="Controlled Clinical Trials",
+    volume="7",
+    number="3",
+    pages="177--188",
+    year="1986",
+)
+_register(
+    "holm1979",
+    "article",
+    author="Holm, S.",
+    title="A simple sequentially rejective multiple test procedure",
+    journal="Scandinavian Journal of Statistics",
+    volume="6",
+    number="2",
+    pages="65--70",
+    year="1979",
+)
+_register(
     "sacks1989",
     "article",
     author="Sacks, J. and Welch, W. J. and Mitchell, T. J. and Wynn, H. P.",
@@ -114,6 +147,17 @@ _register(
     title="An Introduction to the Bootstrap",
     publisher="Chapman and Hall",
     year="1993",
+)
+_register(
+    "wu1986",
+    "article",
+    author="Wu, C. F. J.",
+    title="Jackknife, Bootstrap and Other Resampling Methods in Regression Analysis",
+    journal="The Annals of Statistics",
+    volume="14",
+    number="4",
+    pages="1261--1295",
+    year="1986",
 )
 _register(
     "hesterberg2015",

@@ -24,6 +24,7 @@ from femtune.reporting.sections.parameters import (
     interval_remarks,
     physical_values,
 )
+from femtune.reporting.sections.specimens import specimen_blocks
 from femtune.reporting.sections.summary import summary
 from femtune.reporting.sections.validation import untested_reasons, validation_verdicts
 from femtune.reporting.source import versions
@@ -49,10 +50,16 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
         ("summary", "Summary", summary(source)),
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
+        ("specimens", "Specimens", _specimens(source)),
         ("validation", "Validation", _validation(source)),
         ("open", "What was not determined or tested", [*_undetermined(source), *_not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+
+
+def _specimens(source: ReportSource) -> list[Block]:
+    found = source.results.specimens
+    return [] if found is None else specimen_blocks(found)
 
 
 def _validation(source: ReportSource) -> list[Block]:
@@ -153,10 +160,13 @@ def _undetermined(source: ReportSource) -> list[Block]:
         return [Paragraph("The identifiability of the parameters was not tested.")]
     weak, found = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
+    update = source.results.update
+    fisher = None if update is None else update.fisher
+    known = [] if fisher is None else [Listing(fisher.sentences)]
     if not found:
-        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}.")]
+        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
     lines = _some([c.sentence for c in found], "combination")
-    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines))]
+    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
 def _not_tested(source: ReportSource) -> list[Block]:

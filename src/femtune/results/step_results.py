@@ -153,7 +153,8 @@ class InfoResult(StepResult):
         used = sum(c.count for c in self.record.cards_read)
         ignored = sum(c.count for c in self.record.cards_ignored)
         each = [
-            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, mass {c.mass:.6g}, "
+            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, "
+            f"mass {'not known' if c.mass is None else f'{c.mass:.6g}'}, "
             f"rigid-body check: {c.rigid_body_check.verdict}"
             for c in self.record.configurations
         ]
@@ -918,8 +919,16 @@ class RunResult(StepResult):
         return Rows() if found is None else rows_of(found.parameters, *columns)
 
     @property
+    def specimens(self) -> Rows:
+        """One line per parameter and specimen: joint and separate values; no rows if the study has no specimens."""
+        found = self.results.specimens
+        columns = ("specimen", "value", "sd", "separate_value", "separate_sd")
+        records = () if found is None else found.parameters
+        return Rows.of([{"parameter": p.name, **row} for p in records for row in rows_of(p.values, *columns)])
+
+    @property
     def deck(self) -> Path | None:
-        """The updated deck; None if none was written."""
+        """The updated deck; None if none was written. Of specimens that of the first one."""
         written = self.results.write_back
         return None if written is None or not written.files else self.folder / written.files[0]
 

@@ -20,6 +20,7 @@ from femtune.results.results import Results
 from femtune.results.step_results import CandidatesResult, RunResult
 from femtune.steps.pages import checked_page, report, with_page
 from femtune.study.bootstrap import forget_bootstrap
+from femtune.study.executor import check_executor
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
@@ -280,11 +281,12 @@ def _run(
     """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
-        study = read_study(source, progress)
+        study = read_study(source, progress, fresh=fresh)
         if word == "bootstrap" and study.file.bootstrap is None:
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
+        check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     with locked(folder):

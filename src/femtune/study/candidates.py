@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
 from femtune.executor import finish
 from femtune.files.study_file import CandidatesTable
+from femtune.files.study_file.candidates import NOMINAL
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.model.full_model import direct
@@ -41,8 +43,7 @@ if TYPE_CHECKING:
     from femtune.updating import SensitivityMethod, UpdateResult
 
 CANDIDATES_FILE = "candidates.jsonl"
-NOMINAL = "initial values"
-"""Name of the model of the study as it is, which is compared too."""
+_SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,8 @@ def groups_of(study: Study, table: CandidatesTable) -> tuple[Group, ...]:
     taken = {*table.always, *(name for group in table.groups for name in group)}
     alone = () if table.groups else tuple((p.name,) for p in study.parameters.free if p.name not in taken)
     groups = (*table.groups, *alone)
+    if table.least > len(groups):
+        raise FemtuneError("candidates.sizes/groups", values={"least": table.least, "groups": len(groups)})
     most = min(table.most or len(groups), len(groups))
     count = subset_count(len(groups), table.least, most)
     if table.subsets == "nested":
@@ -216,6 +219,9 @@ def compare_candidates(
         if study.file.stage:
             raise FemtuneError("candidates.stages")
         groups = groups_of(study, table)
+        for candidate in study.file.candidate if groups else ():
+            if _SUBSET.fullmatch(candidate.name):
+                raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
     # the journal of solutions would keep thousands of them that nobody asks for again
@@ -362,8 +368,14 @@ def _tied_problem(study: Study, candidate: ParameterChoice) -> tuple[UpdateProbl
     ]  # fmt: skip
     changed = file.model_copy(update={"parameter": tuple(entries), "candidate": (), "candidates": None})
     changed._given = replace(file.given, model=study.built)
-    with errors_at(file.where("candidate", number, "ties")):
+    place = file.where("candidate", number, "ties")
+    try:
         tied = solved_by(load_study(changed), direct)
+    except FemtuneError as error:
+        # the parameter itself is right in the study
+        error.where = place
+        raise
+    with errors_at(place):
         return tied.problem(), method_of(tied.file.update, tied.parameters)
 
 
@@ -380,8 +392,6 @@ def _results(
     arrays: dict[str, Reals],
 ) -> CandidatesResults:
     solved = [i for i, f in enumerate(found) if "problem" not in f]
-    if not solved:
-        raise FemtuneError("candidates.unsolved", reason=found[0]["problem"])
     free, scatter = study.parameters, study.file.residuals.scatter
     ranking = rank_candidates(
         [_fit(found[i], free) for i in solved], scatter=scatter, threshold=table.threshold,

@@ -26,6 +26,8 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[model]`": study_file.ModelTable,
     "## `[[matrix]]`": study_file.MatrixEntry,
     "## `[[variable]]`": study_file.VariableEntry,
+    "## `[runs]`": study_file.RunsModelTable,
+    "## `[solver]`": study_file.SolverTable,
     "## `[modes]`": study_file.ModesTable,
     "## `[[configuration]]`": study_file.ConfigurationEntry,
     "## `[[component]]`": study_file.ComponentEntry,

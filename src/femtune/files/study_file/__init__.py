@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
     from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
+        MEASURED,
         ConfigurationEntry,
         LeaveOutEntry,
         MassEntry,
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
+    from femtune.files.study_file.runs import RunsModelTable
+    from femtune.files.study_file.solver import SolverTable
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
@@ -60,6 +63,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "MEASURED",
     "BootstrapTable",
     "CandidateEntry",
     "CandidatesTable",
@@ -92,6 +96,7 @@ __all__ = [
     "ResidualsTable",
     "ResponseTable",
     "RigidFloorEntry",
+    "RunsModelTable",
     "ScreenTable",
     "SearchTable",
     "SelectTable",
@@ -99,6 +104,7 @@ __all__ = [
     "SensorTerm",
     "SensorsTable",
     "SingleTest",
+    "SolverTable",
     "StageEntry",
     "StudyFile",
     "StudyTable",

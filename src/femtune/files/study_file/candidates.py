@@ -14,6 +14,9 @@ from femtune.files.study_file.source import Place, StudyLines, named_twice, numb
 
 Names = tuple[Text, ...]
 
+NOMINAL = "initial values"
+"""Name of the model of the study as it is, which is compared too."""
+
 
 class CandidateEntry(TomlTable):
     """[[candidate]]: the parameters that move, and those that follow them; all others keep their initial values."""
@@ -55,7 +58,12 @@ def candidate_rules(data: Data, source: StudyLines) -> Problems:
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
     free = [e["name"] for _, e in tables(data, "parameter") if isinstance(e.get("name"), str) and "tie" not in e]
     for place, entry in entries:
-        yield from _known((*place, "parameters"), texts(entry.get("parameters")), free, source)
+        if entry.get("name") == NOMINAL:
+            yield source.error((*place, "name"), "candidates.name", {}, name=NOMINAL)
+        moving = texts(entry.get("parameters"))
+        yield from _known((*place, "parameters"), moving, free, source)
+        for name in sorted({name for name in moving if moving.count(name) > 1}):
+            yield source.error((*place, "parameters"), "candidates.twice/parameters", {}, name=name)
         yield from _ties(place, entry, free, source)
     asked = table(data, "candidates")
     yield from _known(("candidates", "always"), texts(asked.get("always")), free, source)

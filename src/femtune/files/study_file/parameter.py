@@ -62,6 +62,7 @@ class ParameterEntry(TomlTable):
     prior: Text | None = None
     prior_name: Text | None = None
     tie: Expression | None = None
+    individual: bool = False
     unit: str = ""
 
     @property

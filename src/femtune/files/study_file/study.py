@@ -23,6 +23,8 @@ from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
+from femtune.files.study_file.runs import RunsModelTable
+from femtune.files.study_file.solver import SolverTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
@@ -78,6 +80,8 @@ class StudyFile(TomlTable):
     model: ModelTable = Field(default_factory=ModelTable)
     matrix: tuple[MatrixEntry, ...] = ()
     variable: tuple[VariableEntry, ...] = ()
+    runs: RunsModelTable | None = None
+    solver: SolverTable | None = None
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
     component: tuple[ComponentEntry, ...] = ()
@@ -137,6 +141,11 @@ class StudyFile(TomlTable):
         return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
 
     @property
+    def specimens(self) -> tuple[str, ...]:
+        """Names of the nominally identical specimens, in the order of their configurations; none without them."""
+        return tuple(dict.fromkeys(c.specimen for c in self.configuration if c.specimen is not None))
+
+    @property
     def comparisons(self) -> tuple[Comparison, ...]:
         """All residuals: those of [residuals], and every [[residual]]."""
         tables = (Comparison(entry, ("residual", i)) for i, entry in enumerate(self.residual))
@@ -149,13 +158,15 @@ class StudyFile(TomlTable):
 
     @property
     def source_name(self) -> str:
-        """Name of the model in the study: the deck, or the file of the first matrix."""
-        return self.study.deck or self.matrix[0].file
+        """Name of the model in the study: the deck, the file of the first matrix, the table of runs, or a template."""
+        return self.study.deck or (
+            self.solver.templates[0] if self.solver else self.runs.file if self.runs else self.matrix[0].file
+        )
 
     @property
     def imported(self) -> bool:
-        """True for a study of matrices."""
-        return bool(self.matrix)
+        """True for a study of matrices or runs of another solver, which has no deck."""
+        return bool(self.matrix) or self.runs is not None or self.solver is not None
 
     @property
     def output_folder(self) -> Path:
