@@ -30,6 +30,7 @@ from femtune.results.truncation import frf_truncations
 from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
+from femtune.results.vibration import VibrationTests
 from femtune.study.bootstrap import bootstrap_at
 from femtune.study.damping_values import write_damping
 from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from femtune.results.truncation import FrfTruncation
     from femtune.results.update import SelectionResults
     from femtune.results.versions import ModelRecords
+    from femtune.results.vibration import VibrationResults
     from femtune.study.find_parameters import FoundParameters
     from femtune.study.write_back import WriteBack
 
@@ -86,6 +88,7 @@ class Known:
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     deviations : those of the FRFs at the start and the end of the update
+    vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the updated model
     quantify : covariance of the parameters from the repeats
     bootstrap : spread of the parameters by a bootstrap of the FRFs
     specimens : nominally identical specimens beside each other
@@ -108,6 +111,8 @@ class Known:
     truncation: tuple[FrfTruncation, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
+    vibration_tests: VibrationTests = _LATER
+    vibrations: tuple[VibrationResults, ...] = ()
     quantify: QuantifyResults | None = None
     bootstrap: BootstrapResults | None = None
     specimens: SpecimenResults | None = None
@@ -219,9 +224,9 @@ class Run:
             "specimens": known.specimens,
             "mapped_damping": known.mapped_damping,
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs).model_copy(
-                update={"deviations": known.deviations}
-            ),
+            "validation": validation(
+                self.study, versions[0], versions[-1], predicted, known.unused_frfs, known.vibrations
+            ).model_copy(update={"deviations": known.deviations}),
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
@@ -244,7 +249,7 @@ def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
         parameters=parameter_facts(study),
         citations=what_ran(study),
     )
-    return {"facts": facts, "repeats": repeats}
+    return {"facts": facts, "repeats": repeats, "vibration_tests": VibrationTests.of(study)}
 
 
 def _correlate(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -295,6 +300,10 @@ def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
     before = unused_frfs(run.study, known.start.x, {}, run.progress) if some else ()
     deviations = frf_deviations(known.start, known.parameters.result.after, before, found)
     return {"unused_frfs": found, "deviations": deviations}
+
+
+def _vibrations(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"vibrations": known.vibration_tests.beside(run.study, known.parameters.result.x)}
 
 
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -364,6 +373,7 @@ UNTIL_UPDATED = (
     Step("correlate after", _correlate_after),
     Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
+    Step("vibration tests", _vibrations),
 )
 ONCE_UPDATED = (
     Step("specimens", _specimens, optional="comparison of the specimens"),

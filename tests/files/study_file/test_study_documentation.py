@@ -64,6 +64,7 @@ _TABLES: dict[str, type[TomlTable]] = {
     "## `[checks]`": study_file.ChecksTable,
     "## `[validate]`": study_file.ValidateTable,
     "## `[[hold_out]]`": study_file.HoldOutEntry,
+    "## `[[vibration]]`": study_file.VibrationEntry,
     "## `[write]`": study_file.WriteTable,
     "## `[output]`": study_file.OutputTable,
 }

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     )
     from femtune.files.study_file.study import Given, StudyFile
     from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+    from femtune.files.study_file.vibration import VibrationEntry
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -112,6 +113,7 @@ __all__ = [
     "UpdateTable",
     "ValidateTable",
     "VariableEntry",
+    "VibrationEntry",
     "WriteTable",
     "element_list",
     "frozen",

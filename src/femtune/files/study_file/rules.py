@@ -27,6 +27,7 @@ from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
+from femtune.files.study_file.vibration import vibration_rules
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -47,6 +48,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     yield from candidate_rules(data, source)
     yield from specimen_rules(data, source)
     yield from experiment_rules(data, source)
+    yield from vibration_rules(data, source)
     yield from generic_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)

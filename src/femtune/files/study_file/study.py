@@ -43,6 +43,7 @@ from femtune.files.study_file.step_tables import (
     WriteTable,
 )
 from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+from femtune.files.study_file.vibration import VibrationEntry
 
 if TYPE_CHECKING:
     from femtune.files.nastran.build import BuiltModel
@@ -99,6 +100,7 @@ class StudyFile(TomlTable):
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")
+    vibration: tuple[VibrationEntry, ...] = ()
     checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()

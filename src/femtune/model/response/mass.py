@@ -137,7 +137,7 @@ def effective_mass(modes: EigenSolution) -> EffectiveMass:
     point = modes.point
     nodes = point.configured.model.structure.nodes
     motions = rigid_body_modes(nodes)
-    forces = _inertial_forces(point, motions)
+    forces = inertial_forces(point, motions)
     about = mass_properties_of(motions.T @ forces, np.zeros(3))
     # the six motions about the centre are combinations of those about the origin
     move = arm_transform(np.eye(3)[None], -about.centre[None], np.eye(3)[None])[0]
@@ -154,7 +154,7 @@ def _least(total: Reals, arms: Reals) -> Reals:
     return _NOTHING * mass * np.repeat([1.0, reach], 3)
 
 
-def _inertial_forces(point: ModelPoint, motions: Reals) -> Reals:
+def inertial_forces(point: ModelPoint, motions: Reals) -> Reals:
     """(n_g, 6) M_g r at the parameters of the point, before any constraint."""
     configured = point.configured
     structure, off = configured.model.structure, list(configured.configuration.elements_off)
