@@ -116,7 +116,7 @@ def _what_is_there(case: StudyCase) -> str:
     return "it is kept for validation"
 
 
-def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def read_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """As `load_study`, for steps that need a test.
 
     Raises
@@ -125,11 +125,13 @@ def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     """
     if not isinstance(source, StudyFile) and is_deck(source):
         raise FemtuneError("study.deck-alone", where=Where(str(source)))
-    return load_study(source, progress)
+    return load_study(source, progress, fresh=fresh)
 
 
-def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
+
+    A study of an external solver is run around its initial values; with `fresh` what was run before is run again.
 
     Raises
     ------
@@ -140,7 +142,15 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
         file = source
     else:
         file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
-    built = with_parameters_of_modes(file, _built(file, progress))
+    if file.solver is not None:
+        from femtune.assembly.external import of_solver  # noqa: PLC0415  few studies have a solver
+
+        file = of_solver(file)
+    built = with_parameters_of_modes(file, _built(file, progress, fresh))
+    if file.runs is not None:
+        from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
+
+        file = with_modes_of_runs(file, built)
     with errors_at_cards(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
     if not file.imported:
@@ -159,8 +169,17 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     return replace(study, units_known=file.given.units_known)
 
 
-def _built(file: StudyFile, progress: Progress) -> BuiltModel:
+def _built(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
     """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.solver is not None:
+        from femtune.assembly.external import build_of_solver  # noqa: PLC0415
+
+        return file.given.model or build_of_solver(file, progress, fresh)
+    if file.runs is not None:
+        from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
+
+        progress.step("fitting the runs", 0, None)
+        return file.given.model or build_of_runs(file)
     if file.imported:
         # readers of the matrices of other solvers, which few studies have
         from femtune.assembly.imported_model import build_imported, compare_listed  # noqa: PLC0415

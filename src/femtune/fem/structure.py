@@ -117,6 +117,12 @@ class ElementBatch:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def some(self, rows: slice | Integers) -> ElementBatch:
+        """The batch with some of the elements."""
+        roles, facts = ({name: a[rows] for name, a in arrays.items()} for arrays in (self.roles, self.facts))
+        ids, nodes, dofs = self.ids[rows], self.nodes[rows], self.dofs[rows]
+        return replace(self, ids=ids, nodes=nodes, dofs=dofs, roles=roles, facts=facts)
+
     def repoint(self, mask: NDArray[np.bool_], moved: Mapping[int, int]) -> ElementBatch:
         """The batch with the roles of the masked elements moved to other positions of the value table."""
         if not mask.any():

@@ -19,7 +19,7 @@ from femtune.fem.offsets import check_spans, settled
 from femtune.fem.values import TableJet
 from femtune.model.imported.model import with_assembled
 from femtune.model.over_frequency import FrequencyTable
-from femtune.model.terms import CompiledTerms, TermFunction, compile_terms
+from femtune.model.terms import CompiledTerms, KeptTerms, TermFunction, compile_terms
 from femtune.parameters import ParameterSet
 from femtune.parameters.jet import Jet, constant
 
@@ -51,20 +51,29 @@ class ParametricModel:
     `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
     says for each kind of matrix which entries of the table (n,) it needs. `names` has the names in `parameters` of
     those in `placed` and `assignments` that are called differently there. `tables` multiply entries by functions of
-    frequency. `given` is the structure of which the model was made, before fields were split. `shared` is the model
-    whose matrices this one has, with its own parameters in their place; see `of_specimen`.
+    frequency. `given` is the structure of which the model was made, before fields were split; `kept` has the terms.
+    `shared` is the model whose matrices this one has, with its own parameters in their place; see `of_specimen`.
     """
 
     structure: Structure
     parameters: ParameterSet
     assignments: tuple[Assignment, ...]
     placed: tuple[tuple[str, int, bool], ...]
-    terms: tuple[TermFunction, ...] = field(repr=False)
+    kept: KeptTerms = field(repr=False)
     used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
     tables: tuple[FrequencyTable, ...] = ()
     given: Structure | None = field(default=None, repr=False)
     names: Mapping[str, str] = field(default_factory=dict)
     shared: ParametricModel | None = field(default=None, repr=False)
+
+    @property
+    def terms(self) -> tuple[TermFunction, ...]:
+        """The terms; those that were released are compiled again."""
+        return self.kept.every
+
+    def release_terms(self) -> None:
+        """Give the memory of the element matrices back; configurations that are made already do not need them."""
+        self.kept.release()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process makes the model again: the matrices are larger than the structure."""
@@ -187,16 +196,23 @@ def parametric_model(
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), (), tables=tables)
+    bare = ParametricModel(
+        structure, parameters, assignments, tuple(placed.values()), KeptTerms((), tuple), tables=tables
+    )
     _check_tables(bare)
     tabled = [int(i) for at in bare.tabled for i in at]
     touched, samples = structure.values.dependents([*placed, *tabled]), _samples(bare)
     check_untouched(structure, touched)
     structure = settled(structure, samples)
     check_spans(structure, _at_bounds(bare))
-    compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
+
+    def compiled_terms() -> CompiledTerms:
+        return with_assembled(compile_terms(structure, touched, samples), structure, touched)
+
+    compiled = compiled_terms()
+    kept = KeptTerms(compiled.terms, lambda: compiled_terms().terms)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    found = replace(bare, structure=structure, terms=compiled.terms, used=compiled.used, given=given)
+    found = replace(bare, structure=structure, kept=kept, used=compiled.used, given=given)
     _check_tables_act(found)
     return found
 

@@ -29,6 +29,7 @@ from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord, alert
 from femtune.results.checks import ModelCheck, mass_checks
+from femtune.results.neutral_axis import of_neutral_axis
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -145,8 +146,8 @@ class ModelConfiguration(Record):
     """Constraints by origin: grid points (PS), SPC set, configuration; each DOF is counted once."""
     held_dofs: tuple[HeldDof, ...]
     """DOFs constrained by AUTOSPC."""
-    mass: float
-    """Mass of the model, in the study's unit of mass."""
+    mass: float | None
+    """Mass of the model, in the study's unit of mass; None for a model of runs, which does not tell it."""
     centre_of_gravity: Vector3 | None
     """In the basic system, in the study's unit of length; None where the points have no coordinates."""
     inertia: tuple[Vector3, Vector3, Vector3] | None
@@ -392,7 +393,8 @@ class ModelModes(Record):
     test_masses: TestMassEffect | None = None
     """Effect of the masses of the test equipment; None if the configuration has no `masses_file`."""
     alerts: tuple[Alert, ...] = ()
-    """Remarks on these modes: which of them depend on the drilling stiffness of shells."""
+    """Remarks on these modes: which of them depend on the drilling stiffness of shells, or on the place of the mass of
+    beams with an offset neutral axis."""
     mesh: ModelCheck | None = None
     """Errors of the frequencies due to the mesh, from the step modes; None in a run, which has them in
     SelectionResults."""
@@ -566,6 +568,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
     structure, configuration = study.model.structure, case.configured.configuration
     mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass"))
     weighed = configuration.weighed_mass
+    placed = structure.nodes.has_coordinates and study.file.runs is None
     return ModelConfiguration(
         configuration=configuration.name,
         grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
@@ -575,9 +578,9 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         held_dofs=tuple(
             HeldDof(dof=str(d), reason="no stiffness from any element (AUTOSPC)") for d in case.configured.held_singular
         ),
-        mass=mass.mass,
-        centre_of_gravity=_vector(mass.centre) if structure.nodes.has_coordinates else None,
-        inertia=_matrix(mass.central_inertia) if structure.nodes.has_coordinates else None,
+        mass=None if study.file.runs is not None else mass.mass,
+        centre_of_gravity=_vector(mass.centre) if placed else None,
+        inertia=_matrix(mass.central_inertia) if placed else None,
         weighed_mass=weighed,
         mass_difference_percent=None if weighed is None else 100.0 * (mass.mass / weighed - 1.0),
         rigid_body_check=_rigid_body_check(study, configuration, mass),
@@ -640,8 +643,10 @@ def _overlay(configuration: Configuration) -> Iterable[str]:
 
 def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
     structure = study.model.structure
+    if study.file.runs is not None:
+        return _not_checked("runs of another solver have no stiffness of the structure")
     if not structure.nodes.has_coordinates:
-        return _without_coordinates()
+        return _not_checked("the grid points of the model have no coordinates")
     stiffness = grid_matrix(study.model, configuration, "stiffness")
     checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
     grounded = not all(c.passed for c in checks)
@@ -661,10 +666,9 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
     )
 
 
-def _without_coordinates() -> RigidBodyCheck:
-    """Rigid-body motions are not known without coordinates."""
+def _not_checked(sentence: str) -> RigidBodyCheck:
+    """Rigid-body motions are not known, for instance without coordinates."""
     none = (0.0,) * 6
-    sentence = "the grid points of the model have no coordinates"
     return RigidBodyCheck(
         strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
         worst_dofs=(), grounding_elements=(),
@@ -784,7 +788,12 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         effective_masses=_effective_masses(solution),
         solver=solution.method,
         test_masses=effect,
-        alerts=(*_of_slow_modes(solution), *_of_drilling(name, solution), *_of_test_masses(name, effect)),
+        alerts=(
+            *_of_slow_modes(solution),
+            *_of_drilling(name, solution),
+            *of_neutral_axis(name, solution),
+            *_of_test_masses(name, effect),
+        ),
     )
 
 

@@ -22,6 +22,7 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
+from femtune.results.fisher import FisherResults
 from femtune.results.reduction import ReductionResults
 from femtune.results.search import (
     CertificateResults,
@@ -156,6 +157,8 @@ class SelectionResults(Record):
     """Identifiability, in sentences."""
     measures: SelectionMeasures | None = None
     """Collinearity, information, order and energies; None if not computed."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the initial values; None without residuals of measured FRFs."""
 
 
 class PairingEvent(Record):
@@ -393,6 +396,8 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the result; None without residuals of measured FRFs."""
     frf_truncation: tuple[FrfTruncation, ...] = ()
     """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
     iteration: int | None = None
@@ -622,8 +627,8 @@ def selection_results(
         singular_values=tuple(float(s) for s in result.singular_values),
         rank=result.rank,
         rank_threshold=NO_EFFECT,
-        undetermined=tuple(_combination(result, c) for c in result.undetermined),
-        weakly_determined=tuple(_combination(result, c) for c in result.weak),
+        undetermined=tuple(combination_record(result, c) for c in result.undetermined),
+        weakly_determined=tuple(combination_record(result, c) for c in result.weak),
         correlation_key="selection/correlation",
         parameters=tuple(
             IdentifiabilityResults(parameter=name, sd_ratio=float(ratio), verdict=verdict(float(ratio)))
@@ -646,7 +651,7 @@ def _sensitivities(evaluation: Evaluation) -> Iterable[Sensitivity]:
             )
 
 
-def _combination(result: Identifiability, c: Combination) -> CombinationRecord:
+def combination_record(result: Identifiability, c: Combination) -> CombinationRecord:
     shares = tuple(
         Share(parameter=name, coefficient=float(a)) for name, a in zip(result.names, c.coefficients) if abs(a) >= 1e-3
     )

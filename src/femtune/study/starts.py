@@ -135,7 +135,8 @@ def find_from_starts(
     told.begin(case.name for case in problem.cases)
     reduced = multi_start_reduced(
         problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
-        known=starts.known, report=tell, told=told,
+        known=starts.known, report=tell, executor=executor_of(study, reduced=True), sampled=starts.samples,
+        report_sample=_sample_teller(starts, progress, rules.samples), told=told,
     )  # fmt: skip
     return reduced.starts, reduction_results(reduced.update, limits), reduced.update.search
 

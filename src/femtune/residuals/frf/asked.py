@@ -26,6 +26,8 @@ from femtune.residuals.frf.scatter import FrfScatter
 
 _METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _USUAL_SD = 0.05
+_POOR = 0.1
+"""Relative error of an identified system above which modes may be missing in it."""
 
 
 class AskedFrfs(AtFirstState):
@@ -46,9 +48,11 @@ class AskedFrfs(AtFirstState):
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)
-            return _settled_functions(
+            found, told = _settled_functions(
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
+            test = asked.equalised()
+            return (found if test is None else replace(found, identified=test.redrawn)), told
 
         return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
@@ -96,12 +100,26 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         "residual.equalised", level="info", configuration=asked.name, ratio=found.damping_ratio,
         low=found.band_hz[0], high=found.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
         most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
+        left_out=_bands(found.left_out_hz),
     )  # fmt: skip
+    told = [notice]
+    if found.misfit > _POOR:
+        told.append(
+            Notice(
+                "residual.equalised-poor", configuration=asked.name, misfit=100.0 * found.misfit, modes=len(zeta),
+                order=found.largest_order,
+            )
+        )  # fmt: skip
     return (
         _select(found.frfs, measured.responses, measured.references),
         constant_damping(found.damping_ratio),
-        (notice,),
+        tuple(told),
     )
+
+
+def _bands(left_out: Sequence[tuple[float, float]]) -> str:
+    """Bands that are not compared, in words."""
+    return "".join(f", without {low:g} to {high:g} Hz" for low, high in left_out)
 
 
 def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:
@@ -117,13 +135,13 @@ def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[C
 def _settled_functions(
     entry: Any, measured: FrfSet, places: Places, scatter: FrfScatter, way: ModelWay,
     notices: tuple[Notice, ...], state: CaseState,
-) -> Settled:  # fmt: skip
+) -> tuple[FrfResidual, tuple[Notice, ...]]:  # fmt: skip
     lines, about_lines = _lines(entry, state)
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
-    doubts = against_model(found.measured, found.functions(model)[0], np.isfinite(found.sd), found.configuration)
+    doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
     return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
 
 
