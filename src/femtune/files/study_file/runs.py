@@ -41,7 +41,8 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     of_deck = "solver" in data and "deck" in table(data, "study")
     if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
-    for name in ("matrix", "variable", "reduction", "component", "generic", "frequency_table", "response", "plan"):
+    without = ("matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response")
+    for name in (*without, "plan"):
         if name in data:
             yield source.error((name,), "runs.study/table", {}, name=name)
     if "max_hz" in table(data, "modes"):
