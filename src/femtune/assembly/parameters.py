@@ -30,7 +30,14 @@ if TYPE_CHECKING:
     from femtune.fem.fields import FieldRef
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.nastran.lists import IntegerList
-    from femtune.files.study_file import ComponentEntry, NearTable, ParameterEntry, PlanTable, StudyFile
+    from femtune.files.study_file import (
+        ComponentEntry,
+        DistributionEntry,
+        NearTable,
+        ParameterEntry,
+        PlanTable,
+        StudyFile,
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
                 found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
                 continue
             chosen = region_of(file, i, built)
-            refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
+            refs = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
             found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
     return tuple(found)
@@ -83,7 +90,7 @@ def _with_known(file: StudyFile, i: int, entry: ParameterEntry) -> ParameterEntr
     return entry.model_copy(update={"mean": known.value, "sd": known.sd})
 
 
-def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
+def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
     """The field of one card, or of all cards of a name that elements of the region use."""
     ref = field_reference(text)
     if ref.id or ref.card in ("PARAM", MODAL, *WITHOUT_CARD):
@@ -214,7 +221,7 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
 def elements_of(
     file: StudyFile,
     place: tuple[str | int, ...],
-    entry: ParameterEntry | ComponentEntry | PlanTable,
+    entry: ParameterEntry | ComponentEntry | PlanTable | DistributionEntry,
     built: BuiltModel,
     subject: str,
 ) -> Numbers | None:

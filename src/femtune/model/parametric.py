@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
+from femtune.fem.distribution import varied_entries
 from femtune.fem.fields import MatrixKind
 from femtune.fem.generic import check_untouched
 from femtune.fem.offsets import check_spans, settled
@@ -25,6 +26,9 @@ from femtune.parameters.jet import Jet, constant
 # points of the parameters at which coefficients are compared, and how far around the nominal one they are
 SAMPLES = 6
 AROUND = 0.1
+# the same where values vary over elements: polynomials of amplitudes are told by more points, that are farther apart
+VARIED_SAMPLES = 400
+VARIED = 0.4
 
 
 @dataclass(frozen=True)
@@ -264,8 +268,9 @@ def _samples(model: ParametricModel) -> NDArray[np.float64]:
     value is moved towards the nominal one, where all have.
     """
     random, n = np.random.default_rng(2026), len(model.parameters.free)
-    around = random.uniform(-AROUND, AROUND, (SAMPLES - 1, n))
-    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (SAMPLES - 1, len(model.tables)))
+    count, width = (VARIED_SAMPLES, VARIED) if varied_entries(model.structure.values) else (SAMPLES, AROUND)
+    around = random.uniform(-width, width, (count - 1, n))
+    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (count - 1, len(model.tables)))
     nominal = _sample(model, np.zeros(n))
     return np.array([nominal, *(_sample(model, x, tuple(f)) for x, f in zip(around, tabled))])
 

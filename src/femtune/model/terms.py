@@ -15,6 +15,7 @@ from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.fem import Contribution, ElementBatch, Structure
 from femtune.fem.contribution import LowRank
+from femtune.fem.distribution import varied_entries
 from femtune.fem.elements import pieces
 from femtune.fem.fields import MatrixKind
 from femtune.fem.values import TableJet
@@ -427,10 +428,18 @@ def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> Co
     needed = forecast(structure, moving, samples)
     require_memory(needed, "model.memory/elements", elements=sum(map(len, structure.batches)))
     book, used = CoefficientBook(samples), _used_by_none(structure)
+    varied = _varied(structure)
     terms: list[Term] = []
     for batch in structure.batches:
-        terms += _BatchTerms(structure, batch, moving, used, book).compile()
+        terms += _BatchTerms(structure, batch, moving, used, book, varied).compile()
     return CompiledTerms(tuple(terms), used)
+
+
+def _varied(structure: Structure) -> Flags:
+    """(n,) entries of the value table that vary over a region."""
+    varied = np.zeros(len(structure.values.values), bool)
+    varied[list(varied_entries(structure.values))] = True
+    return varied
 
 
 def _used_by_none(structure: Structure) -> dict[MatrixKind, Flags]:
@@ -467,7 +476,8 @@ def _bytes_of_terms(
 ) -> int:
     alone = replace(structure, batches=(batch,))
     try:
-        terms = _BatchTerms(alone, batch, moving, _used_by_none(structure), CoefficientBook(samples)).compile()
+        own = _used_by_none(structure), CoefficientBook(samples), _varied(structure)
+        terms = _BatchTerms(alone, batch, moving, *own).compile()
     except FemtuneError:
         # what is wrong with an element is said when all are looked at
         return 0
@@ -484,6 +494,7 @@ class _BatchTerms:
     moving: Flags
     used: Mapping[MatrixKind, Flags]
     book: CoefficientBook
+    varied: Flags
     sums: dict[MatrixKind, TermSums] = field(default_factory=dict)
     middles: dict[MatrixKind, TermSums] = field(default_factory=dict)
     low_rank: Reals = field(default_factory=lambda: np.zeros(0))
@@ -507,17 +518,20 @@ class _BatchTerms:
             sums.pack()
 
     def _add(self, part: Contribution, start: int, stop: int) -> None:
-        numbers, factors = self._coefficients(part)
+        for numbers, factors in self._coefficients(part):
+            self._add_with(part, numbers, factors, (start, stop))
+
+    def _add_with(self, part: Contribution, numbers: Integers, factors: Reals, span: tuple[int, int]) -> None:
         full = numbers != NOTHING
         if isinstance(part.stored, LowRank):
             # what is constant joins the other constants of its element
             moves = full & (numbers != CONSTANT)
             if moves.any():
                 self._keep_rows(part.at, part.stored.rows)
-            self._put(self.middles, part, part.stored.middle, moves, (numbers, factors), (start, stop))
+            self._put(self.middles, part, part.stored.middle, moves, (numbers, factors), span)
             full = full & ~moves
         if full.any():
-            self._put(self.sums, part, part.matrices, full, (numbers, factors), (start, stop))
+            self._put(self.sums, part, part.matrices, full, (numbers, factors), span)
 
     def _put(
         self, kinds: dict[MatrixKind, TermSums], part: Contribution, matrices: Reals, which: Flags,
@@ -537,8 +551,11 @@ class _BatchTerms:
             self.low_rank = np.empty((len(self.batch), *rows.shape[1:]))
         self.low_rank[at] = rows
 
-    def _coefficients(self, part: Contribution) -> tuple[Integers, Reals]:
-        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor."""
+    def _coefficients(self, part: Contribution) -> Iterator[tuple[Integers, Reals]]:
+        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor.
+
+        Elements whose coefficients are combinations of several functions come once for each of these.
+        """
         at = np.stack([self.batch.roles[role][part.at] for role in part.roles], axis=1)
         first, kinds = _distinct([*at.T, *part.facts.values()])
         at, facts = at[first], {name: fact[first] for name, fact in part.facts.items()}
@@ -550,9 +567,18 @@ class _BatchTerms:
         if still.size:
             factors[still] = source.rows(still).values(self.structure.values.values[None])[0]
             numbers[still[factors[still] == 0.0]] = NOTHING
+        varied = free[self.varied[at[free]].any(axis=1)] if self.varied.any() else free[:0]
+        spanned = self.book.spanned(source.rows(varied)) if varied.size else None
+        if spanned is not None:
+            numbers[varied] = NOTHING
+            free = np.setdiff1d(free, varied)
         if free.size:
             numbers[free], factors[free] = self.book.number(source.rows(free))
-        return numbers[kinds], factors[kinds]
+        yield numbers[kinds], factors[kinds]
+        for number, weights in () if spanned is None else zip(spanned.numbers, spanned.factors):
+            own, sizes = np.full(len(first), NOTHING), np.zeros(len(first))
+            own[varied], sizes[varied] = np.where(weights == 0.0, NOTHING, number), weights
+            yield own[kinds], sizes[kinds]
 
     def _lossless(self, part: Contribution, chosen: Integers) -> Flags:
         """True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""

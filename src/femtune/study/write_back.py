@@ -13,7 +13,8 @@ import numpy as np
 from femtune.assembly.parameters import with_updated_ratios
 from femtune.errors import FemtuneError, Where
 from femtune.fem import MODAL
-from femtune.fem.fields import FACTORS
+from femtune.fem.distribution import varied_entries
+from femtune.fem.fields import AMPLITUDE, FACTORS
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
@@ -110,7 +111,15 @@ def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
 
 
 def _regions(study: Study) -> dict[str, Iterable[int]]:
-    return {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+    own = {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+    varied = [region for _, region in _varied(study)]
+    return {**own, **{region: (int(region.split()[-1]),) for region in varied}}
+
+
+def _varied(study: Study) -> Iterator[tuple[FieldRef, str]]:
+    """Values of single elements in distributions, with the name of the region that the element is."""
+    table = study.model.structure.values
+    yield from ((table.refs[i], table.refs[i].region) for i in sorted(varied_entries(table)))
 
 
 def _placed(study: Study) -> Iterator[tuple[str, FieldRef]]:
@@ -139,7 +148,10 @@ def _record(
     blocked: Mapping[FieldRef, float],
 ) -> WriteBackResults:
     owners = {ref: name for name, ref in _placed(study)}
-    lost = (*_without_card(values, owners), *(_shared(ref, owners[ref]) for ref in blocked))
+    varied = {ref for ref, _ in _varied(study)}
+    shared = (_shared(ref, owners[ref]) for ref in blocked if ref not in varied)
+    split = study.file.write.split
+    lost = (*_without_card(values, owners, split), *shared)
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
         edits=tuple(edits(study, plan, values, owners)),
@@ -167,14 +179,19 @@ def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) 
             yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} is not on any card; enter it in TABDMP1"
 
 
-def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
-    """What no card of a deck can hold."""
+def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str], split: bool) -> Iterable[str]:
+    """What no card of a deck can hold; distributions where elements get no cards of their own (`split`)."""
     for ref, value in values.items():
         if ref.card in FACTORS:
             matrices = {"stiffness": "stiffness", "mass": "mass", "viscous": "viscous damping"}[FACTORS[ref.card]]
             yield (
                 f"{owners[ref]}: no card holds a factor of the {matrices} of elements; multiply their "
                 f"materials and properties by the updated factor {value:.7g}"
+            )
+        if ref.card == AMPLITUDE and not split:
+            yield (
+                f"{owners[ref]}: {ref} = {value:.6g} was not written; split = true in [write] gives each element of "
+                "the distribution a separate card"
             )
         if ref.card == "GENERIC":
             yield f"{owners[ref]}: no card holds {ref}, so the updated value {value:.7g} was not written"

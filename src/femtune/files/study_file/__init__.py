@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.distribution import DistributionEntry
     from femtune.files.study_file.experiments import ScreenTable, SearchTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.response import LoadEntry, ResponseTable
     from femtune.files.study_file.runs import RunsModelTable
     from femtune.files.study_file.solver import SolverTable
-    from femtune.files.study_file.stage import StageEntry
+    from femtune.files.study_file.stage import ByHandEntry, StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
         CorrelateTable,
@@ -65,6 +66,7 @@ else:
 __all__ = [
     "MEASURED",
     "BootstrapTable",
+    "ByHandEntry",
     "CandidateEntry",
     "CandidatesTable",
     "ChecksTable",
@@ -73,6 +75,7 @@ __all__ = [
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "DistributionEntry",
     "EqualiseTable",
     "FrequencyTableEntry",
     "GenericEntry",

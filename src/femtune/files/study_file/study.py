@@ -14,6 +14,7 @@ from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.distribution import DistributionEntry
 from femtune.files.study_file.experiments import ScreenTable, SearchTable
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
@@ -91,6 +92,7 @@ class StudyFile(TomlTable):
     rigid_floor: tuple[RigidFloorEntry, ...] = ()
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
     generic: tuple[GenericEntry, ...] = ()
+    distribution: tuple[DistributionEntry, ...] = ()
     parameter: tuple[ParameterEntry, ...] = ()
     frequency_table: tuple[FrequencyTableEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
