@@ -46,11 +46,12 @@ if TYPE_CHECKING:
         RespondResult,
         RunResult,
         ScreenResult,
+        SearchResult,
         SelectResult,
     )
     from femtune.status import Status
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
-    from femtune.steps.of_experiments import screen
+    from femtune.steps.of_experiments import screen, search
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
@@ -94,6 +95,7 @@ __all__ = [
     "RespondResult",
     "RunResult",
     "ScreenResult",
+    "SearchResult",
     "SelectResult",
     "ShapeResidual",
     "StaticDisplacementResidual",
@@ -120,6 +122,7 @@ __all__ = [
     "respond",
     "run",
     "screen",
+    "search",
     "select",
     "simulate",
     "testing",

@@ -78,6 +78,43 @@ _register(
     year="1979",
 )
 _register(
+    "sacks1989",
+    "article",
+    author="Sacks, J. and Welch, W. J. and Mitchell, T. J. and Wynn, H. P.",
+    title="Design and analysis of computer experiments",
+    journal="Statistical Science",
+    volume="4",
+    number="4",
+    year="1989",
+)
+_register(
+    "storn1997",
+    "article",
+    author="Storn, R. and Price, K.",
+    title="Differential evolution: a simple and efficient heuristic for global optimization over continuous spaces",
+    journal="Journal of Global Optimization",
+    volume="11",
+    year="1997",
+)
+_register(
+    "deb2001",
+    "book",
+    author="Deb, K.",
+    title="Multi-Objective Optimization using Evolutionary Algorithms",
+    publisher="Wiley",
+    year="2001",
+)
+_register(
+    "hansen2001",
+    "article",
+    author="Hansen, N. and Ostermeier, A.",
+    title="Completely derandomized self-adaptation in evolution strategies",
+    journal="Evolutionary Computation",
+    volume="9",
+    number="2",
+    year="2001",
+)
+_register(
     "hedayat1999",
     "book",
     author="Hedayat, A. S. and Sloane, N. J. A. and Stufken, J.",

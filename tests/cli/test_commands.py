@@ -29,6 +29,7 @@ _COMMANDS = [
     "quantify",
     "update",
     "screen",
+    "search",
     "candidates",
     "bootstrap",
     "validate",

@@ -80,6 +80,27 @@ def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> Non
     (record,) = update.residual_counts
     assert record.rms_after is not None
     assert record.rms_after < 1.0
+    # the damping ratios of the test come back to the modes that they belong to
+    (mapped,) = run.results.mapped_damping
+    assert mapped.equalised_percent == pytest.approx(2.0)
+    pairs = [m for m in mapped.modes if m.mac is not None]
+    # bending in the plane of the test only
+    assert len(pairs) == 2
+    for m in pairs:
+        assert m.mode is not None
+        assert m.mac is not None
+        assert m.mac > 0.99
+        assert m.measured_percent == m.mapped_percent == pytest.approx(100.0 * UNEVEN[m.mode - 1], rel=0.02)
+        assert m.model_hz == pytest.approx(m.test_hz, rel=2e-3)
+    # with them the model repeats the measured FRFs as well as the identified test does
+    assert mapped.deviation_before is not None
+    assert mapped.deviation_after < 0.05 * mapped.deviation_before
+    assert mapped.deviation_identified < 1e-3
+    raw, after = run.arrays[mapped.test_values_key], run.arrays[mapped.after_values_key]
+    assert np.abs(after / raw - 1.0).mean() < 0.05
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "damping of the modes" in page
+    assert "identified test" in page
 
 
 @pytest.mark.slow

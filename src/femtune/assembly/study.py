@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 class Study:
     """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model.
 
-    With `specimens`, `model` is that of the first of them.
+    With `specimens`, `model` is that of the first of them, or of the only `specimen` that the study is limited to.
 
     `units_known` is False for a deck alone, which tells none.
     """
@@ -60,6 +60,7 @@ class Study:
     units_known: bool = True
     components: Components | None = None
     specimens: Specimens | None = None
+    specimen: str | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -80,7 +81,7 @@ class Study:
         """The study of one specimen, with the parameters of all; those of others have no effect."""
         assert self.specimens is not None
         cases = tuple(c for c in self.cases if c.entry.specimen == name)
-        return replace(self, model=self.specimens.models[name], cases=cases)
+        return replace(self, model=self.specimens.models[name], cases=cases, specimen=name)
 
     def problem(self) -> UpdateProblem:
         """The update problem of all configurations that are not kept for validation.
@@ -115,7 +116,7 @@ def _what_is_there(case: StudyCase) -> str:
     return "it is kept for validation"
 
 
-def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def read_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """As `load_study`, for steps that need a test.
 
     Raises
@@ -124,11 +125,13 @@ def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     """
     if not isinstance(source, StudyFile) and is_deck(source):
         raise FemtuneError("study.deck-alone", where=Where(str(source)))
-    return load_study(source, progress)
+    return load_study(source, progress, fresh=fresh)
 
 
-def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
+
+    A study of an external solver is run around its initial values; with `fresh` what was run before is run again.
 
     Raises
     ------
@@ -139,7 +142,11 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
         file = source
     else:
         file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
-    built = with_parameters_of_modes(file, _built(file, progress))
+    if file.solver is not None:
+        from femtune.assembly.external import of_solver  # noqa: PLC0415  few studies have a solver
+
+        file = of_solver(file)
+    built = with_parameters_of_modes(file, _built(file, progress, fresh))
     if file.runs is not None:
         from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
 
@@ -162,8 +169,12 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     return replace(study, units_known=file.given.units_known)
 
 
-def _built(file: StudyFile, progress: Progress) -> BuiltModel:
+def _built(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
     """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.solver is not None:
+        from femtune.assembly.external import build_of_solver  # noqa: PLC0415
+
+        return file.given.model or build_of_solver(file, progress, fresh)
     if file.runs is not None:
         from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
 

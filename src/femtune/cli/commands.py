@@ -340,6 +340,30 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 
 @main.command()
 @_study
+@click.option("--on", metavar="WORD", help="surrogate, or model.")
+@click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
+@click.option("--population", type=int, help="Points of a generation.")
+@click.option("--generations", type=int, help="The most generations.")
+@click.option("--seeds", type=int, help="Number of searches from different seeds.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Search the whole box for the minimum of the residuals, and confirm it on the model.
+
+    Options replace keys of [search] in the study. `update` writes the updated deck.
+    """
+    result = run_step("of_experiments:search", study, quiet, fresh=fresh, report=page, **asked)
+    out.say(result.remarks, quiet)
+    out.show("search:search_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@_study
 @_output
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver

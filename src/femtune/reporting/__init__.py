@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         build_report,
         build_responses_page,
         build_screen_page,
+        build_search_page,
     )
     from femtune.reporting.html import check_page, html_text, write_html
     from femtune.reporting.identification import build_identification_page
@@ -27,6 +28,7 @@ __all__ = [
     "build_report",
     "build_responses_page",
     "build_screen_page",
+    "build_search_page",
     "check_page",
     "html_text",
     "print_terminal",

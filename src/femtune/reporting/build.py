@@ -16,6 +16,7 @@ from femtune.reporting.short_form import (
     plan_verdict,
     responses_verdict,
     screen_verdict,
+    search_verdict,
     short_form,
     sturm_verdict,
     verdict,
@@ -73,6 +74,15 @@ def build_screen_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> D
     sentence, level = screen_verdict(results.screen)
     sections = tuple(_section(text, source) for text in section_texts("screen"))
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Screening of parameters")
+
+
+def build_search_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """A search of the whole box as data: parameters, convergence, surrogate, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.search is not None
+    sentence, level = search_verdict(results.search)
+    sections = tuple(_section(text, source) for text in section_texts("search"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Global search")
 
 
 def build_candidates_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:

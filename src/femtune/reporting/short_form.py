@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from femtune.reporting.source import ReportSource, Scores
     from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults, ModePairRecord
+    from femtune.results.global_search import GlobalSearchResults
     from femtune.results.model import ModelModes
     from femtune.results.plan import PlanResults
     from femtune.results.response import ResponseResults
@@ -264,6 +265,12 @@ def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
     """The first sentence of a screening."""
     level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
     return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
+
+
+def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
+    """What the search came to."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return found.sentences[-1], level
 
 
 def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:

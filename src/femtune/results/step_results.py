@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from femtune.results.base import Alert, ModelVersion
     from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults
+    from femtune.results.global_search import GlobalSearchResults
     from femtune.results.model import ModelFacts, ModelModes
     from femtune.results.plan import PlanResults
     from femtune.results.quantify import QuantifyResults
@@ -347,6 +348,50 @@ class ScreenResult(StepResult):
 
     def _table(self) -> Rows:
         return self.effects
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchResult(StepResult):
+    """The minimum of the squared residuals within the bounds, by a search of the whole box.
+
+    `record` is that of results.json, ``search``; `results` has it with the facts of the study, `arrays` the arrays by
+    key, `report` the page, None without one.
+    """
+
+    record: GlobalSearchResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    report: Path | None = None
+
+    @property
+    def parameters(self) -> Rows:
+        """The free parameters: `initial`, `found` by the search, and `value` after least squares on the model."""
+        return rows_of(
+            self.record.parameters, "name", "unit", "lower", "upper", "initial", "found", "value", "at_bound"
+        )
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values after least squares on the model, by name."""
+        return {p.name: p.value for p in self.record.parameters}
+
+    @property
+    def seeds(self) -> Rows:
+        """The searches: `evaluations`, `chi2` at the end, whether it is the `same` minimum."""
+        return rows_of(self.record.seeds, "seed", "evaluations", "chi2", "same", "converged")
+
+    @property
+    def history(self) -> NDArray[np.float64]:
+        """(points, 3) convergence of the searches: seed, evaluations, smallest χ² so far."""
+        return self.arrays[self.record.history_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{self.record.method} on the {self.record.on}", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.parameters
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -23,7 +23,11 @@ def check_repeatable(solver: Solver, values: Values, known: RunOutcome, toleranc
     ------
     FemtuneError : ``external.not-repeatable``
     """
-    again = solver.run(values)
+    return compare_repeated(values, known, solver.run(values), tolerance)
+
+
+def compare_repeated(values: Values, known: RunOutcome, again: RunOutcome, tolerance: float) -> float:
+    """See `check_repeatable`, for two runs that were made."""
     if known.modes is None or again.modes is None:
         bad = known if known.modes is None else again
         raise FemtuneError("external.failed", values={"point": described(values)}, failure=str(bad.failures[-1]))

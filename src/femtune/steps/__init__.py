@@ -11,7 +11,7 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
-    from femtune.steps.of_experiments import screen
+    from femtune.steps.of_experiments import screen, search
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
     from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
@@ -37,6 +37,7 @@ __all__ = [
     "respond",
     "run",
     "screen",
+    "search",
     "select",
     "simulate",
     "update",

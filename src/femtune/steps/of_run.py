@@ -281,7 +281,7 @@ def _run(
     """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
-        study = read_study(source, progress)
+        study = read_study(source, progress, fresh=fresh)
         if word == "bootstrap" and study.file.bootstrap is None:
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()

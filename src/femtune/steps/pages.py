@@ -18,6 +18,7 @@ from femtune.results.step_results import (
     RespondResult,
     RunResult,
     ScreenResult,
+    SearchResult,
 )
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from femtune.study.identification import IdentifyResult
 
 REPORT_FILE = "report.html"
-R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult)
+R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)
 
 
 def checked_page(path: Path | str | None) -> Path | None:
@@ -55,6 +56,7 @@ def report(
     | PlanResult
     | CandidatesResult
     | ScreenResult
+    | SearchResult
     | RespondResult
     | IdentifyResult,
     path: Path | str | None = None,
@@ -65,8 +67,8 @@ def report(
 
     Parameters
     ----------
-    source : what `run`, `update`, `validate`, `modes`, `plan`, `screen`, `candidates`, `respond` or `identify`
-        returned; or a run folder, or the study whose run folder is meant
+    source : what `run`, `update`, `validate`, `modes`, `plan`, `screen`, `search`, `candidates`, `respond` or
+        `identify` returned; or a run folder, or the study whose run folder is meant
     path : HTML file to write; ``report.html`` in the folder of the result by default
     progress : receives progress reports
 
@@ -107,7 +109,14 @@ def _read(source: Path | str | Study) -> RunResult:
 
 
 def document_of(
-    result: RunResult | ModesResult | PlanResult | CandidatesResult | ScreenResult | RespondResult | IdentifyResult,
+    result: RunResult
+    | ModesResult
+    | PlanResult
+    | CandidatesResult
+    | ScreenResult
+    | SearchResult
+    | RespondResult
+    | IdentifyResult,
 ) -> Document:
     """The page of a result as data."""
     from femtune import reporting  # noqa: PLC0415
@@ -120,6 +129,8 @@ def document_of(
         return reporting.build_plan_page(result.results, result.arrays)
     if isinstance(result, CandidatesResult):
         return reporting.build_candidates_page(result.results, result.arrays)
+    if isinstance(result, SearchResult):
+        return reporting.build_search_page(result.results, result.arrays)
     if isinstance(result, ScreenResult):
         return reporting.build_screen_page(result.results, result.arrays)
     if isinstance(result, RespondResult):

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.residuals import Evaluation
+    from femtune.results.base import Alert
     from femtune.results.reduction import ReductionResults
     from femtune.updating import Iteration, MultiStart, ReducedSearch, StageResult, UpdateResult
 
@@ -31,6 +32,8 @@ class FoundParameters:
     reduction : how the reduced models did, where the study asks for them
     starts : the starts, where the study asks for several
     stages : the stages of a bottom-up study
+    study : the study on the model at the result, where the model has moved
+    alerts : what is said of the runs of an external solver
     search : the reduced models at the end, from which another update may go on
     """
 
@@ -38,6 +41,8 @@ class FoundParameters:
     reduction: ReductionResults | None = None
     starts: MultiStart | None = None
     stages: tuple[StageResult, ...] = ()
+    study: Study | None = None
+    alerts: tuple[Alert, ...] = ()
     search: ReducedSearch | None = None
 
 
@@ -62,6 +67,11 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
     def tell_of_stage(stage: str, seed: int, iteration: Iteration) -> None:
         tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
 
+    if study.file.solver is not None:
+        from femtune.study.external import find_on_solver  # noqa: PLC0415  few studies have a solver
+
+        moved = find_on_solver(study, method, tell, at, progress)
+        return FoundParameters(moved.result, study=moved.study, alerts=moved.alerts)
     if study.file.stage:
         told = TrainingProgress(progress, 0 if reduction is None else reduction.full_solutions)
         result, stages = bottom_up(study, at, tell_of_stage, told)

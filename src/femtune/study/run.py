@@ -18,6 +18,7 @@ from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import unused_frfs
+from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
@@ -80,6 +81,7 @@ class Known:
     selection : which parameters the data determine
     parameters : the update
     fisher : information of the FRFs at its result
+    mapped_damping : measured damping on the modes of the updated model
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
@@ -100,6 +102,7 @@ class Known:
     selection: SelectionResults = _LATER
     parameters: FoundParameters = _LATER
     fisher: FisherResults | None = None
+    mapped_damping: tuple[MappedDamping, ...] = ()
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
@@ -214,6 +217,7 @@ class Run:
             "quantify": known.quantify,
             "bootstrap": known.bootstrap,
             "specimens": known.specimens,
+            "mapped_damping": known.mapped_damping,
             "write_back": None if written is None else written.record,
             "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs).model_copy(
                 update={"deviations": known.deviations}
@@ -262,8 +266,9 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
     found = find_parameters(run.study, run.folder, known.start, run.progress)
-    known_after = fisher_results(run.study, found.result.after, "after", found.result.active)
-    return {"parameters": found, "fisher": known_after}
+    study = found.study or run.study
+    known_after = fisher_results(study, found.result.after, "after", found.result.active)
+    return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -272,9 +277,14 @@ def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
 
 
+def _mapped_damping(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"mapped_damping": mapped_damping(known.start, known.parameters.result.after, arrays)}
+
+
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
-    records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
+    study = known.parameters.study or run.study
+    records = model_records(study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
     return {"after": records, "sensitivities": sensitivities}
 
 
@@ -290,7 +300,8 @@ def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if known.repeats is None:
         return {}
-    return {"quantify": quantify_at(run.study, known.repeats, known.parameters.result.x, arrays, run.progress)}
+    study, x = known.parameters.study or run.study, known.parameters.result.x
+    return {"quantify": quantify_at(study, known.repeats, x, arrays, run.progress)}
 
 
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -337,7 +348,7 @@ def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """The test shapes expanded to the model at its last version."""
-    study, records = run.study, known.as_written or known.after
+    study, records = known.parameters.study or run.study, known.as_written or known.after
     write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
     return {}
 
@@ -351,6 +362,7 @@ UNTIL_UPDATED = (
     Step("update", _update),
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
+    Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
 )
 ONCE_UPDATED = (

@@ -27,6 +27,7 @@ from femtune.model.reduce import (
     divide,
 )
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
+from femtune.residuals.frf.model_way import settle_all
 from femtune.residuals.frf.on_reduced import ReducedFrfs, modes_for, port_rows, served, wanted_of
 from femtune.residuals.frf.residual import KnownFunctions
 from femtune.residuals.state import reduced_case
@@ -46,6 +47,8 @@ SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
 KEPT = 3
 """Full solutions reserved for the final points of searches."""
+RANKED_FROM = 10_000
+"""DOFs from which candidates of a training are ranked, as an estimate at each of them would cost too much."""
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
@@ -212,7 +215,8 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerances at the end point
-    search : the reduced models, from which another update may go on; None where nothing was reduced
+    search : the reduced models, from which another update may go on; of many starts, enriched at the best end; None
+        where nothing was reduced
     functions : agreement of the FRFs at the end point; None where the reduced models serve none
     """
 
@@ -308,6 +312,17 @@ class ReducedSearch:
             residual.keep(states[i], functions)
         return self.problem.assess(x, states)
 
+    def assessed(self, before: Evaluation) -> Evaluation:
+        """Residuals and derivatives where the training began, of FRFs those of the reduced models.
+
+        Raises
+        ------
+        FemtuneError : those of the residuals, ``residual.nothing-compared``
+        """
+        found = self.assess(before.x, list(before.states), self.trained)
+        self.problem.check_compared(found)
+        return found
+
     def enriched(self, x: Reals, states: list[CaseState]) -> list[Trained]:
         """The models with the full modes, and the static responses that FRFs need, at a point where they are solved."""
         if not any(self.functions) and all(e <= self.rules.tolerance for e in self.errors(x, states)):
@@ -384,13 +399,15 @@ def update_reduced(
     ------
     FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.*``, and what `update` raises of `active` and priors
     """
-    before = start or problem.start(np.zeros(len(problem.parameters.free)))
+    before = start or unassessed(problem)
     if not any(state.case.on_modes or _served(state, rules) for state in before.states):
         # there is nothing that a reduced model would serve
+        before = start or problem.assess(before.x, before.states)
         return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
+    search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
+    before = start or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report, active)
@@ -409,6 +426,15 @@ def update_reduced(
     )  # fmt: skip
 
 
+def unassessed(problem: UpdateProblem) -> Evaluation:
+    """The states at the initial values, their comparisons settled, without any residual."""
+    x = np.zeros(len(problem.parameters.free))
+    states = problem.solved(x)
+    for state in states:
+        settle_all(state)
+    return Evaluation(x, tuple(states), (), has_derivatives=False)
+
+
 def train(
     problem: UpdateProblem,
     rules: ReductionRules,
@@ -416,7 +442,7 @@ def train(
     told: Told,
     active: Sequence[str] | None = None,
 ) -> ReducedSearch:
-    """Reduced models of all cases, trained from `before` on the box of the parameters that move.
+    """Reduced models of all cases, trained from the states of `before` on the box of the parameters that move.
 
     Cases of one state of the structure, such as those of nominally identical specimens, share one training.
     """
@@ -429,11 +455,13 @@ def train(
     for i, frfs in zip(which, functions):
         case, state = problem.cases[i], before.states[i]
         most = max(rules.full_solutions - KEPT, 1)
-        asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order)
+        ranked = case.configured.n_free >= RANKED_FROM
+        asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order, ranked=ranked)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
         wanted = tuple(wanted_of(state, r) for r in frfs)
         rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
-        common = (rows, partial(_solve, case), *hears, before.x, moving & _acting(case))
+        known = _most_modes(state, frfs)
+        common = (rows, partial(_solve, case, known), *hears, before.x, moving & _acting(case))
         division = _division(case, rules)
         if division is None or rules.components is None:
             trainers.append(Trainer(case.configured, asked, *common, wanted))
@@ -491,7 +519,12 @@ def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | C
     return replace(trainer, rules=finer, report=lambda trained: None)
 
 
-def _solve(case: ComparedCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:
+def _solve(
+    case: ComparedCase, known: EigenSolution, point: ModelPoint, count: int, start: EigenSolution | None
+) -> EigenSolution:
+    """Modes of the full model; those that are known where it is asked there for as many or fewer."""
+    if count <= known.wanted and np.array_equal(point.x, known.point.x):
+        return known
     # whoever keeps solutions keeps them by the model alone, not by where they started
     return case.solver.modes(point, count, None)
 
@@ -608,10 +641,12 @@ def multi_start_reduced(
     ------
     FemtuneError : as `multi_start` and `update_reduced`
     """
-    before = nominal or problem.start(np.zeros(len(problem.parameters.free)))
+    before = nominal or unassessed(problem)
+    search = train(problem, reduction, before, told, active)
+    before = nominal or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    run = _Run(problem, method, reduction, train(problem, reduction, before, told, active), told, active, [])
+    run = _Run(problem, method, reduction, search, told, active, [])
     reduced = run.search.reduced_problem()
     options: dict[str, Any] = {
         "points": points, "active": active, "known": known, "report": report, "executor": executor, "sampled": sampled,
@@ -629,7 +664,8 @@ def multi_start_reduced(
     best = on_full_model(problem, method, before, full, found.best, found.best.history)
     assert run.there is not None
     facts = run.search.facts(run.there.frequencies)
-    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, run.search, run.there.functions)
+    search = replace(run.search, trained=run.better)
+    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, search, run.there.functions)
     return ReducedStarts(replace(found, best=best), own)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
-    from femtune.files.study_file.experiments import ScreenTable
+    from femtune.files.study_file.experiments import ScreenTable, SearchTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
     from femtune.files.study_file.options import (
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         with_plan,
         with_response,
         with_screen,
+        with_search,
     )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
     from femtune.files.study_file.runs import RunsModelTable
+    from femtune.files.study_file.solver import SolverTable
     from femtune.files.study_file.stage import StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
@@ -95,11 +97,13 @@ __all__ = [
     "RigidFloorEntry",
     "RunsModelTable",
     "ScreenTable",
+    "SearchTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
     "SensorsTable",
     "SingleTest",
+    "SolverTable",
     "StageEntry",
     "StudyFile",
     "StudyTable",
@@ -122,4 +126,5 @@ __all__ = [
     "with_plan",
     "with_response",
     "with_screen",
+    "with_search",
 ]

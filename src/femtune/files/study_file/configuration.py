@@ -100,6 +100,7 @@ class ConfigurationEntry(TestKeys):
     supports_added: tuple[Support, ...] = ()
     supports_removed: tuple[Support, ...] = ()
     masses: tuple[MassEntry, ...] = ()
+    masses_file: Text | None = None
     weighed_mass: Positive | None = None
     use: Literal["update", "validation"] = "update"
 

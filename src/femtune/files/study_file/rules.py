@@ -20,7 +20,8 @@ from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
-from femtune.files.study_file.runs import runs_rules
+from femtune.files.study_file.runs import is_of_runs, runs_rules
+from femtune.files.study_file.solver import solver_rules
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
 from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
@@ -37,6 +38,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     """All breaches of rules between keys."""
     yield from matrix_rules(data, source)
     yield from runs_rules(data, source)
+    yield from solver_rules(data, source)
     yield from _modes(data, source)
     yield from _configurations(data, source)
     yield from component_rules(data, source)
@@ -82,7 +84,7 @@ def _configurations(data: Data, source: StudyLines) -> Problems:
     test = table(data, "test")
     if test and ("file" in test) == ("freq_hz" in test):
         yield source.error(("test",), "study.test-source", {})
-    if "freq_hz" in test and "runs" not in data:
+    if "freq_hz" in test and not is_of_runs(data):
         yield source.error(("test", "freq_hz"), "study.test-source/no-runs", {})
     if entries and "test" in data:
         yield source.error(("test",), "study.test-unused", {})

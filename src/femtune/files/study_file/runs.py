@@ -31,7 +31,7 @@ _OF_CONFIGURATIONS = (
 
 def is_of_runs(data: Data) -> bool:
     """True for a study whose model is made of runs."""
-    return "runs" in data
+    return "runs" in data or "solver" in data
 
 
 def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:

@@ -34,6 +34,17 @@ def free_names(data: Data) -> list[str]:
     return out
 
 
+def bounds_of(data: Data) -> dict[str, tuple[object, object]]:
+    """Bounds of these parameters."""
+    specimens, out = specimens_of(data), dict[str, tuple[object, object]]()
+    for _, entry in tables(data, "parameter"):
+        bounds, name = (entry.get("lower"), entry.get("upper")), str(entry.get("name"))
+        out[name] = bounds
+        if entry.get("individual") is True:
+            out |= {individual_name(name, s): bounds for s in specimens}
+    return out
+
+
 def specimen_rules(data: Data, source: StudyLines) -> Problems:
     """Every configuration belongs to a specimen or none does; individual parameters need some."""
     specimens = specimens_of(data)

@@ -14,7 +14,7 @@ from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
-from femtune.files.study_file.experiments import ScreenTable
+from femtune.files.study_file.experiments import ScreenTable, SearchTable
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
@@ -24,6 +24,7 @@ from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
 from femtune.files.study_file.runs import RunsModelTable
+from femtune.files.study_file.solver import SolverTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
@@ -79,6 +80,7 @@ class StudyFile(TomlTable):
     matrix: tuple[MatrixEntry, ...] = ()
     variable: tuple[VariableEntry, ...] = ()
     runs: RunsModelTable | None = None
+    solver: SolverTable | None = None
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
     component: tuple[ComponentEntry, ...] = ()
@@ -102,6 +104,7 @@ class StudyFile(TomlTable):
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
     screen: ScreenTable | None = None
+    search: SearchTable | None = None
     candidates: CandidatesTable | None = None
     candidate: tuple[CandidateEntry, ...] = ()
     response: ResponseTable | None = None
@@ -153,13 +156,15 @@ class StudyFile(TomlTable):
 
     @property
     def source_name(self) -> str:
-        """Name of the model in the study: the deck, the file of the first matrix, or the table of runs."""
-        return self.study.deck or (self.runs.file if self.runs is not None else self.matrix[0].file)
+        """Name of the model in the study: the deck, the file of the first matrix, the table of runs, or a template."""
+        return self.study.deck or (
+            self.solver.templates[0] if self.solver else self.runs.file if self.runs else self.matrix[0].file
+        )
 
     @property
     def imported(self) -> bool:
         """True for a study of matrices or runs of another solver, which has no deck."""
-        return bool(self.matrix) or self.runs is not None
+        return bool(self.matrix) or self.runs is not None or self.solver is not None
 
     @property
     def output_folder(self) -> Path:

@@ -76,7 +76,7 @@ def search_svg(histories: Sequence[tuple[str, Sequence[float], Sequence[float]]]
             axes.step(
                 evaluations, best, where="post", color=shade, linestyle=dashes, linewidth=1.2, label=cut(label, 30)
             )
-        for end in sorted({float(short(e)) for e in ends}):
+        for end in sorted({float(f"{e:.4g}") for e in ends}):
             axes.axhline(end, color=INK, linewidth=0.6, linestyle=":")
         axes.set_yscale("log")
         axes.set_xlabel("evaluations")

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from femtune.reporting.single_steps.modes import modes_document, responses_document
     from femtune.reporting.single_steps.plan import plan_document
     from femtune.reporting.single_steps.screen import screen_document
+    from femtune.reporting.single_steps.search import search_document
     from femtune.reporting.single_steps.select import selection_document
     from femtune.reporting.single_steps.validate import bootstrap_document, quantify_document, validation_document
 else:
@@ -27,6 +28,7 @@ __all__ = [
     "quantify_document",
     "responses_document",
     "screen_document",
+    "search_document",
     "selection_document",
     "subject_of",
     "validation_document",

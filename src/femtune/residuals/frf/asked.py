@@ -53,7 +53,7 @@ class AskedFrfs(AtFirstState):
             test = asked.equalised()
             return (found if test is None else replace(found, identified=test.redrawn)), told
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 class AskedAntiresonances(AtFirstState):
@@ -84,7 +84,7 @@ class AskedAntiresonances(AtFirstState):
             found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
             return found, (*notices, *left)
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
@@ -126,7 +126,7 @@ def _settled_functions(
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
-    doubts = against_model(found.measured, found.functions(model)[0], np.isfinite(found.sd), found.configuration)
+    doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
     found, times = with_enough_modes(found, state)
     return found, (*notices, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
 

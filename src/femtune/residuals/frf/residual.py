@@ -22,7 +22,7 @@ from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
 from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
-from femtune.model.response import Ports, frf_gradient, matrix_ports
+from femtune.model.response import Ports, frf_gradient, matrix_ports, survey_functions
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
@@ -188,6 +188,15 @@ class FrfResidual(Residual):
             damping=self.way.damping, residual_vectors=self.way.residual_vectors, derivatives=derivatives,
         )  # fmt: skip
         return self.at_lines(found.frfs.values[:, :, back], found.gradient[:, :, back])
+
+    def survey(self, model: ModelPoint | EigenSolution) -> Complexes:
+        """The model's functions at the lines but for their last digits, see `survey_functions`."""
+        lines, back = self.model_lines
+        values = survey_functions(
+            model, self._ports(model), lines, self.measured.kind, self.way.method,  # type: ignore[arg-type]
+            damping=self.way.damping, residual_vectors=self.way.residual_vectors,
+        )  # fmt: skip
+        return self.at_lines(values[:, :, back], np.zeros((*values.shape, 0)))[0]
 
     @cached_property
     def model_lines(self) -> tuple[Reals, Integers]:
