@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
-from femtune.model import ConfiguredModel, constant_damping, solve_modes
+from femtune.executor import Processes, Serial
+from femtune.model import (
+    ConfiguredModel,
+    EigenSolution,
+    ModelPoint,
+    SubspaceDerivative,
+    constant_damping,
+    solve_modes,
+)
+from femtune.model.full_model import direct
 from femtune.model.response import frf, make_ports
 from femtune.residuals import (
     FrequencyResidual,
@@ -18,7 +29,8 @@ from femtune.residuals import (
     frf_residual,
     state_at,
 )
-from femtune.residuals.frf.on_reduced import served
+from femtune.residuals.frf.on_reduced import modes_for, served
+from femtune.residuals.frf.residual import FrfResidual
 from femtune.residuals.frf.truncation import truncations
 from femtune.testing import check_residual
 from femtune.updating import (
@@ -30,7 +42,7 @@ from femtune.updating import (
     update,
     update_reduced,
 )
-from femtune.updating.on_reduced_model import NOBODY, train
+from femtune.updating.on_reduced_model import NOBODY, train, unassessed
 from structures.springs import factor_model, simulated_case, spring_structure
 
 TRUTH = np.array([0.1, -0.12, 0.2])
@@ -151,6 +163,26 @@ def test_starts_end_at_the_optimum(problem: UpdateProblem) -> None:
     assert np.abs((found.starts.best.x - full.x) / sd).max() < 0.01
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("with_modes", [False, True])
+def test_starts_in_processes_give_the_same_numbers(
+    chain: ConfiguredModel, problem: UpdateProblem, with_modes: bool
+) -> None:
+    if with_modes:
+        modal = simulated_case(chain, TRUTH, range(0, 60, 5), 4)
+        both = replace(modal, residuals=problem.cases[0].residuals)
+        problem = replace(problem, cases=(both,), residuals=(FrequencyResidual(0.01), ShapeResidual(0.1)))
+    rules = StartRules(count=3, samples=6)
+    one, other = (
+        multi_start_reduced(problem, SensitivityMethod(), RULES, rules, executor=executor)
+        for executor in (Serial(), Processes(2))
+    )
+    assert [s.end.tobytes() for s in one.starts.starts] == [s.end.tobytes() for s in other.starts.starts]
+    assert [s.objective for s in one.starts.samples] == [s.objective for s in other.starts.samples]
+    assert one.starts.best.x.tobytes() == other.starts.best.x.tobytes()
+    assert other.update.certified
+
+
 @pytest.mark.parametrize(
     ("way", "is_served"),
     [
@@ -166,3 +198,43 @@ def test_truncated_functions_stay_on_the_full_model(problem: UpdateProblem, way:
     limited = replace(residual, way=way)  # type: ignore[type-var]
     state = state_at(replace(case, residuals=(limited,)), np.zeros(3))
     assert served(state) == ((limited,) if is_served else ())
+
+
+def test_the_full_model_is_not_asked_for_derivatives_where_the_search_begins(
+    chain: ConfiguredModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The residuals and derivatives there are those of the reduced model, equal to those of the full one."""
+    problem = _problem(chain, 0.05, count=40)
+    full = problem.start(np.zeros(3))
+    asked: list[object] = []
+    compare = FrfResidual.compare
+    monkeypatch.setattr(FrfResidual, "compare", lambda *given: asked.append(given) or compare(*given))
+    before = update_reduced(problem, SensitivityMethod(), RULES).result.before
+    assert not asked
+    assert np.abs(before.residuals - full.residuals).max() < 0.01
+    assert np.abs(before.jacobian - full.jacobian).max() < 1e-3 * np.abs(full.jacobian).max()
+
+
+def test_modes_that_are_known_where_the_training_begins_are_not_solved_again(problem: UpdateProblem) -> None:
+    counted = Counting()
+    (case,) = problem.cases
+    once = replace(problem, cases=(replace(case, solver=counted),))
+    before = unassessed(once)
+    modes_for(before.states[0], served(before.states[0])[0])
+    search = train(once, RULES, before, NOBODY)
+    assert len(counted.points) == len(search.trained[0].certified)
+    assert len({tuple(x) for x in counted.points}) == len(counted.points)
+
+
+@dataclass
+class Counting:
+    """Solves, and keeps the points at which it was asked."""
+
+    points: list[np.ndarray] = field(default_factory=list)
+
+    def modes(self, point: ModelPoint, count: int | None, max_hz: float | None) -> EigenSolution:
+        self.points.append(point.x)
+        return direct.modes(point, count, max_hz)
+
+    def derivative(self, solution: EigenSolution, members: Sequence[int], rows: sp.csr_array) -> SubspaceDerivative:
+        return direct.derivative(solution, members, rows)

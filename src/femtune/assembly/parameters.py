@@ -21,6 +21,7 @@ from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import RegionTable, element_list
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
+from femtune.model.imported.model import field_of_variable
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 
 if TYPE_CHECKING:
@@ -56,9 +57,18 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
             entry = _with_known(file, i, given)
             where, chosen = file.where("parameter", i), region_of(file, i, built)
             refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
+            if file.runs is not None:
+                # a tied parameter is a value, too
+                refs, entry = _of_runs(entry.name, built), entry.model_copy(update={"absolute": True})
             found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
     return tuple(found)
+
+
+def _of_runs(name: str, built: BuiltModel) -> list[FieldRef]:
+    """The variable of a model of runs that has the name of the parameter; none where that is used by ties alone."""
+    ref = field_of_variable(name)
+    return [] if built.structure.values.index(ref) is None else [ref]
 
 
 def _with_known(file: StudyFile, i: int, entry: ParameterEntry) -> ParameterEntry:

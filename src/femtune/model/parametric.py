@@ -45,8 +45,10 @@ class ParametricModel:
     """K(p) = Σ a_i(p) K_i and M(p) = Σ b_i(p) M_i on all grid DOFs, with exact derivatives.
 
     `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
-    says for each kind of matrix which entries of the table (n,) it needs. `tables` multiply entries by functions of
+    says for each kind of matrix which entries of the table (n,) it needs. `names` has the names in `parameters` of
+    those in `placed` and `assignments` that are called differently there. `tables` multiply entries by functions of
     frequency. `given` is the structure of which the model was made, before fields were split; `kept` has the terms.
+    `shared` is the model whose matrices this one has, with its own parameters in their place; see `of_specimen`.
     """
 
     structure: Structure
@@ -57,6 +59,8 @@ class ParametricModel:
     used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
     tables: tuple[FrequencyTable, ...] = ()
     given: Structure | None = field(default=None, repr=False)
+    names: Mapping[str, str] = field(default_factory=dict)
+    shared: ParametricModel | None = field(default=None, repr=False)
 
     @property
     def terms(self) -> tuple[TermFunction, ...]:
@@ -69,7 +73,21 @@ class ParametricModel:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process makes the model again: the matrices are larger than the structure."""
+        if self.shared is not None:
+            return of_specimen, (self.shared, self.parameters, dict(self.names))
         return parametric_model, (self.given, self.parameters, self.assignments, self.tables)
+
+    @cached_property
+    def foreign(self) -> frozenset[str]:
+        """Parameters that belong to other specimens and have no effect on this model."""
+        if self.shared is None:
+            return frozenset()
+        own = {self.name_of(p.name) for p in self.shared.parameters.parameters}
+        return frozenset(p.name for p in self.parameters.parameters if p.name not in own)
+
+    def name_of(self, placed: str) -> str:
+        """Name in `parameters` of a parameter of `placed` or of an assignment."""
+        return self.names.get(placed, placed)
 
     def table(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
         """The value table with derivatives by the normalised free parameters x.
@@ -79,7 +97,8 @@ class ParametricModel:
         jets = self.parameters.jets(x)
         nominal = self.structure.values.values
         assigned = [
-            (at, jets[name][None] * nominal[at] if relative else jets[name]) for name, relative, at in self._fields
+            (at, jets[self.name_of(name)][None] * nominal[at] if relative else jets[self.name_of(name)])
+            for name, relative, at in self._fields
         ]
         k = len(self.parameters.free)
         if factors:
@@ -192,6 +211,17 @@ def parametric_model(
     found = replace(bare, structure=structure, kept=kept, used=compiled.used, given=given)
     _check_tables_act(found)
     return found
+
+
+def of_specimen(model: ParametricModel, parameters: ParameterSet, names: Mapping[str, str]) -> ParametricModel:
+    """The same matrices with the parameters of one of several specimens.
+
+    Parameters
+    ----------
+    parameters : those of all specimens; derivatives by what belongs to other specimens are zero
+    names : what a parameter of `model` is called there, where it has another name
+    """
+    return replace(model, parameters=parameters, names=dict(names), shared=model)
 
 
 def _own(structure: Structure, assignments: Sequence[Assignment], tables: Sequence[FrequencyTable]) -> list[FieldRef]:

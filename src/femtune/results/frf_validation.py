@@ -208,7 +208,7 @@ def _table(study: Study, case: StudyCase) -> ResponseTable:
     assert case.test is not None
     assert case.test.frfs is not None
     entries = _entries(study)
-    own = [e for e in entries if e.configuration in (None, case.name)] or entries
+    own = [e for e in entries if e.is_in(case.name, several=False, used=True)] or entries
     given = study.file.validation
     keys: dict[str, object] = {"kind": case.test.frfs.kind}
     if own:

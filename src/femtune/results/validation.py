@@ -287,7 +287,7 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
         return float(known[test] / case.modal.test.freq_hz[test])
     entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidualEntry)]
     # of residuals of frequencies in this configuration, else in the others, the largest one
-    own = [e for e in entries if e.configuration in (None, case.name)]
+    own = [e for e in entries if e.is_in(case.name, several=False, used=True)]
     return max((e.sd_of_frequency for e in own or entries if e.sd_of_frequency is not None), default=None)
 
 

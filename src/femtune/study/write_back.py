@@ -40,11 +40,11 @@ _OF_NO_CARD = (MODAL, *WITHOUT_CARD)
 
 @dataclass(frozen=True, eq=False)
 class WriteBack:
-    """What was written, and the written deck read again."""
+    """What was written, and the written deck read again, of each specimen; None is that of a study without them."""
 
     record: WriteBackResults
     written: dict[str, tuple[WrittenValue, ...]]
-    built: BuiltModel
+    built: dict[str | None, BuiltModel]
 
 
 def check_inputs_safe(study: Study, folder: Path) -> None:
@@ -54,7 +54,8 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     ------
     FemtuneError : ``write.overwrites-input``
     """
-    check_overwrites(study.built.deck, folder, NAME)
+    for place in (folder,) if study.specimens is None else (folder / name for name in study.specimens.names):
+        check_overwrites(study.built.deck, place, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
@@ -64,12 +65,30 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
-    """Write the updated deck into a folder and read it again.
+    """Write the updated deck into a folder and read it again; of specimens each one's into a folder of its own.
 
     Raises
     ------
     FemtuneError : ``run.unwritable`` and the codes ``write.*``
     """
+    if study.specimens is None:
+        return _write_deck(study, result, folder, folder, wide)
+    found: dict[str | None, WriteBack] = {
+        name: _write_deck(study.of_specimen(name), result, folder, folder / name, wide)
+        for name in study.specimens.names
+    }
+    records = [one.record for one in found.values()]
+    # what a common parameter changes is the same in all decks, and is listed once
+    together = {
+        name: tuple(dict.fromkeys(value for record in records for value in getattr(record, name)))
+        for name in WriteBackResults.model_fields
+    }
+    written = {name: values for one in found.values() for name, values in one.written.items()}
+    built = {name: deck for name, one in found.items() for deck in one.built.values()}
+    return WriteBack(WriteBackResults(**together), written, built)
+
+
+def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     values = study.model.field_values(result.x)
     values = {**values, **study.model.structure.values.following(values, study.built.fields)}
     regions = _regions(study)
@@ -80,8 +99,8 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
     rebuilt = with_updated_ratios(rebuilt, values)
-    record = _record(study, plan, deck, folder, values, blocked)
-    return WriteBack(record, _written(study, plan), rebuilt)
+    record = _record(study, plan, deck, run, values, blocked)
+    return WriteBack(record, _written(study, plan), {None: rebuilt})
 
 
 def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
@@ -97,7 +116,8 @@ def _regions(study: Study) -> dict[str, Iterable[int]]:
 def _placed(study: Study) -> Iterator[tuple[str, FieldRef]]:
     """Each field with the parameter that sets it, or that sets what it follows from."""
     table = study.model.structure.values
-    for name, i, _ in study.model.placed:
+    for placed, i, _ in study.model.placed:
+        name = study.model.name_of(placed)
         yield name, table.refs[i]
         yield from ((name, ref) for ref in table.followers([table.refs[i]], study.built.fields))
 
@@ -163,7 +183,7 @@ def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, st
 def _no_fields(study: Study) -> Iterable[str]:
     used = {name for name, _ in _placed(study)}
     for p in study.parameters.parameters:
-        if p.name not in used:
+        if p.name not in used and p.name not in study.model.foreign:
             yield f"{p.name} has no field in the deck: {_use(p, study)}"
 
 

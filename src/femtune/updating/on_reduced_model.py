@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.executor import Executor
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.reduce import (
     Components,
@@ -25,6 +27,7 @@ from femtune.model.reduce import (
     divide,
 )
 from femtune.residuals import CaseState, ComparedCase, Evaluation, FrfResidual, ResidualBlock, UpdateProblem
+from femtune.residuals.frf.model_way import settle_all
 from femtune.residuals.frf.on_reduced import ReducedFrfs, modes_for, port_rows, served, wanted_of
 from femtune.residuals.frf.residual import KnownFunctions
 from femtune.residuals.state import reduced_case
@@ -38,12 +41,14 @@ from femtune.updating.sensitivity_method import (
     moving_parameters,
     update,
 )
-from femtune.updating.starts import DEFAULT_RULES, MultiStart, StartResult, StartRules, follow_up, multi_start
+from femtune.updating.starts import DEFAULT_RULES, MultiStart, Sample, StartResult, StartRules, follow_up, multi_start
 
 SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
 KEPT = 3
 """Full solutions reserved for the final points of searches."""
+RANKED_FROM = 10_000
+"""DOFs from which candidates of a training are ranked, as an estimate at each of them would cost too much."""
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""
 _DETERMINED = 1e-10
@@ -210,7 +215,8 @@ class ReducedUpdate:
     cases : facts of each configuration
     rounds : what happened each time the search ended, a sentence each
     certified : True where full and reduced models agree within the tolerances at the end point
-    search : the reduced models, from which another update may go on; None where nothing was reduced
+    search : the reduced models, from which another update may go on; of many starts, enriched at the best end; None
+        where nothing was reduced
     functions : agreement of the FRFs at the end point; None where the reduced models serve none
     """
 
@@ -240,6 +246,16 @@ class ReducedSearch:
     trained: list[Trained]
     estimates: list[Trained]
     history: list[Iteration]
+
+    def part(self, problem: UpdateProblem) -> ReducedSearch:
+        """The reduced models of those cases that another problem has too, by their names."""
+        positions = {case.name: i for i, case in enumerate(problem.cases)}
+        at = [k for k, i in enumerate(self.reduced) if self.problem.cases[i].name in positions]
+        own = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
+        functions, trainers, trained, estimates = (
+            [of[k] for k in at] for of in (self.functions, self.trainers, self.trained, self.estimates)
+        )
+        return ReducedSearch(problem, self.rules, own, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
 
     def reduced_problem(self) -> UpdateProblem:
         cases = list(self.problem.cases)
@@ -295,6 +311,17 @@ class ReducedSearch:
         for (i, residual, functions), _ in self._functions(x, better):
             residual.keep(states[i], functions)
         return self.problem.assess(x, states)
+
+    def assessed(self, before: Evaluation) -> Evaluation:
+        """Residuals and derivatives where the training began, of FRFs those of the reduced models.
+
+        Raises
+        ------
+        FemtuneError : those of the residuals, ``residual.nothing-compared``
+        """
+        found = self.assess(before.x, list(before.states), self.trained)
+        self.problem.check_compared(found)
+        return found
 
     def enriched(self, x: Reals, states: list[CaseState]) -> list[Trained]:
         """The models with the full modes, and the static responses that FRFs need, at a point where they are solved."""
@@ -372,13 +399,15 @@ def update_reduced(
     ------
     FemtuneError : ``correlate.no-pairs``, ``eigen.*``, ``reduce.*``, and what `update` raises of `active` and priors
     """
-    before = start or problem.start(np.zeros(len(problem.parameters.free)))
+    before = start or unassessed(problem)
     if not any(state.case.on_modes or _served(state, rules) for state in before.states):
         # there is nothing that a reduced model would serve
+        before = start or problem.assess(before.x, before.states)
         return ReducedUpdate(update(problem, method, report, before, active), (), (NOTHING_REDUCED,), True)
+    search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
+    before = start or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    search = train(problem, rules, before, told, active) if search is None else replace(search, history=[])
     x, rounds = before.x, list[str]()
     while True:
         found = _search(search, method, x, report, active)
@@ -397,6 +426,15 @@ def update_reduced(
     )  # fmt: skip
 
 
+def unassessed(problem: UpdateProblem) -> Evaluation:
+    """The states at the initial values, their comparisons settled, without any residual."""
+    x = np.zeros(len(problem.parameters.free))
+    states = problem.solved(x)
+    for state in states:
+        settle_all(state)
+    return Evaluation(x, tuple(states), (), has_derivatives=False)
+
+
 def train(
     problem: UpdateProblem,
     rules: ReductionRules,
@@ -404,9 +442,12 @@ def train(
     told: Told,
     active: Sequence[str] | None = None,
 ) -> ReducedSearch:
-    """Reduced models of all cases, trained from `before` on the box of the parameters that move."""
+    """Reduced models of all cases, trained from the states of `before` on the box of the parameters that move.
+
+    Cases of one state of the structure, such as those of nominally identical specimens, share one training.
+    """
     trainers: list[Trainer | ComponentTrainer] = []
-    trained, moving = [], np.zeros(len(before.x), bool)
+    trained, moving = list[Trained](), np.zeros(len(before.x), bool)
     moving[moving_parameters(problem, active)] = True
     by_case = [_served(state, rules) for state in before.states]
     which = [i for i, case in enumerate(problem.cases) if case.on_modes or by_case[i]]
@@ -414,18 +455,35 @@ def train(
     for i, frfs in zip(which, functions):
         case, state = problem.cases[i], before.states[i]
         most = max(rules.full_solutions - KEPT, 1)
-        asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order)
+        ranked = case.configured.n_free >= RANKED_FROM
+        asked = TrainingRules(_count(state, frfs), SEARCH * rules.tolerance, most, rules.order, ranked=ranked)
         hears = partial(told.trained, case.name), partial(told.estimated, case.name)
         wanted = tuple(wanted_of(state, r) for r in frfs)
         rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
-        common = (rows, partial(_solve, case), *hears, before.x, moving)
+        known = _most_modes(state, frfs)
+        common = (rows, partial(_solve, case, known), *hears, before.x, moving & _acting(case))
         division = _division(case, rules)
         if division is None or rules.components is None:
             trainers.append(Trainer(case.configured, asked, *common, wanted))
         else:
             trainers.append(ComponentTrainer(case.configured, asked, rules.components, division, *common))
-        trained.append(trainers[-1].train(trainers[-1].start()))
+        trained.append(_shared(trainers, trained) or trainers[-1].train(trainers[-1].start()))
     return ReducedSearch(problem, rules, which, functions, trainers, trained, trained, [])
+
+
+def _acting(case: ComparedCase) -> NDArray[np.bool_]:
+    """(k,) parameters that have an effect in a case: none of other specimens."""
+    model = case.configured.model
+    return np.array([p.name not in model.foreign for p in model.parameters.free], bool)
+
+
+def _shared(trainers: Sequence[Trainer | ComponentTrainer], trained: Sequence[Trained]) -> Trained | None:
+    """What an earlier training gives for the last trainer; None where none is of the same matrices and points."""
+    last = trainers[-1]
+    for other, found in zip(trainers, trained):
+        if isinstance(last, Trainer) and isinstance(other, Trainer) and last.served_by(other):
+            return last.taken_from(other, found)
+    return None
 
 
 def _division(case: ComparedCase, rules: ReductionRules) -> Division | None:
@@ -461,7 +519,12 @@ def _finer(trainer: Trainer | ComponentTrainer, tolerance: float) -> Trainer | C
     return replace(trainer, rules=finer, report=lambda trained: None)
 
 
-def _solve(case: ComparedCase, point: ModelPoint, count: int, start: EigenSolution | None) -> EigenSolution:
+def _solve(
+    case: ComparedCase, known: EigenSolution, point: ModelPoint, count: int, start: EigenSolution | None
+) -> EigenSolution:
+    """Modes of the full model; those that are known where it is asked there for as many or fewer."""
+    if count <= known.wanted and np.array_equal(point.x, known.point.x):
+        return known
     # whoever keeps solutions keeps them by the model alone, not by where they started
     return case.solver.modes(point, count, None)
 
@@ -557,6 +620,9 @@ def multi_start_reduced(
     active: Sequence[str] | None = None,
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
+    executor: Executor | None = None,
+    sampled: Mapping[int, Sample] | None = None,
+    report_sample: Callable[[Sample], None] | None = None,
     told: Told = NOBODY,
 ) -> ReducedStarts:
     """`multi_start` on reduced models, which the full models certify at the best end.
@@ -568,31 +634,38 @@ def multi_start_reduced(
     Parameters
     ----------
     equation_error : whether starts first go through `equation_error_phases`; hops are judged by the equation error then
-    nominal, points, active, known, report : as for `multi_start`
+    nominal, points, active, known, report, executor, sampled, report_sample : as for `multi_start`
     told : as for `update_reduced`
 
     Raises
     ------
     FemtuneError : as `multi_start` and `update_reduced`
     """
-    before = nominal or problem.start(np.zeros(len(problem.parameters.free)))
+    before = nominal or unassessed(problem)
+    search = train(problem, reduction, before, told, active)
+    before = nominal or search.assessed(before)
     side = method.regularisation.settle(linear_model(problem, before, moving_parameters(problem, active)))
     method = replace(method, regularisation=side)
-    run = _Run(problem, method, reduction, train(problem, reduction, before, told, active), told, active, [])
+    run = _Run(problem, method, reduction, search, told, active, [])
     reduced = run.search.reduced_problem()
+    options: dict[str, Any] = {
+        "points": points, "active": active, "known": known, "report": report, "executor": executor, "sampled": sampled,
+        "report_sample": report_sample,
+    }  # fmt: skip
     if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
-        found = multi_start(last, NO_SIDE, rules, first=first, points=points, active=active, known=known, report=report)
+        found = multi_start(last, NO_SIDE, rules, first=first, **options)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
         found = follow_up(found, run.search.reduced_problem(), method, side, active)
     else:
-        found = multi_start(reduced, method, rules, points=points, active=active, known=known, report=report)
+        found = multi_start(reduced, method, rules, **options)
     found = run.certify(found, lambda p: p, method)
     full = run.search.assess(found.best.x, run.states, run.better)
     best = on_full_model(problem, method, before, full, found.best, found.best.history)
     assert run.there is not None
     facts = run.search.facts(run.there.frequencies)
-    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, functions=run.there.functions)
+    search = replace(run.search, trained=run.better)
+    own = ReducedUpdate(best, facts, tuple(run.rounds), run.agree, search, run.there.functions)
     return ReducedStarts(replace(found, best=best), own)
 
 

@@ -21,8 +21,10 @@ from femtune.model.reduce import (
     TrainingRules,
     TrainingStatus,
     certified_error,
+    reduce_model,
     reduced_modes,
 )
+from femtune.model.reduce.reduced_model import leading
 from femtune.model.reduce.training import TRIED, candidates
 from femtune.parameters import Parameter, ParameterSet
 from structures.shells import Isotropic, Section, ShellPart, rectangle, shell_mesh, shell_structure
@@ -71,6 +73,49 @@ def test_training_reaches_the_tolerance_everywhere(plate: ConfiguredModel, train
     for x in _points(plate, 6):
         error = certified_error(trained.model, x, solve_modes(plate.at(x), 16).eigenvalues[:16])
         assert error.max() < 1e-3
+
+
+def test_ranked_candidates_need_no_estimates_but_the_last(
+    plate: ConfiguredModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tolerance holds at random points, and the error is estimated at two candidates once the training ends."""
+    asked: list[int] = []
+    estimate = ErrorEstimator.at
+    monkeypatch.setattr(ErrorEstimator, "at", lambda *given: asked.append(1) or estimate(*given))
+    ranked = Trainer(plate, replace(RULES, ranked=True))
+    found = ranked.train(ranked.start())
+    assert found.status is TrainingStatus.CONVERGED
+    assert len(found.certified) < RULES.full_solutions
+    assert len(asked) <= 4
+    assert 0.0 < found.worst_estimate <= RULES.tolerance
+    for x in _points(plate, 6):
+        error = certified_error(found.model, x, solve_modes(plate.at(x), 16).eigenvalues[:16])
+        assert error.max() < 1e-3
+
+
+def test_ranked_candidates_are_solved_once_each(plate: ConfiguredModel) -> None:
+    """All candidates are used up before the limit of solutions is."""
+    few = Trainer(plate, replace(RULES, ranked=True, inner=2, corners=0, tolerance=1e-12))
+    found = few.train(few.start())
+    points = [tuple(c.x) for c in found.certified]
+    assert len(set(points)) == len(points) == 3
+
+
+def test_the_leading_part_of_a_reduced_model_is_that_of_fewer_vectors(plate: ConfiguredModel, trained: Trained) -> None:
+    x, order = np.array([0.1, -0.2, 0.15]), 20
+    small = reduce_model(plate, trained.basis[:, :order], None, trained.model.shift)
+    there = leading(trained.model, order).at(x)
+    assert there.model.order == order
+    np.testing.assert_allclose(there.stiffness, small.at(x).stiffness, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(there.mass, small.at(x).mass, rtol=1e-9, atol=1e-12)
+
+
+def test_factors_of_the_estimate_that_were_forgotten_are_made_again(plate: ConfiguredModel, trained: Trained) -> None:
+    x = np.array([0.2, -0.1, 0.1])
+    before = trained.estimator.at(trained.model, trained.basis, x).worst
+    trained.estimator.forget_factor()
+    after = trained.estimator.at(trained.model, trained.basis, x).worst
+    assert after == pytest.approx(before, rel=1e-6)
 
 
 def test_the_estimate_is_never_below_a_tenth_of_the_error_nor_far_above_it(

@@ -190,6 +190,11 @@ def _group_name(text: str) -> None:
         raise FemtuneError("study.value/group-name")
 
 
+def _specimen_name(text: str) -> None:
+    if not re.fullmatch("[A-Za-z0-9_]{1,32}", text):
+        raise FemtuneError("study.value/specimen-name")
+
+
 def _components(text: str) -> None:
     if not re.fullmatch("[1-6]{1,6}", text):
         raise FemtuneError("study.value/components")
@@ -235,6 +240,7 @@ def _covariance(value: object) -> None:
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]
+SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]

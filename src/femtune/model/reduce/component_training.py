@@ -86,8 +86,8 @@ class ComponentTrainer:
         model = enlarge(model, basis, self.rows)
         first = Certified(x, values, np.nan, error, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
-        estimator = ErrorEstimator(solution.factor, self.rules.count)
         metric = point.symmetric_stiffness.plus(-solution.shift, point.symmetric_mass)
+        estimator = ErrorEstimator(metric, self.rules.count, known=solution.factor)
         trained = Trained(
             model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric,
             parts,

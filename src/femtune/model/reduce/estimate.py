@@ -9,7 +9,8 @@ with its Sturm count, certifies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
@@ -22,6 +23,7 @@ from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
 from femtune.model.reduce.modes_in_basis import elastic, reduced_modes
 from femtune.model.reduce.reduced_model import ReducedModel
+from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
 
 ABOVE = 0.25
@@ -64,12 +66,24 @@ class ErrorEstimator:
 
     Parameters
     ----------
-    factor : factors of A0 = K0 − σM0 of the nominal model
+    metric : A0 = K0 − σM0 of the nominal model
+    known : its factors, where they are at hand; they are made where they are needed without it
     """
 
-    factor: Factor
+    metric: SymmetricMatrix = field(repr=False)
     count: int
     functions: tuple[FunctionsWanted, ...] = ()
+    known: Factor | None = field(default=None, repr=False)
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Factors of A0."""
+        return self.known or factorise(self.metric)
+
+    def forget_factor(self) -> None:
+        """Give the memory of the factors back; they are made again where they are needed."""
+        object.__setattr__(self, "known", None)
+        self.__dict__.pop("factor", None)
 
     def at(self, model: ReducedModel, basis: Reals, x: Reals) -> ErrorEstimate:
         """The estimate at one parameter vector; costs one block solve and two products with K and M."""

@@ -201,6 +201,12 @@ def enlarge(model: ReducedModel, basis: Reals, rows: NDArray | None = None) -> R
     return ReducedModel(model.configured, basis.shape[1], terms, seen, model.shift)
 
 
+def leading(model: ReducedModel, order: int) -> ReducedModel:
+    """The reduced model on the first `order` vectors of its basis."""
+    terms = {i: values[:, :order, :order] for i, values in model.terms.items()}
+    return replace(model, order=min(order, model.order), terms=terms, rows=model.rows[:, :order])
+
+
 def _bordered(old: Reals, columns: Reals) -> Reals:
     """(n, r, r) symmetric from its leading (n, q, q) block and its last columns (n, r, r − q)."""
     n, r, _ = columns.shape

@@ -9,16 +9,23 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.model.configured import ConfiguredModel, ModelPoint
 from femtune.model.eigen.solution import EigenSolution, solve_modes
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.components import ComponentBasis
-from femtune.model.reduce.estimate import ABOVE, NEGLIGIBLE, ErrorEstimator, certified_error, extend, orthonormal
+from femtune.model.reduce.estimate import (
+    ABOVE,
+    NEGLIGIBLE,
+    ErrorEstimator,
+    certified_error,
+    extend,
+    frequency_error,
+    orthonormal,
+)
 from femtune.model.reduce.function_estimate import FunctionsWanted, missed_responses
 from femtune.model.reduce.modes_in_basis import reduced_modes
-from femtune.model.reduce.reduced_model import ReducedModel, enlarge, reduce_model
-from femtune.model.solvers.factorise import factorise
+from femtune.model.reduce.reduced_model import ReducedModel, enlarge, leading, reduce_model
 
 # ----------------------------------------------------------------------------------------------------
 # Options and result of the training of a reduced model.
@@ -55,6 +62,7 @@ class TrainingRules:
     inner, corners : candidates inside the box and at corners of it
     negligible : see `extend`
     responses : the same of what modes miss of the responses to the forces of FRFs
+    ranked : see `Trainer.train`
     """
 
     count: int
@@ -65,6 +73,7 @@ class TrainingRules:
     corners: int = 0
     negligible: float = NEGLIGIBLE
     responses: float = RESPONSES
+    ranked: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +218,17 @@ def _sobol(k: int, count: int, seed: int) -> Reals:
     return np.asarray((points + np.random.default_rng(seed).random(k)) % 1.0)
 
 
+_FURTHER = 1.02
+"""Lines this much higher than those that a basis was trained for are still within its range."""
 FIRST_MODES = 1.5
 """Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
 down among these."""
 TRIED = 8
 """Candidates at which the error is estimated before the worst of them is solved, as long as it is above the tolerance:
 an estimate costs a good part of a full solution, and the others' turn comes with the next basis."""
+
+_CHECKED = 2
+"""Candidates at the head of a ranking at which the error is estimated in the end."""
 
 Solve = Callable[[ModelPoint, int, EigenSolution | None], EigenSolution]
 
@@ -256,12 +270,54 @@ class Trainer:
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
-        estimator = ErrorEstimator(solution.factor, self.rules.count, self.functions)
+        known = None if self.rules.ranked else solution.factor
+        estimator = ErrorEstimator(metric, self.rules.count, self.functions, known)
         trained = Trained(
             model, basis, (first,), points, np.full(len(points), np.inf), TrainingStatus.UNFINISHED, estimator, metric
         )
         self.report(trained)
         return trained
+
+    def served_by(self, other: Trainer) -> bool:
+        """Whether another trainer has the same matrices, points and forces, and at least as many modes and lines.
+
+        The parameters of the one take the place of those of the other.
+        """
+        return (
+            self.configured.projected is other.configured.projected
+            and self.rules.count <= other.rules.count
+            and replace(self.rules, count=other.rules.count) == other.rules
+            and all(map(np.array_equal, self._own_points(), other._own_points()))
+            and len(self.functions) == len(other.functions)
+            and all(map(covered, self.functions, other.functions))
+        )
+
+    def taken_from(self, other: Trainer, trained: Trained) -> Trained:
+        """What a trainer that this one is `served_by` has found, for this one."""
+        rows = np.zeros((0, trained.model.order)) if self.rows is None else np.asarray(self.rows @ trained.basis)
+        found = replace(
+            trained,
+            model=replace(trained.model, configured=self.configured, rows=rows),
+            certified=tuple(replace(c, x=self._in_place_of(other, c.x[None])[0]) for c in trained.certified),
+            points=self._in_place_of(other, trained.points),
+            estimator=replace(trained.estimator, count=self.rules.count, functions=self.functions),
+        )
+        self.report(found)
+        return found
+
+    def _own_points(self) -> tuple[Reals, NDArray[np.bool_], Reals, Reals]:
+        """Where the parameters that act here begin, which of them move, and their bounds."""
+        base, moving = base_and_moving(self.configured, self.base, self.moving)
+        lower, upper = self.configured.model.parameters.bounds
+        at = acting_positions(self.configured)
+        return base[at], moving[at], lower[at], upper[at]
+
+    def _in_place_of(self, other: Trainer, points: Reals) -> Reals:
+        """(c, k) points of another trainer as points of this one."""
+        base, _ = base_and_moving(self.configured, self.base, self.moving)
+        out = np.tile(base, (len(points), 1))
+        out[:, acting_positions(self.configured)] = points[:, acting_positions(other.configured)]
+        return out
 
     def _with_responses(self, basis: Reals, metric: SymmetricMatrix, solution: EigenSolution) -> Reals:
         """The basis with what the modes of a solution miss of the responses to the forces of FRFs."""
@@ -276,11 +332,19 @@ class Trainer:
         return Trained(
             reduce_model(self.configured, saved.basis, self.rows, saved.shift), saved.basis, saved.certified(),
             saved.points, saved.estimates, TrainingStatus.UNFINISHED,
-            ErrorEstimator(factorise(metric), self.rules.count, self.functions), metric,
+            ErrorEstimator(metric, self.rules.count, self.functions), metric,
         )  # fmt: skip
 
     def train(self, trained: Trained) -> Trained:
-        """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached."""
+        """Solve at the worst candidate and enrich until the estimate is below the tolerance or a limit is reached.
+
+        With `ranked` the candidates are not estimated one by one, which costs a good part of a full solution each, but
+        ranked by how far the frequencies of the reduced model differ from those on the basis before its last
+        enrichment. Once a full solution at the first of the ranking shows a true error below the tolerance, the error
+        is estimated at the first few only.
+        """
+        if self.rules.ranked:
+            return self._train_ranked(trained)
         while True:
             used_up = limit_of(trained, self.rules)
             enough = TRIED if used_up is None else len(trained.points)
@@ -291,24 +355,63 @@ class Trainer:
                 return replace(trained, status=used_up)
             trained = self._certified(trained, trained.points[worst], float(trained.estimates[worst]))
 
+    def _train_ranked(self, trained: Trained) -> Trained:
+        while True:
+            used_up, order = limit_of(trained, self.rules), self._ranking(trained)
+            reached = not len(order) or trained.certified[-1].error <= self.rules.tolerance
+            if used_up is not None or reached:
+                trained = self._checked(trained, order[:_CHECKED])
+                if trained.worst_estimate <= self.rules.tolerance:
+                    return replace(trained, status=TrainingStatus.CONVERGED)
+                if used_up is not None:
+                    return replace(trained, status=used_up)
+                order = order[:_CHECKED][np.argsort(-trained.estimates[order[:_CHECKED]])]
+            trained = self._certified(trained, trained.points[order[0]], np.nan)
+
+    def _ranking(self, trained: Trained) -> Integers:
+        """Candidates that were not solved, those first whose frequencies the last enrichment has changed most."""
+        count, known = self.rules.count, trained.certified
+        orders = [known[-2].order if len(known) > 1 else len(known[0].eigenvalues), trained.model.order]
+        small = [leading(trained.model, order) for order in orders]
+        changes = np.full(len(trained.points), -np.inf)
+        for i, x in enumerate(trained.points):
+            if not any(np.array_equal(x, one.x) for one in known):
+                before, after = (reduced_modes(m.at(x), count).eigenvalues[:count] for m in small)
+                changes[i] = frequency_error(before[: len(after)], after[: len(before)]).max(initial=0.0)
+        return np.asarray(np.argsort(-changes, kind="stable")[: int(np.isfinite(changes).sum())])
+
+    def _checked(self, trained: Trained, order: Integers) -> Trained:
+        """With estimates at some candidates; the others, which are ranked behind, count as no worse."""
+        estimates = np.zeros(len(trained.points))
+        for number, i in enumerate(order, start=1):
+            estimates[i] = estimate(trained, trained.points[i])
+            self.looking(replace(trained, estimates=estimates.copy()), number)
+        trained.estimator.forget_factor()
+        return replace(trained, estimates=estimates)
+
     def certify(self, trained: Trained, x: Reals) -> Trained:
         """Solve the full model at a point: its true error, and the basis enriched by what it misses there."""
         return self._certified(trained, x, estimate(trained, x))
 
     def enriched(self, trained: Trained, x: Reals, solution: EigenSolution) -> Trained:
         """As `certify`, with a solution of the full model at `x` that is there already."""
-        return self._enriched(trained, x, solution, estimate(trained, x))
+        return self._enriched(trained, x, solution, np.nan if self.rules.ranked else estimate(trained, x))
 
     def _certified(self, trained: Trained, x: Reals, before: float) -> Trained:
         point = self.configured.at(x)
-        return self._enriched(trained, x, self.solve(point, self.rules.count, _nearby(trained, point)), before)
+        solution = self.solve(point, self.rules.count, _nearby(trained, point))
+        # the responses to forces change less over the box than the modes: where a search ends they are added anyway
+        return self._enriched(trained, x, solution, before, responses=not self.rules.ranked)
 
-    def _enriched(self, trained: Trained, x: Reals, solution: EigenSolution, before: float) -> Trained:
+    def _enriched(
+        self, trained: Trained, x: Reals, solution: EigenSolution, before: float, responses: bool = True
+    ) -> Trained:
         """The basis with a solution at `x`, where the error was estimated as `before`."""
         values = solution.eigenvalues[: solution.wanted]
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
         basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
-        basis = self._with_responses(basis, trained.metric, solution)
+        if responses:
+            basis = self._with_responses(basis, trained.metric, solution)
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
         at = (trained.points == x).all(axis=1)
         trained = replace(
@@ -320,6 +423,21 @@ class Trainer:
         )
         self.report(trained)
         return trained
+
+
+def acting_positions(configured: ConfiguredModel) -> NDArray[np.int64]:
+    """Positions of the free parameters that have an effect on a model: none of other specimens."""
+    model = configured.model
+    return np.array([i for i, p in enumerate(model.parameters.free) if p.name not in model.foreign], np.int64)
+
+
+def covered(one: FunctionsWanted, other: FunctionsWanted) -> bool:
+    """Whether a basis for other FRFs serves these: the same forces, and lines that do not go far beyond."""
+    return (
+        one.freq_hz.max() <= _FURTHER * other.freq_hz.max()
+        and one.damped == other.damped
+        and np.array_equal(one.forces, other.forces)
+    )
 
 
 def limit_of(trained: Trained, rules: TrainingRules) -> TrainingStatus | None:

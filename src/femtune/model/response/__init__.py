@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from femtune.model.response.own_frequency import complex_modes_at_own_frequency
     from femtune.model.response.ports import Ports, Signal, make_ports, matrix_ports
     from femtune.model.response.static import StaticResponse, static_response
+    from femtune.model.response.survey import survey_functions
     from femtune.model.response.zeros import Zero, ZeroFinder, zero_finder
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -50,5 +51,6 @@ __all__ = [
     "matrix_ports",
     "mean_pole_derivative",
     "static_response",
+    "survey_functions",
     "zero_finder",
 ]

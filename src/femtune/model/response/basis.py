@@ -75,6 +75,24 @@ def modal_basis(modes: EigenSolution, forces: Reals | None) -> ModalBasis:
     )
 
 
+def shifted_basis(modes: EigenSolution, forces: Reals) -> ModalBasis:
+    """As `modal_basis`, the responses to the forces taken at the shift of the solution instead of at rest.
+
+    They span nearly the same and cost one solution a force, where the static responses of a free structure are found
+    by iteration. There are no slopes.
+    """
+    rigid = is_rigid(modes)
+    keep = max(modes.wanted, int(rigid.sum()))
+    phi, values = modes.shapes[:, :keep], modes.eigenvalues[:keep]
+    whole = modes.factor.solve(np.asfortranarray(forces))
+    missed = whole - phi @ ((phi.T @ forces) / (values - modes.shift)[:, None])
+    energy = np.einsum("ij,ij->j", missed, modes.point.stiffness @ missed)
+    missed = missed[:, energy > _ROUNDING * np.einsum("ij,ij->j", forces, whole)]
+    turn, k, m = ritz_vectors(modes.point, missed)
+    stiffness = np.concatenate([np.where(rigid, 0.0, modes.eigenvalues)[:keep], k])
+    return ModalBasis(np.hstack([phi, missed @ turn]), stiffness, np.concatenate([np.ones(keep), m]), keep)
+
+
 def static_slopes(modes: EigenSolution, keep: int, vectors: Reals, forces: Reals, columns: Reals) -> Iterator[Reals]:
     """`Slopes` of the first `keep` modes Φ and of their static complements V = A P (n_free, x) of forces P.
 

@@ -46,11 +46,13 @@ class AskedFrfs(AtFirstState):
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)
-            return _settled_functions(
+            found, told = _settled_functions(
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
+            test = asked.equalised()
+            return (found if test is None else replace(found, identified=test.redrawn)), told
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 class AskedAntiresonances(AtFirstState):
@@ -81,7 +83,7 @@ class AskedAntiresonances(AtFirstState):
             found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
             return found, (*notices, *left)
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
@@ -117,13 +119,13 @@ def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[C
 def _settled_functions(
     entry: Any, measured: FrfSet, places: Places, scatter: FrfScatter, way: ModelWay,
     notices: tuple[Notice, ...], state: CaseState,
-) -> Settled:  # fmt: skip
+) -> tuple[FrfResidual, tuple[Notice, ...]]:  # fmt: skip
     lines, about_lines = _lines(entry, state)
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
-    doubts = against_model(found.measured, found.functions(model)[0], np.isfinite(found.sd), found.configuration)
+    doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
     return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
 
 

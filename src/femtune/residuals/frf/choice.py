@@ -10,10 +10,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.dofs import DofSet
 from femtune.errors import FemtuneError, Notice
 from femtune.modal import FrfSet
 from femtune.model import EigenSolution, ModelPoint
-from femtune.model.response import Ports, frf_gradient
+from femtune.model.response import Ports, frf_gradient, survey_functions
 from femtune.residuals.frf.lines import Band, Lines, Region
 from femtune.residuals.frf.model_way import ModelWay
 from femtune.residuals.frf.residual import FrfForm, FrfResidual, Places, places_of
@@ -35,13 +36,24 @@ def silent_functions(residual: FrfResidual, model: ModelPoint | EigenSolution) -
     lines = _some(residual.measured)
     point = model.point if isinstance(model, EigenSolution) else model
     ports = residual.places.ports(point.configured, residual.measured)
-    cross, slope = _peaks(residual, ports, model, lines, residual.form == "linear")
-    at_inputs = Ports(ports.inputs, sp.csr_array(ports.inputs.T), ports.input_labels, ports.input_labels, (), ())
-    at_outputs = Ports(sp.csc_array(ports.outputs.T), ports.outputs, ports.output_labels, ports.output_labels, (), ())
-    driven = np.diag(_peaks(residual, at_inputs, model, lines)[0])
-    seen = np.diag(_peaks(residual, at_outputs, model, lines)[0])
+    # one basis serves all: unit forces at inputs and outputs, motions at outputs and inputs
+    rows, columns = sp.vstack([ports.outputs, ports.inputs.T]), sp.hstack([ports.inputs, ports.outputs.T])
+    seen_labels = (*ports.output_labels, *ports.input_labels)
+    driven_labels = (*ports.input_labels, *ports.output_labels)
+    every = Ports(sp.csc_array(columns), sp.csr_array(rows), DofSet(()), DofSet(()), seen_labels, driven_labels)
+    size = np.abs(
+        survey_functions(
+            model, every, lines, "receptance", residual.way.method,
+            damping=residual.way.damping, residual_vectors=residual.way.residual_vectors,
+        )
+    ).max(axis=2)  # fmt: skip
+    a, b = len(ports.output_labels), len(ports.input_labels)
+    seen, driven = np.diag(size[:a, b:]), np.diag(size[a:, :b])
     scale = _ZERO * np.sqrt(np.outer(seen, driven))
-    return np.asarray((cross <= scale) & (slope <= scale))
+    silent = size[:a, :b] <= scale
+    if residual.form == "linear" and silent.any():
+        silent &= _slopes(residual, ports, model, lines) <= scale
+    return np.asarray(silent)
 
 
 def _some(measured: FrfSet) -> NDArray[np.float64]:
@@ -51,19 +63,15 @@ def _some(measured: FrfSet) -> NDArray[np.float64]:
     return np.asarray(lines[at])
 
 
-def _peaks(
-    residual: FrfResidual,
-    ports: Ports,
-    model: ModelPoint | EigenSolution,
-    lines: NDArray[np.float64],
-    derivatives: bool = False,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(outputs, inputs) largest magnitudes of functions and of their derivatives over the lines."""
+def _slopes(
+    residual: FrfResidual, ports: Ports, model: ModelPoint | EigenSolution, lines: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(outputs, inputs) largest magnitudes of the derivatives of functions over the lines."""
     found = frf_gradient(
         model, ports, lines, "receptance", residual.way.method,
-        damping=residual.way.damping, residual_vectors=residual.way.residual_vectors, derivatives=derivatives,
+        damping=residual.way.damping, residual_vectors=residual.way.residual_vectors,
     )  # fmt: skip
-    return np.abs(found.frfs.values).max(axis=2), np.abs(found.gradient).max(axis=(2, 3), initial=0.0)
+    return np.asarray(np.abs(found.gradient).max(axis=(2, 3), initial=0.0))
 
 
 _SHOWN = 8
@@ -82,7 +90,8 @@ def frf_residual(
 
     Parameters
     ----------
-    model : at the start, solved unless the way is "direct" without modal damping
+    model : at the start, solved unless the way is "direct" without modal damping; a way without a number of modes
+        keeps the number of this solution, so that the functions are smooth in the parameters
     measured : NaN where a function or a line was not measured
     lines : which are compared; all above 0 Hz where nothing is said
     scatter, way : default: `FrfScatter()` and `ModelWay()`
@@ -93,7 +102,7 @@ def frf_residual(
     FemtuneError : ``residual.no-frf-lines``, ``residual.no-coherence``, ``residual.no-frf-channels``,
         ``response.held-port``, ``model.unknown-node``, ``model.component``
     """
-    scatter, way = scatter or FrfScatter(), way or ModelWay()
+    scatter, way = scatter or FrfScatter(), (way or ModelWay()).of(model)
     measured, regions, sd, shift = _chosen(measured, lines or Band(), scatter, form)
     configured = _point(model).configured
     name = configured.configuration.name

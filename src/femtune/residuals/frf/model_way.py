@@ -21,7 +21,8 @@ class ModelWay:
 
     Parameters
     ----------
-    modes : number of modes or upper frequency that are solved for; None: up to twice the highest line
+    modes : number of modes or upper frequency that are solved for; None: not yet settled, up to twice the highest line
+        at each state
     damping : modal damping besides that of the model
     residual_vectors : whether static responses to inputs and outputs are added to the modes
     limit : what limits the number of modes, in words; "" if it follows from the highest line
@@ -43,6 +44,12 @@ class ModelWay:
             return state.full
         return full_modes(state, self.modes or (None, TIMES_HIGHEST_LINE * highest_hz))
 
+    def of(self, model: ModelPoint | EigenSolution) -> ModelWay:
+        """The way with the number of modes of a solution, where it has no number and needs modes."""
+        if self.modes is not None or not isinstance(model, EigenSolution) or not self.needs_modes(model.point):
+            return self
+        return replace(self, modes=(model.wanted, None))
+
     def settled(self, state: CaseState, highest_hz: float) -> ModelWay:
         """The way with a fixed number of modes, those up to twice the highest line at this state.
 
@@ -52,9 +59,13 @@ class ModelWay:
         if self.modes is not None or not self.needs_modes(state.full):
             return self
         case, top = state.case, TIMES_HIGHEST_LINE * highest_hz
-        number = full_modes(state, (None, top)).wanted
+        found = full_modes(state, (None, top))
+        number = found.wanted
         reaches = case.full is None and (case.max_hz is None or case.max_hz >= top)
         shared = reaches and state.solution.wanted >= number
+        if not shared:
+            # those that have just been found serve the residual too
+            state.further[number, None] = found
         return replace(self, modes=(case.count, case.max_hz) if shared else (number, None))
 
 
@@ -87,16 +98,26 @@ class AtFirstState(Residual):
     Parameters
     ----------
     settle : state -> the residual, and what was left out
+    limited : lowest and highest frequency -> the same of a band only
     """
 
     settle: Callable[[CaseState], Settled]
+    limited: Callable[[float, float], Residual] | None = field(default=None, repr=False)
     _settled: list[Settled] = field(default_factory=list, repr=False)
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
         """Residual blocks; errors as of `settle` and of the residual."""
+        self.settle_at(state)
+        return self._settled[0][0].blocks(state, derivatives)
+
+    def settle_at(self, state: CaseState) -> None:
+        """Make the residual of a state, unless it was made; errors as of `settle`."""
         if not self._settled:
             self._settled.append(self.settle(state))
-        return self._settled[0][0].blocks(state, derivatives)
+
+    def in_band(self, low_hz: float, high_hz: float) -> Residual:
+        """See `Residual`; it is settled again."""
+        return self if self.limited is None else self.limited(low_hz, high_hz)
 
     @property
     def settled(self) -> Residual | None:
@@ -107,6 +128,13 @@ class AtFirstState(Residual):
     def notices(self) -> tuple[Notice, ...]:
         """What was left out; nothing before it was asked."""
         return self._settled[0][1] if self._settled else ()
+
+
+def settle_all(state: CaseState) -> None:
+    """Make all comparisons of a case that a state has to settle; errors as of their `settle`."""
+    for residual in state.case.residuals:
+        if isinstance(residual, AtFirstState):
+            residual.settle_at(state)
 
 
 def settled(residual: Residual) -> Residual:
