@@ -181,6 +181,13 @@ def _weight(value: object) -> None:
         raise FemtuneError("study.value/weight", largest=_LARGEST_WEIGHT)
 
 
+def numbered(value: object) -> object:
+    """Keys of a TOML table are text: those that are whole numbers become numbers."""
+    if not isinstance(value, dict):
+        return value
+    return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
+
+
 def _by_node(value: object) -> None:
     """A number of 0 or more, or such a number for some test nodes."""
     numbers: list[tuple[Any, Any]] = list(value.items()) if isinstance(value, dict) else [(1, value)]

@@ -336,6 +336,7 @@ class FrfResidual(FrfResidualEntry, _Checked):
     form : "log-complex", "log-magnitude" or "linear"
     around : "band", or "resonances": lines around the resonances of the test
     sd, floor, averages : standard deviation of a function, in units of `form`
+    output_sd, angle_sd_deg : that of single outputs, and that of the rotation of sensors
     method, ratio, ratios, residual_vectors, count, max_hz : how the model's functions are computed
     modes, most, bandwidths, lines, aligned, region_ratio : which lines are compared
     configuration : name, if the study has several

@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import (
+    ByNode,
     Covariance,
     DofLabel,
     FrequencySd,
@@ -22,6 +23,7 @@ from femtune.files.study_file.kinds import (
     Text,
     TomlTable,
     Vector,
+    numbered,
 )
 from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, MethodWord, Ratio
 from femtune.files.study_file.source import Place, StudyLines, number, table, tables, texts
@@ -125,6 +127,8 @@ class FrfResidualEntry(MeasuredFunctionsTable):
     sd: NotNegative | None = None
     floor: NotNegative = 0.0
     averages: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    output_sd: Annotated[dict[DofLabel, Positive], Field(min_length=1)] | None = None
+    angle_sd_deg: Annotated[ByNode, BeforeValidator(numbered)] = 0.0
     method: MethodWord = "real modes"
     residual_vectors: bool = True
     ratio: Ratio | None = None

@@ -44,7 +44,7 @@ class AskedFrfs(AtFirstState):
         measured, places, notices = _functions(asked)
         _check_labels(asked)
         relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
-        scatter = FrfScatter(relative, entry.floor, entry.averages)
+        scatter = FrfScatter(relative, entry.floor, entry.averages, _output_sd(asked, measured), _angles(entry))
         way = ModelWay(_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
 
         def settle(state: CaseState) -> Settled:
@@ -177,6 +177,22 @@ def _lines(entry: Any, state: CaseState) -> tuple[Lines, tuple[Notice, ...]]:
 
 def _wanted(entry: Any) -> ModesWanted | None:
     return None if entry.count is None and entry.max_hz is None else (entry.count, entry.max_hz)
+
+
+def _output_sd(asked: Asked, measured: FrfSet) -> dict[tuple[int, str], float]:
+    """Relative standard deviations of single outputs (error ``dof.missing``)."""
+    known = {(d.node, d.direction): d for d in measured.responses}
+    found = {}
+    for label, sd in (asked.entry.output_sd or {}).items():
+        dof = _known(known, parse_dof(label), asked.where("output_sd"))
+        found[dof.node, dof.direction] = float(sd)
+    return found
+
+
+def _angles(entry: Any) -> dict[int, float]:
+    """Standard deviations of the rotation of sensors, rad, by node; 0 stands for all."""
+    given = entry.angle_sd_deg if isinstance(entry.angle_sd_deg, dict) else {0: entry.angle_sd_deg}
+    return {int(node): float(np.deg2rad(angle)) for node, angle in given.items() if angle}
 
 
 def _limit(entry: Any) -> str:
