@@ -446,13 +446,6 @@ def _used_by_none(structure: Structure) -> dict[MatrixKind, Flags]:
     return {kind: np.zeros(len(structure.values.values), bool) for kind in get_args(MatrixKind)}
 
 
-def _varied(structure: Structure) -> Flags:
-    """(n,) values of single elements that follow from the amplitudes of a distribution."""
-    out = np.zeros(len(structure.values.values), bool)
-    out[list(varied_entries(structure.values))] = True
-    return out
-
-
 # elements of one kind whose terms are made to know the memory of those of all
 SAMPLED = 48
 
