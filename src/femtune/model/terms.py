@@ -435,15 +435,15 @@ def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> Co
     return CompiledTerms(tuple(terms), used)
 
 
+def _varied(structure: Structure) -> Flags:
+    """(n,) entries of the value table that vary over a region."""
+    varied = np.zeros(len(structure.values.values), bool)
+    varied[list(varied_entries(structure.values))] = True
+    return varied
+
+
 def _used_by_none(structure: Structure) -> dict[MatrixKind, Flags]:
     return {kind: np.zeros(len(structure.values.values), bool) for kind in get_args(MatrixKind)}
-
-
-def _varied(structure: Structure) -> Flags:
-    """(n,) values of single elements that follow from the amplitudes of a distribution."""
-    out = np.zeros(len(structure.values.values), bool)
-    out[list(varied_entries(structure.values))] = True
-    return out
 
 
 # elements of one kind whose terms are made to know the memory of those of all
@@ -476,8 +476,8 @@ def _bytes_of_terms(
 ) -> int:
     alone = replace(structure, batches=(batch,))
     try:
-        book = CoefficientBook(samples)
-        terms = _BatchTerms(alone, batch, moving, _used_by_none(structure), book, _varied(structure)).compile()
+        own = _used_by_none(structure), CoefficientBook(samples), _varied(structure)
+        terms = _BatchTerms(alone, batch, moving, *own).compile()
     except FemtuneError:
         # what is wrong with an element is said when all are looked at
         return 0

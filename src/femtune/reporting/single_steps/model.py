@@ -236,7 +236,7 @@ def _centre(subject: Subject, c: ModelConfiguration) -> str:
     if c.inertia is None or c.centre_of_gravity is None:
         return "not known"
     # the radius of gyration is the length beside which a coordinate is rounding
-    radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass else 0.0
+    radius = abs(max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass else 0.0
     return with_unit(", ".join(_clean(v, radius) for v in c.centre_of_gravity), subject.length_unit)
 
 

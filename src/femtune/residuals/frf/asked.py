@@ -12,7 +12,7 @@ from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, constant_damping, damping_by_mode
-from femtune.model.response import TIMES_HIGHEST_LINE, Method
+from femtune.model.response import Method
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -23,6 +23,7 @@ from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresona
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter
+from femtune.residuals.frf.truncation import with_enough_modes
 
 _METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _USUAL_SD = 0.05
@@ -142,10 +143,11 @@ def _settled_functions(
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
     doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
-    return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
+    found, times = with_enough_modes(found, state)
+    return found, (*notices, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
 
 
-def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Notice, ...]:
+def _more_modes(state: CaseState, way: ModelWay, highest_hz: float, times: float) -> tuple[Notice, ...]:
     """Says so where [modes] has fewer modes than the lines need."""
     case = state.case
     # [modes] has one of the two keys; without it both may be set, or none
@@ -160,7 +162,7 @@ def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Not
             configuration=case.name,
             few=few,
             modes=way.modes[0],
-            times=TIMES_HIGHEST_LINE,
+            times=times,
             highest_hz=highest_hz,
         ),
     )
