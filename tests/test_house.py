@@ -53,7 +53,24 @@ def test_no_unfinished_work_and_nothing_that_executes_text() -> None:
 _CODE = re.compile(r"[a-z][a-z0-9]*\.[a-z][a-z0-9-]*(/[a-z0-9-]+)?")
 _OF_ERRORS = {"where", "values", "hint", "level"}
 # area.problem looks like file.suffix: these are files
-_SUFFIXES = ("json", "npz", "npy", "bdf", "html", "toml", "csv", "md", "txt", "css", "uff", "bib", "log", "js", "py")
+_SUFFIXES = (
+    "json",
+    "npz",
+    "npy",
+    "bdf",
+    "html",
+    "toml",
+    "csv",
+    "md",
+    "txt",
+    "css",
+    "uff",
+    "bib",
+    "log",
+    "js",
+    "py",
+    "sqlite",
+)
 
 
 def _messages() -> dict[str, dict[str, str]]:

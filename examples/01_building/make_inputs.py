@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -166,6 +167,29 @@ def _parameters(model: tuple[str, ...]) -> list[str]:
         elif follows:
             entries.append(f'[[parameter]]\nname = "{name}"\nfields = ["{field}"]\ntie = "{follows}"')
     return entries
+
+
+def candidates(starts: int, ratios: Sequence[float] = tuple(p.RATIOS), folder: str = "run") -> str:
+    """The study of all twelve parameters with the models of Tables 4 and 9 as candidates."""
+    parts = [study("M12", folder), f"[candidates]\nstarts = {starts}\nthreshold = 1.12"]
+    parts += [_candidate(name, follows) for name, follows in p.MODELS.items() if name != "M0"]
+    parts += [_candidate(f"ratio {ratio:g}", p.MODELS["M8"], ratio) for ratio in ratios]
+    text = "\n\n".join(parts) + "\n"
+    # the models of Table 9 need columns up to 3.55 times as stiff
+    return text.replace("upper = 3.0", "upper = 4.0").replace("shape_sd = 0.1", 'shape_sd = 0.1\nscatter = "estimated"')
+
+
+def _candidate(model: str, follows: tuple[str, ...], ratio: float | None = None) -> str:
+    names = [name for name, *_ in p.PARAMETERS]
+    free = ", ".join(f'"{name}"' for name, other in zip(names, follows) if other == name)
+    factor = "" if ratio is None else f"{ratio:g}*"
+    ties = [
+        f'{name} = "{factor if name.startswith("Ib") else ""}{other}"'
+        for name, other in zip(names, follows)
+        if other not in ("", name)
+    ]
+    text = f'[[candidate]]\nname = "{model}"\nparameters = [{free}]'
+    return text + (f"\nties = {{ {', '.join(ties)} }}" if ties else "")
 
 
 def write_inputs(folder: Path, model: str = "M8") -> Path:

@@ -41,16 +41,18 @@ def errors(kind: str, n: int, slenderness: float, distort: float) -> Reals:
 
 
 def slender_rows(n: int) -> list[list[str]]:
-    """Errors by slenderness; asserts that they do not grow with it."""
+    """Errors by slenderness; asserts that the elements do not lock."""
     rows = []
     for kind, label in KINDS.items():
         for distort in (0.0, 0.3):
             found = {s: errors(kind, n, s, distort) for s in (10.0, 100.0, 1000.0, 10000.0)}
             worst = [float(np.abs(e).max()) for e in found.values()]
-            # a thick plate has smaller errors, as those of shear and mass cancel in part: an element that locks is
-            # one whose error grows on from L/t = 100, in proportion to it
+            # an element that locks has an error that grows in proportion to L/t, and does not fall with order 2
             assert max(worst[2:]) < 1.3 * worst[1] + 0.001, (label, distort, worst)
-            assert worst[1] < 4.0 * worst[0] + 0.002, (label, distort, worst)
+            assert max(worst) < (0.02 if kind == "quad" else 0.035) * (16 / n) ** 2, (label, distort, worst)
+            if not distort and n >= 16:
+                coarse = float(np.abs(errors(kind, n // 2, 10000.0, 0.0)).max())
+                assert np.log2(coarse / worst[-1]) > 1.7, (label, coarse, worst)
             name = f"{label}, inner points moved by up to 30 % of a cell" if distort else f"{label}, regular"
             rows.append([name, *(numbers(100 * e) for e in found.values())])
     return rows
@@ -89,8 +91,9 @@ def locking(quick: bool) -> str:
 
 
 TEXT = """Simply supported square plate, {n} × {n} cells, consistent mass, errors in per cent of four modes against the
-closed-form solution with shear flexibility. Asserted: they do not increase with slenderness by more than a factor of
-two.
+closed-form solution with shear flexibility. Asserted: less than 2 % (triangles 3.5 %), an increase of less than 30 %
+from L/t = 100 on, and on regular meshes order 2 at L/t = 10,000 too. (A thick plate of squares has smaller errors than
+a thin one: those of shear and mass cancel in part. The closed form of the commercial square's matrix shows the same.)
 """
 BENT = """One cell in in-plane bending by a pair of forces: ratio of the deflection to that of a beam, by length :
 depth. Asserted for the rectangle: 1 within 1e-6, for any K6ROT.

@@ -55,23 +55,26 @@ def tapered_membrane(n: int, kind: str, consistent: bool) -> Reals:
     return modes(mesh, held, 6, consistent)
 
 
-# bounds in percent on the finest mesh: quadrilaterals, triangles; constant strains are slow in the membrane
+# bounds in percent on the limit of both meshes: quadrilaterals, triangles; constant strains are slow in the membrane.
+# On a single mesh no bound has a source: matrices and masses of squares are those of commercial Nastran. The published
+# values of Test 13 are up to 2.1 % above the closed form
 TESTS: dict[str, tuple[Callable[[int, str, bool], Reals], float, float]] = {
-    "FV12": (free_plate, 0.9, 0.9),
-    "Test 13": (supported_plate, 2.4, 2.3),
-    "FV32": (tapered_membrane, 0.8, 2.0),
+    "FV12": (free_plate, 0.3, 0.3),
+    "Test 13": (supported_plate, 2.2, 2.2),
+    "FV32": (tapered_membrane, 0.1, 1.2),
 }
 
 
 def rows_of(name: str, target: Reals, meshes: tuple[int, int], masses: dict[bool, str]) -> list[list[str]]:
-    """Errors of one test; asserts the bounds on the finer mesh."""
+    """Errors of one test; asserts the bounds on the limit for convergence of order 2."""
     solve, *bounds = TESTS[name]
     rows = []
     for (kind, label), bound in zip((("quad", "quads"), ("union", "triangles")), bounds):
         for consistent, mass in masses.items():
             found = [solve(n, kind, consistent) / target - 1 for n in meshes]
-            assert 100 * np.abs(found[-1]).max() < bound * (32 / meshes[-1]) ** 2, (name, label, mass, found)
-            rows.append([name, f"{label}, {mass}", *(numbers(100 * e) for e in found)])
+            limit = (4.0 * found[1] - found[0]) / 3.0
+            assert 100 * np.abs(limit).max() < bound * (32 / meshes[-1]) ** 1.5, (name, label, mass, limit)
+            rows.append([name, f"{label}, {mass}", *(numbers(100 * e) for e in (*found, limit))])
     return rows
 
 
@@ -87,13 +90,14 @@ def nafems(quick: bool) -> str:
     for name in TESTS:
         target = np.array(next(value["target_Hz"] for key, value in published.items() if key.startswith(name)))
         parts.append(f"**{name}**, published: {' '.join(f'{f:g}' for f in target)} Hz\n")
-        head = ("test", "elements", *(f"{n} cells a side" for n in meshes))
+        head = ("test", "elements", *(f"{n} cells a side" for n in meshes), "limit")
         parts.append(table(head, rows_of(name, target, meshes, masses)))
     return section("NAFEMS", TEXT, *parts)
 
 
 TEXT = """Errors in per cent of the published values: FV12 (free thin square plate, modes 4 to 11), Test 13 (simply
-supported thin plate) and FV32 (cantilevered tapered membrane, half as many cells across). The published values of
-Test 13 are those of a finite element model: its modes 5 and 6 are at 12.133 Hz, those of the Kirchhoff plate at
-11.884 Hz, 2.1 % lower. This difference remains on the finer mesh.
+supported thin plate) and FV32 (cantilevered tapered membrane, half as many cells across). *Limit* extrapolates both
+meshes with order 2; its errors are asserted. The published values of Test 13 are those of a finite element model: its
+modes 5 and 6 are at 12.133 Hz, those of the Kirchhoff plate at 11.884 Hz, 2.1 % lower. This difference remains on the
+finer mesh.
 """

@@ -28,6 +28,8 @@ from femtune import steps
 
 MODES = 10
 FINEST_PERCENT, COARSE_PERCENT = 0.75, 2.0
+"""Of the stiffened panel up to .52 % remain when its two finest meshes are extrapolated with order 2: a difference of
+the two programs' models (CalculiX joins shells that meet at an angle rigidly), which no mesh removes."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from femtune.arrays import Complexes, Reals
 from femtune.fem import FieldRef
+from femtune.identification import EqualisedTest, InputKnown, equalised_test
 from femtune.modal import FrfSet
 from femtune.model import (
     Assignment,
@@ -26,6 +27,7 @@ from femtune.model import (
     SubspaceDerivative,
     configure,
     constant_damping,
+    damping_by_mode,
     parametric_model,
     solve_modes,
 )
@@ -261,3 +263,63 @@ def first_steps_interval(work: Bootstrap, runs: int, seed: int) -> tuple[Reals, 
     found = bootstrap_result(work, [BootstrapRun(work.at.x + d, True, 1, 0) for d in steps], [])
     limits = np.array([found.interval(column) for column in found.samples.T])
     return limits[:, 0], limits[:, 1]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Tests of uneven damping, which are identified first.
+
+
+ZETA = (0.004, 0.02, 0.01, 0.03, 0.006, 0.015, 0.008, 0.02, 0.01, 0.005)
+"""Of the elastic modes; those above have 1 %."""
+EQUAL = 0.02
+LINES = np.arange(20.0, 345.0, 0.4)
+
+
+@dataclass(frozen=True)
+class IdentifiedCampaigns:
+    """Simulated tests; called with a seed, the calibration (4,) of one, with an identification of its own.
+
+    Parameters
+    ----------
+    floor : σ of real and imaginary part of the noise, as a part of the largest magnitude of each FRF
+    """
+
+    floor: float = 0.0003
+
+    @cached_property
+    def frame(self) -> Campaigns:
+        """Its model, and the modes at the true parameters."""
+        return Campaigns(ratio=EQUAL)
+
+    @cached_property
+    def exact(self) -> FrfSet:
+        """Accelerances without noise."""
+        zeta = (0.0, 0.0, 0.0, *ZETA, *([0.01] * (MODES - 3 - len(ZETA))))
+        return frf(self.frame.at_truth, ports_of(self.frame.model), LINES, "accelerance", damping=damping_by_mode(zeta))
+
+    def test(self, seed: int) -> FrfSet:
+        """The functions with circular noise."""
+        chance = np.random.default_rng(seed).standard_normal((2, *self.exact.values.shape))
+        size = self.floor * np.abs(self.exact.values).max(axis=2, keepdims=True)
+        return replace(self.exact, values=self.exact.values + size * (chance[0] + 1j * chance[1]))
+
+    def identified(self, seed: int) -> EqualisedTest:
+        """The test with one damping ratio."""
+        return equalised_test(self.test(seed), EQUAL, InputKnown(largest_order=26))
+
+    def bootstrap(self, seed: int, method: Resampling = "lines", runs: int = 1000) -> Bootstrap:
+        """The bootstrap of a test about its calibration."""
+        test, model = self.identified(seed), self.frame.model
+        way = ModelWay("real-modes", (MODES, None), constant_damping(EQUAL))
+        residual, _ = frf_residual(self.frame.at_truth, test.frfs, scatter=FrfScatter(0.0, 0.003), way=way)
+        residual = replace(residual, identified=test.redrawn)
+        case = case_without_modes(model, (residual,), count=MODES, solver=DenseModes())
+        problem = UpdateProblem((case,), model.model.parameters)
+        start, names = problem.start(TRUTH), [p.name for p in problem.parameters.free]
+        side, rules = NoRegularisation().side(len(TRUTH)), BootstrapRules(method, runs)
+        x = bootstrap_of(problem, start, side, names, replace(rules, tolerance=1e-3)).optimum().x
+        return bootstrap_of(problem, problem.follow(x, start), side, names, rules)
+
+    def __call__(self, seed: int) -> Reals:
+        """The calibrated parameters."""
+        return self.bootstrap(seed, runs=10).at.x

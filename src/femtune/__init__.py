@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from femtune.labelled import to_xarray
     from femtune.modal import FrfSet, ModeSet, TimeSeries, mac
     from femtune.results.step_results import (
+        CandidatesResult,
         CorrelateResult,
         InfoResult,
         ModesResult,
@@ -44,13 +45,16 @@ if TYPE_CHECKING:
         QuantifyResult,
         RespondResult,
         RunResult,
+        ScreenResult,
+        SearchResult,
         SelectResult,
     )
     from femtune.status import Status
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.of_experiments import screen, search
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
-    from femtune.steps.of_run import bootstrap, read_results, run, update, validate
+    from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
     from femtune.steps.of_study import correlate, quantify, select
     from femtune.steps.pages import report
     from femtune.study.identification.run import IdentifyResult
@@ -62,6 +66,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AntiresonanceResidual",
+    "CandidatesResult",
     "CentreOfGravityResidual",
     "ComplexEigenvalueResidual",
     "Configuration",
@@ -89,6 +94,8 @@ __all__ = [
     "QuantifyResult",
     "RespondResult",
     "RunResult",
+    "ScreenResult",
+    "SearchResult",
     "SelectResult",
     "ShapeResidual",
     "StaticDisplacementResidual",
@@ -98,6 +105,7 @@ __all__ = [
     "Study",
     "TimeSeries",
     "bootstrap",
+    "candidates",
     "correlate",
     "identify",
     "info",
@@ -113,6 +121,8 @@ __all__ = [
     "report",
     "respond",
     "run",
+    "screen",
+    "search",
     "select",
     "simulate",
     "testing",

@@ -45,12 +45,119 @@ _register(
     year="1940",
 )
 _register(
+    "cochran1954",
+    "article",
+    author="Cochran, W. G.",
+    title="The combination of estimates from different experiments",
+    journal="Biometrics",
+    volume="10",
+    number="1",
+    pages="101--129",
+    year="1954",
+)
+_register(
+    "dersimonian1986",
+    "article",
+    author="DerSimonian, R. and Laird, N.",
+    title="Meta-analysis in clinical trials",
+    journal="Controlled Clinical Trials",
+    volume="7",
+    number="3",
+    pages="177--188",
+    year="1986",
+)
+_register(
+    "holm1979",
+    "article",
+    author="Holm, S.",
+    title="A simple sequentially rejective multiple test procedure",
+    journal="Scandinavian Journal of Statistics",
+    volume="6",
+    number="2",
+    pages="65--70",
+    year="1979",
+)
+_register(
+    "sacks1989",
+    "article",
+    author="Sacks, J. and Welch, W. J. and Mitchell, T. J. and Wynn, H. P.",
+    title="Design and analysis of computer experiments",
+    journal="Statistical Science",
+    volume="4",
+    number="4",
+    year="1989",
+)
+_register(
+    "storn1997",
+    "article",
+    author="Storn, R. and Price, K.",
+    title="Differential evolution: a simple and efficient heuristic for global optimization over continuous spaces",
+    journal="Journal of Global Optimization",
+    volume="11",
+    year="1997",
+)
+_register(
+    "deb2001",
+    "book",
+    author="Deb, K.",
+    title="Multi-Objective Optimization using Evolutionary Algorithms",
+    publisher="Wiley",
+    year="2001",
+)
+_register(
+    "hansen2001",
+    "article",
+    author="Hansen, N. and Ostermeier, A.",
+    title="Completely derandomized self-adaptation in evolution strategies",
+    journal="Evolutionary Computation",
+    volume="9",
+    number="2",
+    year="2001",
+)
+_register(
+    "hedayat1999",
+    "book",
+    author="Hedayat, A. S. and Sloane, N. J. A. and Stufken, J.",
+    title="Orthogonal Arrays: Theory and Applications",
+    publisher="Springer",
+    year="1999",
+)
+_register(
+    "montgomery2017",
+    "book",
+    author="Montgomery, D. C.",
+    title="Design and Analysis of Experiments",
+    publisher="Wiley",
+    year="2017",
+)
+_register(
+    "plackett1946",
+    "article",
+    author="Plackett, R. L. and Burman, J. P.",
+    title="The design of optimum multifactorial experiments",
+    journal="Biometrika",
+    volume="33",
+    number="4",
+    year="1946",
+)
+_register(
     "efron1993",
     "book",
     author="Efron, B. and Tibshirani, R. J.",
     title="An Introduction to the Bootstrap",
     publisher="Chapman and Hall",
     year="1993",
+)
+_register(
+    "wu1986",
+    "article",
+    author="Wu, C. F. J.",
+    title="Jackknife, Bootstrap and Other Resampling Methods in Regression Analysis",
+    journal="The Annals of Statistics",
+    volume="14",
+    number="4",
+    pages="1261--1295",
+    year="1986",
 )
 _register(
     "hesterberg2015",
@@ -372,6 +479,38 @@ _register(
     journal="Physical Review",
     volume="40",
     year="1932",
+)
+_register(
+    "schwarz1978",
+    "article",
+    author="Schwarz, G.",
+    title="Estimating the dimension of a model",
+    journal="The Annals of Statistics",
+    volume="6",
+    number="2",
+    pages="461--464",
+    year="1978",
+)
+_register(
+    "beck2004",
+    "article",
+    author="Beck, J. L. and Yuen, K.-V.",
+    title="Model selection using response measurements: Bayesian probabilistic approach",
+    journal="Journal of Engineering Mechanics",
+    volume="130",
+    number="2",
+    pages="192--203",
+    year="2004",
+)
+_register(
+    "goulet2013",
+    "article",
+    author="Goulet, J.-A. and Smith, I. F. C.",
+    title="Structural identification with systematic errors and unknown uncertainty dependencies",
+    journal="Computers and Structures",
+    volume="128",
+    pages="251--258",
+    year="2013",
 )
 _register(
     "kammer1991",

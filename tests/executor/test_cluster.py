@@ -68,6 +68,9 @@ def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FemtuneError) as error:
         Cluster("tcp://127.0.0.1:8786").run(abs, [1])
     check_shown("executor.no-cluster", error.value)
+    with pytest.raises(FemtuneError) as error:
+        Cluster("tcp://127.0.0.1:8786").check()
+    assert error.value.code == "executor.no-cluster"
 
 
 @pytest.mark.slow

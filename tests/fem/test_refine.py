@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from femtune.fem.assemble import assemble
 from femtune.fem.checks import mass_properties
+from femtune.fem.constraints import rigid_element_rows
 from femtune.fem.refine import CannotRefineError, Refined, refine
-from femtune.fem.structure import Structure
+from femtune.fem.structure import Structure, join_constraints
 from structures.frames import bars, make_structure, scalars
 from structures.shells import (
     Isotropic,
@@ -195,6 +198,54 @@ def test_supports_of_a_solid_go_on_over_its_faces():
     np.testing.assert_array_equal(flags[:, 0], np.abs(new[:, 0]) < 1e-12)
     np.testing.assert_array_equal(flags[:, 1], flags[:, 0])
     assert not flags[:, 2].any()
+
+
+def _rigid_new(structure: Structure, refined: Refined) -> np.ndarray:
+    """Rows of the new points that follow a rigid element in all components."""
+    rows, count = np.unique(refined.structure.rigid.dependent // 6, return_counts=True)
+    return rows[(count == 6) & (rows >= len(structure.nodes.ids))]
+
+
+def test_rigid_elements_go_on_along_edges_and_lines_but_not_between_points():
+    """As supports do; not between points of two rigid elements, nor where one leaves a component free."""
+    mesh = shell_mesh(rectangle(4.0, 4.0), 4, 4)
+    near = {tuple(np.round(p[:2]).astype(int)): i for i, p in enumerate(mesh.xyz)}
+    edge, line, pair = [near[0, j] for j in range(5)], [near[2, j] for j in (1, 2, 3)], [near[3, 1], near[3, 2]]
+    other, loose = [near[4, j] for j in (0, 1)], [near[4, j] for j in (3, 4)]
+    plain = shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.05))])
+    ids = plain.nodes.ids
+    bodies = [(edge, range(1, 7)), (line, range(1, 7)), (pair, range(1, 7)), (other, range(1, 7)), (loose, range(1, 6))]
+    rows = [
+        rigid_element_rows(plain.nodes, first, follow, list(components), 100 + k)
+        for k, (points, components) in enumerate(bodies)
+        for first, *follow in [ids[points].tolist()]
+    ]
+    structure = replace(plain, rigid=join_constraints(rows))
+    refined = refine(structure, NONE_HELD)
+    new = refined.structure.nodes.xyz[_rigid_new(structure, refined)]
+    expected = [(0.0, 0.5), (0.0, 1.5), (0.0, 2.5), (0.0, 3.5), (2.0, 1.5), (2.0, 2.5), (4.0, 0.5)]
+    assert sorted(map(tuple, new[:, :2])) == expected
+    off = refine(structure, NONE_HELD, [100])
+    assert sorted(map(tuple, off.structure.nodes.xyz[_rigid_new(structure, off)][:, :2])) == expected[4:]
+
+
+@pytest.mark.parametrize("kind", ["shell", "solid"])
+def test_an_edge_or_face_that_follows_a_held_point_is_a_held_one(kind: str):
+    """The frequencies of the refined mesh are those of the mesh whose supports go on."""
+    if kind == "shell":
+        mesh = shell_mesh(rectangle(3.0, 1.0), 3, 2)
+        plain = shell_structure(mesh.xyz, [ShellPart(mesh.cells, Section(STEEL, 0.1))])
+        root = [i for i, p in enumerate(mesh.xyz) if p[0] < 1e-9]
+    else:
+        block = solid_mesh(box(3.0, 1.0, 1.0), (3, 2, 2))
+        plain, root = solid_model(block, STEEL), list(block.face("u0"))
+    held = np.array(sorted(6 * i + k for i in root for k in range(6)))
+    clamped = refine(replace(plain, permanent=held), held).structure
+    ids = plain.nodes.ids
+    carried = rigid_element_rows(plain.nodes, int(ids[root[0]]), [int(i) for i in ids[root[1:]]], range(1, 7), 99)
+    first = 6 * root[0] + np.arange(6)
+    rigid = refine(replace(plain, rigid=carried, permanent=first), first).structure
+    np.testing.assert_allclose(natural_frequencies(rigid, 5), natural_frequencies(clamped, 5), rtol=1e-8)
 
 
 def test_scalar_points_and_springs_stay():

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
 import pytest
+import scipy.linalg as la
+from numpy.typing import ArrayLike
 
+from femtune.arrays import Reals
 from femtune.fem.assemble import assemble
 from femtune.fem.elements import contributions
 from femtune.fem.structure import Structure
@@ -12,6 +17,8 @@ from femtune.testing import check_contribution
 from structures.frames import bars, dense_matrices, dense_modes, make_structure
 
 from .tapered_parts import tapered
+
+Law = Callable[[Reals], Reals]
 
 XYZ = [[0.0, 0.0, 0.0], [1.3, 0.2, -0.1], [2.0, 1.0, 0.4]]
 PAIRS = [[0, 1], [1, 2]]
@@ -107,6 +114,83 @@ def test_tapered_and_stepped_beams_meet():
     # four tapered elements are as good as many constant ones
     few = dense_modes(cantilever(4, constant=False), range(6))[:3]
     np.testing.assert_allclose(few, fine[:3], rtol=2e-3)
+
+
+def by_polynomials(area: Law, inertia: Law, count: int, degree: int = 24) -> np.ndarray:
+    """(count,) frequencies in Hz of a clamped-free Euler beam of unit length with A(x), I(x): Ritz's method.
+
+    The functions are x² times Legendre polynomials, which converge faster than any power of their number.
+    """
+    points, weights = np.polynomial.legendre.leggauss(200)
+    x, w = (points + 1.0) / 2.0, weights / 2.0
+    polynomials = [np.polynomial.Legendre.basis(k, [0.0, 1.0]) for k in range(degree)]
+    square = np.polynomial.Polynomial([0.0, 0.0, 1.0])
+    shape = np.array([square(x) * p(x) for p in polynomials])
+    curve = np.array([2.0 * p(x) + 4.0 * x * p.deriv(1)(x) + x**2 * p.deriv(2)(x) for p in polynomials])
+    K = MATERIAL["E"] * (curve * (w * inertia(x))) @ curve.T
+    M = MATERIAL["rho"] * (shape * (w * area(x))) @ shape.T
+    return np.sqrt(la.eigvalsh(K, M)[:count]) / (2.0 * np.pi)
+
+
+def bending_modes(n: int, values: Mapping[str, Sequence[ArrayLike]], stations: Sequence[float]) -> np.ndarray:
+    """(3,) of a clamped-free beam of unit length with n elements, bending in plane 1 only."""
+    points = [[i / n, 0.0, 0.0] for i in range(n + 1)]
+    part = tapered([[i, i + 1] for i in range(n)], MATERIAL, stations, values)
+    across = {6 * i + k for i in range(n + 1) for k in (0, 2, 3, 4)}
+    return dense_modes(make_structure(points, [part], consistent_mass=True), across | set(range(6)))[:3]
+
+
+@pytest.mark.parametrize("thin", [(0.25, 0.125), (0.1, 0.01), (0.03, 0.001)])
+def test_frequencies_of_linear_area_and_inertia(thin: tuple[float, float]) -> None:
+    """A and I fall linearly to these parts, as between the stations of PBEAM: the rest is the cubic mass."""
+
+    def area(x: Reals) -> Reals:
+        return 1e-3 * (1.0 - (1.0 - thin[0]) * x)
+
+    def inertia(x: Reals) -> Reals:
+        return 1e-8 * (1.0 - (1.0 - thin[1]) * x)
+
+    exact = by_polynomials(area, inertia, 3)
+    np.testing.assert_allclose(by_polynomials(area, inertia, 3, 20), exact, rtol=1e-6)
+    errors = []
+    for n in (8, 16):
+        ends = np.arange(n) / n, (np.arange(n) + 1.0) / n
+        values = {"A": [*map(area, ends)], "I1": [*map(inertia, ends)], "I2": [*map(inertia, ends)], "J": [1e-8]}
+        errors.append(np.abs(bending_modes(n, values, [0.0, 1.0]) / exact - 1.0))
+    assert errors[0].max() < 1.2e-3
+    assert errors[1].max() < 1e-4
+    assert np.log2(errors[0][-1] / errors[1][-1]) > 3.0
+
+
+@pytest.mark.parametrize("height", [0.5, 0.2])
+def test_frequencies_of_linear_dimensions(height: float) -> None:
+    """A and I of a bar whose width and height change linearly, given at stations: the error falls with their distance.
+
+    Between stations A and I are linear, so that I is too large: stations in an element are as good as more elements.
+    """
+
+    def sizes(x: Reals) -> tuple[Reals, Reals]:
+        return 0.03 * (1.0 - 0.4 * x), 0.02 * (1.0 - (1.0 - height) * x)
+
+    def area(x: Reals) -> Reals:
+        return sizes(x)[0] * sizes(x)[1]
+
+    def inertia(x: Reals) -> Reals:
+        return sizes(x)[0] * sizes(x)[1] ** 3 / 12.0
+
+    exact = by_polynomials(area, inertia, 3)
+
+    def errors(n: int, stations: int) -> np.ndarray:
+        inner = np.linspace(0.0, 1.0, stations)
+        at = [(np.arange(n) + s) / n for s in inner]
+        values = {"A": [*map(area, at)], "I1": [*map(inertia, at)], "I2": [*map(inertia, at)], "J": [1e-8]}
+        return np.asarray(bending_modes(n, values, list(inner)) / exact - 1.0)
+
+    coarse, fine, finest = errors(8, 2), errors(16, 2), errors(32, 2)
+    assert np.log2(np.abs(coarse) / np.abs(fine)).min() > 1.7
+    assert np.abs(finest).max() < 1e-3
+    # as many stations, fewer elements
+    assert np.abs(errors(8, 5)).max() < 1e-3
 
 
 def test_neutral_axis_beside_the_shear_centre_is_a_rigid_arm():

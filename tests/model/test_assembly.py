@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from femtune.fem import FieldRef, Structure
 from femtune.fem.assemble import assemble
 from femtune.fem.constraints import rigid_body_rows
 from femtune.fem.elements import contributions, pieces
-from femtune.model import Assignment, Configuration, ModelPoint, configure, parametric_model, spread
+from femtune.model import Assignment, Configuration, ModelPoint, configure, parametric_model, solve_modes, spread
 from femtune.model.linear import memory
+from femtune.model.response.mass import mass_response
+from femtune.model.terms import CompiledTerms, compile_terms
 from femtune.parameters import Parameter, ParameterSet
 from structures.frames import make_structure, masses, rods, scalars
 from structures.shells import Isotropic, Section, ShellPart, cylinder, dofs_of, shell_mesh, shell_structure
@@ -151,6 +154,35 @@ def test_both_ways_to_sum_entries(monkeypatch: pytest.MonkeyPatch, passes: int) 
     point = model(shells("union"), **THREE)
     exact = slowly(point, "stiffness")
     np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
+
+
+def test_coefficients_are_told_apart_whatever_their_hash_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femtune.model.terms._odd_numbers", lambda count: np.zeros(count, np.uint64))
+    point = model(shells("union"), **THREE)
+    exact = slowly(point, "stiffness")
+    np.testing.assert_allclose(point.stiffness.toarray(), exact, atol=1e-13 * np.abs(exact).max())
+
+
+def test_terms_that_are_released_are_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A large model gives them back before its modes are solved; weighing it takes those of the mass alone."""
+    first = model(shells("union"), **THREE)
+    whole, before, weighed = first.configured.model, first.stiffness, mass_response(first)
+    monkeypatch.setattr("femtune.model.eigen.solution._ONE_FACTOR_FROM", 0)
+    solve_modes(first, 3)
+    compiled: list[Structure] = []
+
+    def counted(structure: Structure, *given: Any) -> CompiledTerms:
+        compiled.append(structure)
+        return compile_terms(structure, *given)
+
+    monkeypatch.setattr("femtune.model.parametric.compile_terms", counted)
+    np.testing.assert_array_equal(mass_response(first).mass, weighed.mass)
+    assert not compiled
+    again = configure(whole, Configuration()).at(first.x)
+    assert len(compiled) == 1
+    np.testing.assert_array_equal(again.stiffness.toarray(), before.toarray())
+    assert whole.terms
+    assert len(compiled) == 1
 
 
 def test_a_state_without_any_element_of_a_term() -> None:

@@ -26,10 +26,12 @@ from femtune.model.eigen import krylov as iteration
 from femtune.model.eigen import pairs as eigenpairs
 from femtune.model.eigen import solution as eigen_module
 from femtune.model.eigen.accuracy import energy_residuals, force_residuals
-from femtune.model.eigen.krylov import Krylov, begin, beside, iterate
+from femtune.model.eigen.krylov import Krylov, KrylovPairs, begin, beside, iterate
+from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import EigenSearch, iterative
 from femtune.model.eigen.pencil import Inverse, Pencil, indefinite_mass
 from femtune.model.linear import sparse_products
+from femtune.model.linear.dense_products import symmetric_eigen
 from femtune.model.linear.sparse_products import product
 from femtune.model.linear.symmetric import symmetric
 from femtune.model.solvers import factorise
@@ -308,15 +310,58 @@ def test_negative_masses_are_seen():
 
 
 @pytest.mark.parametrize("entries_from", [0, 10**9])
-@pytest.mark.parametrize("diagonal", [False, True])
-def test_products(entries_from: int, diagonal: bool, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("more", [0, 30, 2000])
+def test_products(entries_from: int, more: int, monkeypatch: pytest.MonkeyPatch):
+    """With `more` entries than the diagonal: none, few, many."""
     monkeypatch.setattr(sparse_products, "LIBRARY_FROM", entries_from)
     rng = np.random.default_rng(0)
-    A = sp.random_array((200, 200), density=0.05, rng=rng)
-    A = sp.csr_array(sp.diags_array(rng.standard_normal(200))) if diagonal else sp.csr_array(A + A.T)
+    B = sp.random_array((200, 200), density=more / 200**2, rng=rng)
+    A = sp.csr_array(sp.diags_array(rng.standard_normal(200)) + B + B.T)
     for block in (0, 4):
         times = product(symmetric(A), block)
         for shape in ((200,), (200, 1), (200, 7), (200, 0)):
             x = rng.standard_normal(shape)
             np.testing.assert_allclose(times @ x, A @ x, atol=1e-13)
             np.testing.assert_allclose(times @ np.asfortranarray(x), A @ x, atol=1e-13)
+
+
+def test_the_last_solve_makes_pairs_better() -> None:
+    """Of a plate whose rotations have no mass: shapes on all DOFs, nearer to those of a dense solution."""
+    pencil = pencil_of(point_of(plate(7)))
+    K, M, shift = pencil.K.full().toarray(), pencil.M.full().toarray(), -1e4
+    A = K - shift * M
+    exact, vectors = la.eigh(M, A)
+    space = MassSpace(pencil, lambda b: np.asfortranarray(la.solve(A, b)))
+    assert space.is_part
+    assert space.operator.mass.shape[0] == pencil.heavy.size < pencil.n
+    theta, shapes = exact[:-13:-1], vectors[:, :-13:-1] / np.sqrt(exact[:-13:-1])
+    noise = np.random.default_rng(2).standard_normal(shapes.shape)
+    rough = shapes + 1e-5 * noise * np.linalg.norm(shapes, axis=0) / np.linalg.norm(noise, axis=0)
+    start = np.asfortranarray(rough[pencil.heavy])
+    start /= np.sqrt(np.einsum("ij,ij->j", start, space.pencil.heavy_mass @ start))
+    found = space.finished(KrylovPairs(theta, start, np.zeros(12), 0.0, 0, 12))
+    np.testing.assert_allclose(found.theta, theta, rtol=1e-8)
+    np.testing.assert_allclose(found.shapes.T @ M @ found.shapes, np.eye(12), atol=1e-10)
+    residual = found.shapes / found.theta - la.solve(A, M @ found.shapes) / found.theta**2
+    before = rough / theta - la.solve(A, M @ rough) / theta**2
+    sizes = [np.sqrt(np.einsum("ij,ij->j", r, A @ r)).max() for r in (residual, before)]
+    assert sizes[0] < 0.1 * sizes[1]
+
+
+def test_where_all_dofs_have_mass_there_is_no_last_solve() -> None:
+    pencil = springs([(i, i + 1, 1e3) for i in range(-1, 9)], [1.0] * 10)
+    space = MassSpace(pencil, lambda b: b)
+    pairs = KrylovPairs(np.ones(1), np.ones((10, 1)), np.zeros(1), 0.0, 0, 1)
+    assert not space.is_part
+    assert space.finished(pairs) is pairs
+    assert space.operator.mass is pencil.mass
+
+
+@pytest.mark.parametrize("rows", [5, 80])
+def test_eigenvalues_of_small_matrices(rows: int) -> None:
+    A = np.random.default_rng(3).standard_normal((rows, rows))
+    A = A + A.T
+    values, vectors = symmetric_eigen(A)
+    np.testing.assert_allclose(values, la.eigvalsh(A), atol=1e-12 * rows)
+    np.testing.assert_allclose(vectors * values @ vectors.T, A, atol=1e-12 * rows)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(rows), atol=1e-13 * rows)

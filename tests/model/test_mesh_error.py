@@ -88,14 +88,20 @@ def test_bars_with_consistent_mass_err_less_than_the_refinement_says(tmp_path: P
     assert _change(solution).error == pytest.approx(1.25 * true, rel=0.02)
 
 
-@pytest.mark.parametrize(("triangles", "rel"), [(False, 0.15), (True, 0.35)], ids=["CQUAD4", "CTRIA3"])
-def test_plates_err_as_the_refinement_says(triangles: bool, rel: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize("triangles", [False, True], ids=["CQUAD4", "CTRIA3"])
+def test_plates_err_as_the_refinement_says(triangles: bool, tmp_path: Path) -> None:
+    """Within a factor of two of true errors above .5 %, which is what the estimate is for; the largest within a third.
+
+    Below, errors of mass, bending and residual flexibility of CQUAD4 cancel, and not alike on both meshes.
+    """
     solution = _modes(plate(8, triangles), tmp_path, 4)
     true = solution.freq_hz / _plate_hz(4) - 1.0
     found = _change(solution)
     assert np.abs(true).max() > 0.02
-    # errors of mass, bending and residual flexibility of CQUAD4 cancel in part, and not alike on both meshes
-    assert found.error == pytest.approx(true, rel=rel, abs=0.0 if triangles else 0.012)
+    ratio, known = found.error / true, np.abs(true) > 0.005
+    assert ((ratio > 0.5) & (ratio < 2.0))[known].all()
+    assert np.abs(found.error - true)[~known].max(initial=0.0) < 0.005
+    assert ratio[np.abs(true).argmax()] == pytest.approx(1.0, abs=1.0 / 3.0)
     # 17 × 17 points with three free DOFs, less the supports of the edge
     assert found.free_dofs == 3 * 17**2 - 4 * 16
 

@@ -82,6 +82,24 @@ def test_another_level_is_told_with_its_likely_cause(test: FrfSet, start: FrfSet
         check_shown("residual.frf-level", notice)
 
 
+@pytest.mark.parametrize(("channel", "factor"), [(0, 1.0 / 9.80665), (1, 1000.0), (2, 9.80665), (3, 0.2)])
+def test_another_level_of_one_output_is_named(test: FrfSet, start: FrfSet, channel: int, factor: float) -> None:
+    one = np.where(np.arange(4) == channel, factor, 1.0)[:, None, None]
+    (notice,) = found(replace(test, values=one * test.values), start)
+    assert notice.code == "residual.frf-channel-level"
+    assert f"output {FOUR[channel]} are" in notice.what
+    assert ("g instead of m/s²" in notice.what) == (channel in (0, 2))
+    if channel == 0:
+        check_shown("residual.frf-channel-level", notice)
+
+
+def test_one_output_that_the_model_misses_has_no_level_of_its_own(test: FrfSet, start: FrfSet) -> None:
+    """A factor that changes with the line, as errors of the model make it."""
+    wrong = test.values.copy()
+    wrong[1] *= np.exp(3.0 * np.sin(np.linspace(0.0, 40.0, wrong.shape[2])))
+    assert "residual.frf-channel-level" not in [n.code for n in found(replace(test, values=wrong), start)]
+
+
 def test_too_few_values_say_nothing(test: FrfSet, start: FrfSet) -> None:
     few = np.zeros(test.values.shape, bool)
     few[0, 0, :5] = True

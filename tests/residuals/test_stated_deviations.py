@@ -83,3 +83,28 @@ def test_eigenvalues_have_the_covariance_that_follows_from_that_of_frequencies(c
     error = (2.0 * np.pi) ** 2 * (at.states[0].solution.freq_hz[:3] ** 2 - case.test.freq_hz**2)
     distance = error @ np.linalg.solve(slope @ covariance @ slope, error)
     assert 2.0 * at.objective == pytest.approx(distance, rel=1e-9)
+
+
+def _triaxial(values: np.ndarray) -> FrfSet:
+    """Functions (3, 1, lines) of a triaxial sensor at node 4."""
+    dofs = DofSet.parse(("4X+", "4Y+", "4Z+"))
+    return FrfSet(np.arange(1.0, 1.0 + values.shape[2]), values, dofs, DofSet.parse(("9Z+",)), "accelerance")
+
+
+def test_the_deviation_of_turned_sensors_is_that_of_random_rotations() -> None:
+    """Small rotations about all axes, at functions with random phases."""
+    rng, angle, lines = np.random.default_rng(4), 0.05, 2000
+    size = np.array([1.0, 3.0, 0.5])[:, None, None]
+    H = size * np.exp(2j * np.pi * rng.random((3, 1, lines)))
+    turns = angle * rng.standard_normal((lines, 3))
+    off = np.cross(turns, H[:, 0].T).T
+    stated = FrfScatter(1e-9, angles={0: angle})
+    sd = stated.linear(_triaxial(H))[:, 0]
+    logs = stated.logarithmic(_triaxial(H))[0][:, 0]
+    for i in range(3):
+        for part in (off[i].real, off[i].imag):
+            assert np.std(part / sd[i]) == pytest.approx(1.0, rel=0.08)
+        assert np.std((off[i] / H[i, 0]).real / logs[i]) == pytest.approx(1.0, rel=0.08)
+    # sensors of other nodes, and outputs with deviations of their own
+    other = FrfScatter(0.02, outputs={(4, "Y"): 0.3}, angles={5: angle}).logarithmic(_triaxial(H))[0]
+    assert other[:, 0, 1:-1] == pytest.approx(np.array([0.02, 0.3, 0.02])[:, None] * np.ones(lines - 2))

@@ -54,8 +54,10 @@ def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
     model = chain()
     start = solve_modes(model.at(AT), 5)
     top = 0.5 * float(start.freq_hz[2]) * 0.99
-    residual, _ = frf_residual(start, measured(model, ports_of(model)), Band(to_hz=top))
-    state = state_at(case_without_modes(model, (residual,), count=1), AT)
+    state = state_at(case_without_modes(model, (), count=1), AT)
+    test = measured(model, ports_of(model))
+    highest_hz = float(test.freq_hz[test.freq_hz <= top].max())
+    residual, _ = frf_residual(start, test, Band(to_hz=top), way=ModelWay().settled(state, highest_hz))
     found = truncation(residual, state)
     expected = int((start.freq_hz <= TIMES_HIGHEST_LINE * residual.highest_hz).sum())
     assert found.modes == expected
@@ -68,3 +70,17 @@ def test_without_a_number_the_modes_reach_twice_the_highest_line() -> None:
     for way in (residual.way, few.way):
         without = replace(residual, way=replace(way, residual_vectors=False))
         assert truncation(without, state).lacks.endswith("and residual vectors (residual_vectors = false)")
+
+
+def test_the_number_of_modes_stays_that_of_the_start() -> None:
+    """A mode that leaves the range up to twice the highest line must not leave the functions: they would jump."""
+    model, test = chain(), measured(chain(), ports_of(chain()))
+    moved = AT + np.array([0.0, 0.5, 0.0, 0.0])
+    start = solve_modes(model.at(AT), 5)
+    fourth = [solve_modes(model.at(x), 5).freq_hz[3] for x in (AT, moved)]
+    residual, _ = frf_residual(start, test, Band(to_hz=sum(fourth) / (2.0 * TIMES_HIGHEST_LINE)))
+    reach = TIMES_HIGHEST_LINE * residual.highest_hz
+    assert len({int((solve_modes(model.at(x), 5).freq_hz <= reach).sum()) for x in (AT, moved)}) == 2
+    for x in (AT, moved):
+        state = state_at(case_without_modes(model, (residual,), count=1), x)
+        assert truncation(residual, state).modes == 5

@@ -55,8 +55,17 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
         assert p.mean == pytest.approx(sample.mean())
         assert p.cov_percent == pytest.approx(100.0 * sample.std(ddof=1) / sample.mean())
     assert [c.key for c in found.citations] == ["efron1993", "hesterberg2015"]
+    update, selection = run.results.update, run.results.selection
+    assert update is not None
+    assert update.fisher is not None
+    assert selection is not None
+    assert selection.fisher is not None
+    assert (selection.fisher.stage, update.fisher.stage, update.fisher.measured) == ("before", "after", False)
+    for p, q in zip(update.fisher.parameters, found.parameters):
+        assert p.sd_percent == pytest.approx(q.fisher_cov_percent, rel=1e-3)
     page = run.report.read_text(encoding="utf-8") if run.report else ""
     assert "Bootstrap of the FRFs" in page
+    assert "Expected standard deviations from the FRFs, in % of the parameter" in page
     assert "Distribution of the parameters over the runs" in page
     assert "Correlation of the parameters over the runs" in page
     assert [row.parameter for row in run.bootstrap] == ["root", "tip"]

@@ -37,20 +37,19 @@ lower = 0.5
 upper = 2.0
 """
 BAND = (5.0, 240.0)
+LINES = np.arange(BAND[0], BAND[1], 0.1)
 # of all modes, those in the other plane and beyond the band included
 UNEVEN = (0.004, 0.03, 0.02, 0.008, 0.012, 0.02, *([0.01] * 14))
 
 
-def _measured(bench: Bench, noise: float) -> None:
+def _measured(bench: Bench, noise: float, seed: int = 4) -> None:
     deck = bench.truth(TRUE, CANTILEVER)
     model = configure(
         parametric_model(build_structure(read_deck(deck)).structure, ParameterSet(()), ()), Configuration()
     )
     ports = make_ports(model, ["5Y+"], ["2Y+", "3Y+", "4Y+", "5Y+"])
-    exact = frf(
-        solve_modes(model.at(np.zeros(0)), 20), ports, np.arange(BAND[0], BAND[1], 0.1), damping=damping_by_mode(UNEVEN)
-    )
-    random = np.random.default_rng(4).standard_normal((2, *exact.values.shape))
+    exact = frf(solve_modes(model.at(np.zeros(0)), 20), ports, LINES, damping=damping_by_mode(UNEVEN))
+    random = np.random.default_rng(seed).standard_normal((2, *exact.values.shape))
     noisy = replace(exact, values=exact.values * (1.0 + noise * (random[0] + 1j * random[1])))
     nodes = np.array([1, 2, 3, 4, 5])
     frame = WireFrame(nodes, np.column_stack([0.25 * (nodes - 1.0), np.zeros((5, 2))]))
@@ -81,6 +80,27 @@ def test_stiffness_is_found_whatever_the_damping(bench: Bench, more: str) -> Non
     (record,) = update.residual_counts
     assert record.rms_after is not None
     assert record.rms_after < 1.0
+    # the damping ratios of the test come back to the modes that they belong to
+    (mapped,) = run.results.mapped_damping
+    assert mapped.equalised_percent == pytest.approx(2.0)
+    pairs = [m for m in mapped.modes if m.mac is not None]
+    # bending in the plane of the test only
+    assert len(pairs) == 2
+    for m in pairs:
+        assert m.mode is not None
+        assert m.mac is not None
+        assert m.mac > 0.99
+        assert m.measured_percent == m.mapped_percent == pytest.approx(100.0 * UNEVEN[m.mode - 1], rel=0.02)
+        assert m.model_hz == pytest.approx(m.test_hz, rel=2e-3)
+    # with them the model repeats the measured FRFs as well as the identified test does
+    assert mapped.deviation_before is not None
+    assert mapped.deviation_after < 0.05 * mapped.deviation_before
+    assert mapped.deviation_identified < 1e-3
+    raw, after = run.arrays[mapped.test_values_key], run.arrays[mapped.after_values_key]
+    assert np.abs(after / raw - 1.0).mean() < 0.05
+    page = run.report.read_text(encoding="utf-8") if run.report else ""
+    assert "damping of the modes" in page
+    assert "identified test" in page
 
 
 @pytest.mark.slow
@@ -97,21 +117,116 @@ def test_bands_that_are_left_out_have_no_lines(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_a_bootstrap_of_the_identified_test_is_told(bench: Bench) -> None:
+def test_held_out_channels_are_compared_with_the_measured_damping(bench: Bench) -> None:
+    _measured(bench, 0.0)
+    more = 'leave_out_hz = [[60.0, 150.0]]\n[[hold_out]]\noutputs = ["4Y+"]\n[response]\nmodes = 12\n'
+    run = steps.run(_study(bench, EQUALISE + more))
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised"]
+    assert "lines, without 60 to 150 Hz." in alert.sentence
+    assert run.results.validation is not None
+    (curves,) = run.results.validation.curves
+    at = curves.outputs.index("4Y+")
+    lines, test = run.arrays[curves.freq_key], run.arrays[curves.test_values_key][at, 0]
+    inside = (lines >= 60.0) & (lines <= 150.0)
+    assert np.isnan(test[inside]).all()
+    assert np.isfinite(test[~inside]).all()
+    # .4 % measured at the first resonance; with 2 % its peak would be a fifth
+    model = run.arrays[curves.values_key][at, 0]
+    assert np.abs(model[~inside] / test[~inside] - 1.0).max() < 0.2
+    deviations = run.results.validation.deviations
+    assert deviations is not None
+    (held,) = [s for s in deviations.sums if s.data == "validation"]
+    assert held.after < 0.05 * held.before
+    # the functions of [response] beside the measured ones too
+    frfs = run.results.responses[-1].frfs
+    assert frfs is not None
+    assert frfs.test_values_key is not None
+    assert frfs.test_freq_key is not None
+    hertz = run.arrays[frfs.test_freq_key]
+    known = np.isfinite(run.arrays[frfs.test_values_key]).any(axis=(0, 1))
+    np.testing.assert_array_equal(known, (hertz < 60.0) | (hertz > 150.0))
+
+
+def test_an_order_that_is_too_small(bench: Bench) -> None:
     _measured(bench, 0.005)
-    table = "[bootstrap]\nruns = 10\nchecked = 0\n"
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(_study(bench, EQUALISE.replace("largest_order = 20", "largest_order = 4")))
+    check_shown("system.equalise, no modes", str(caught.value).replace(str(bench.folder), "folder"))
+
+
+@pytest.mark.slow
+def test_a_poor_identification_is_told(bench: Bench) -> None:
+    _measured(bench, 0.4)
+    run = steps.update(_study(bench, EQUALISE))
+    (alert,) = [a for a in run.results.alerts if a.code == "residual.equalised-poor"]
+    assert alert.level == "warning"
+    notice = Notice("residual.equalised-poor", configuration="free", misfit=23.4, modes=3, order=12)
+    check_shown("residual.equalised-poor", notice)
+
+
+@pytest.mark.slow
+def test_a_bootstrap_of_the_identified_test_has_the_spread_of_repeated_tests(bench: Bench) -> None:
+    repeated = []
+    for seed in range(10):
+        _measured(bench, 0.005, seed)
+        update = steps.update(_study(bench, EQUALISE), fresh=True).results.update
+        assert update is not None
+        repeated.append([p.value for p in update.parameters])
+    table = "[bootstrap]\nruns = 100\nchecked = 1\n"
     study = _study(bench, EQUALISE + table)
     run = steps.bootstrap(study)
-    assert run.results.bootstrap is not None
-    (alert,) = [a for a in run.results.alerts if a.code == "bootstrap.equalised"]
-    assert alert.level == "warning"
-    check_shown("bootstrap.equalised", f"[{alert.code}] {alert.sentence}")
+    found = run.results.bootstrap
+    assert found is not None
+    assert found.identified
+    # lines of the measurement, not of the comparison
+    assert found.drawn_from == len(LINES)
+    assert found.converged == 100
+    assert found.checked == 1
+    # ten tests: their standard deviations lie between .4 and 1.8 of the true ones but for one in a thousand
+    ratio = np.array([p.sd for p in found.parameters]) / np.std(repeated, axis=0, ddof=1)
+    assert (ratio > 0.5).all(), ratio
+    assert (ratio < 2.7).all(), ratio
     page = bootstrap_document(subject_of(study), run.results)
-    assert page.verdict_level == "warning"
-    assert alert.sentence[1:] in str(page.short)
-    measured = steps.bootstrap(_study(bench, table, "ratio = 0.015\n"))
-    assert measured.results.bootstrap is not None
-    assert "bootstrap.equalised" not in [a.code for a in measured.results.alerts]
+    assert "Frequency lines of the measured FRFs were drawn" in str(page)
+    again = steps.bootstrap(study)
+    assert again.results.bootstrap is not None
+    assert again.results.bootstrap.recalled == 100
+    # other noise, other runs
+    _measured(bench, 0.005, 11)
+    other = steps.bootstrap(_study(bench, EQUALISE + table))
+    assert other.results.bootstrap is not None
+    assert other.results.bootstrap.recalled == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["entries", "noise"])
+def test_entries_and_noise_of_the_identified_test(bench: Bench, method: str) -> None:
+    _measured(bench, 0.005)
+    both = [
+        steps.bootstrap(_study(bench, EQUALISE + f'[bootstrap]\nruns = 100\nchecked = 0\nmethod = "{how}"\n'))
+        for how in (method, "lines")
+    ]
+    one, other = (run.results.bootstrap for run in both)
+    assert one is not None
+    assert other is not None
+    # the expected standard deviations are those of the same noise, before anything is drawn
+    for run in both:
+        selection, update = run.results.selection, run.results.update
+        assert selection is not None
+        assert update is not None
+        assert selection.fisher is not None
+        assert update.fisher is not None
+        assert update.fisher.measured
+        assert all(p.known for p in update.fisher.parameters)
+        assert "can be known" in update.fisher.sentences[0]
+        if method == "noise" and run is both[0]:
+            for p, q in zip(update.fisher.parameters, one.parameters):
+                assert p.sd_percent is not None
+                assert p.sd_percent * p.value / 100.0 == pytest.approx(q.sd, rel=0.3)
+    # noise that is independent from value to value: all three see it, the draws of lines from few lines at resonances
+    for p, q in zip(one.parameters, other.parameters):
+        assert 0.5 * q.sd < p.sd < 2.0 * q.sd
+        assert p.linear_sd == pytest.approx(p.sd, rel=0.3)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +255,6 @@ def test_keys_are_checked(bench: Bench, key: str) -> None:
 def test_what_the_notice_says() -> None:
     notice = Notice(
         "residual.equalised", level="info", configuration="free", ratio=0.01, low=40.0, high=400.0, modes=14,
-        least=0.12, most=2.9, lines=347, misfit=1.83,
+        least=0.12, most=2.9, lines=347, misfit=1.83, left_out=", without 118 to 131 Hz",
     )  # fmt: skip
     check_shown("residual.equalised", notice)

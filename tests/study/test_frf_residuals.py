@@ -19,6 +19,8 @@ from femtune.model import Configuration, configure, constant_damping, parametric
 from femtune.model.response import frf, make_ports
 from femtune.parameters import ParameterSet
 from femtune.reporting.build import build_report
+from femtune.residuals import FrfResidual
+from femtune.residuals.frf.model_way import settled
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
 
@@ -245,3 +247,25 @@ def test_functions_on_reduced_models(bench: Bench, true_deck: Path) -> None:
         assert abs(a.value - b.value) < 0.01 * a.sd
     text = str(build_report(run.results, run.arrays))
     assert "0.01 standard deviations of the parameters (FRFs)" in text
+
+
+def test_poor_channels_and_turned_sensors_weigh_less(bench: Bench, true_deck: Path) -> None:
+    """σ of the logarithm: that of the output; with a turned sensor more where the other axis moves more."""
+    measured(bench, functions(true_deck))
+    weights = 'sd = 0.02\noutput_sd = { "3Y+" = 0.3 }\nangle_sd_deg = { 5 = 2.0 }'
+    study = load_study(study_of(bench, f'kind = "frf"\ncount = 20\n{weights}'))
+    study.problem().start(np.zeros(4))
+    assert study.cases[0].compared is not None
+    residual = settled(study.cases[0].compared.residuals[0])
+    assert isinstance(residual, FrfResidual)
+    H, column = np.abs(residual.measured.values), 0
+    y, z = H[1, column], H[2, column]
+    turned = [np.sqrt(0.02**2 + 0.5 * (np.deg2rad(2.0) * ratio) ** 2) for ratio in (z / y, y / z)]
+    expected = [np.full(len(y), 0.3), *turned]
+    for row, sd in enumerate(expected):
+        known = np.isfinite(residual.sd[row, column])
+        assert residual.sd[row, column][known] == pytest.approx(sd[known], rel=1e-9)
+    wrong = study_of(bench, 'kind = "frf"\ncount = 20\noutput_sd = { "4Y+" = 0.3 }')
+    with pytest.raises(FemtuneError) as caught:
+        load_study(wrong)
+    assert caught.value.code == "dof.missing"

@@ -116,6 +116,19 @@ def test_a_study_that_states_the_band_only_ends_at_the_truth(with_frfs: Bench, m
     assert "superposition of modes beside direct solutions" in Path(run.report).read_text(encoding="utf-8")
 
 
+def test_precise_measurements_take_more_modes(with_frfs: Bench) -> None:
+    """Modes up to twice the highest line would leave .2 σ: further ones are taken until the error is small."""
+    run = run_with(with_frfs, f"to_hz = {HIGHEST}\nsd = 0.0005", "[modes]\ncount = 4\n")
+    within_a_tenth_of_sigma(run)
+    assert run.results.update is not None
+    for found in run.results.update.frf_truncation:
+        assert found.small
+        assert found.modes_to_hz is not None
+        assert found.modes_to_hz > TIMES_HIGHEST_LINE * HIGHEST
+    (told,) = alerts(run, "residual.frf-more-modes")
+    assert "those up to 4 times their highest line" in told
+
+
 def test_too_few_modes_are_named_in_a_warning(with_frfs: Bench) -> None:
     run = run_with(with_frfs, f"to_hz = {HIGHEST}\ncount = 2\nresidual_vectors = false")
     told = alerts(run, "residual.frf-truncated")

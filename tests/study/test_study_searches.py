@@ -192,3 +192,19 @@ def test_contradictions_are_told_before_anything_is_solved(tmp_path: Path, updat
         study_from_text(f"{_HEAD}{_PARAMETERS}[update]\n{update}\n", tmp_path / "study.toml")
     assert code in str(caught.value)
     assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("more", ["[update]\nstarts = 3\n", '[bootstrap]\nmethod = "noise"\n'])
+def test_a_refused_cluster_is_told_before_any_work(beam: Bench, more: str) -> None:
+    text = f'{beam.parameters}{more}[parallel]\nhow = "cluster"\naddress = "tcp://10.0.0.7:8786"\n'
+    done: list[str] = []
+
+    class Told:
+        def step(self, what: str, *_: object) -> None:
+            done.append(what)
+
+    with pytest.raises(FemtuneError) as caught:
+        steps.run(beam.study(text), progress=Told())
+    assert caught.value.code == "executor.not-loopback"
+    assert "parallel" in str(caught.value)
+    assert not any("modes" in what or "start" in what or "run" in what for what in done)

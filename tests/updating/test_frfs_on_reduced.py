@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from femtune.executor import Processes, Serial
 from femtune.model import (
     ConfiguredModel,
     EigenSolution,
@@ -160,6 +161,26 @@ def test_starts_end_at_the_optimum(problem: UpdateProblem) -> None:
     full = update(problem)
     sd = np.sqrt(np.diag(full.covariance.matrix))
     assert np.abs((found.starts.best.x - full.x) / sd).max() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("with_modes", [False, True])
+def test_starts_in_processes_give_the_same_numbers(
+    chain: ConfiguredModel, problem: UpdateProblem, with_modes: bool
+) -> None:
+    if with_modes:
+        modal = simulated_case(chain, TRUTH, range(0, 60, 5), 4)
+        both = replace(modal, residuals=problem.cases[0].residuals)
+        problem = replace(problem, cases=(both,), residuals=(FrequencyResidual(0.01), ShapeResidual(0.1)))
+    rules = StartRules(count=3, samples=6)
+    one, other = (
+        multi_start_reduced(problem, SensitivityMethod(), RULES, rules, executor=executor)
+        for executor in (Serial(), Processes(2))
+    )
+    assert [s.end.tobytes() for s in one.starts.starts] == [s.end.tobytes() for s in other.starts.starts]
+    assert [s.objective for s in one.starts.samples] == [s.objective for s in other.starts.samples]
+    assert one.starts.best.x.tobytes() == other.starts.best.x.tobytes()
+    assert other.update.certified
 
 
 @pytest.mark.parametrize(

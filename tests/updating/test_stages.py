@@ -15,7 +15,7 @@ from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import ComparedCase, FrequencyResidual, UpdateProblem, direct
 from femtune.updating import NoRegularisation, SensitivityMethod, update
 from femtune.updating.remembered import RememberingSolver
-from femtune.updating.stages import Stage, first_belief, learned, run_stages
+from femtune.updating.stages import SetByHand, Stage, first_belief, learned, run_stages, set_by_hand
 from structures.springs import factor_model, simulated_case, spring_structure
 
 SPRINGS = [(-1, 0, 1e4), (0, 1, 1e4), (1, 2, 5e3), (2, 3, 1e4), (3, -1, 1e4)]
@@ -167,3 +167,29 @@ def test_a_stage_may_have_a_side_constraint_of_its_own():
     result = run_stages([stage], first_belief(_parameters(cases)))[0]
     assert result.best.side.word == "none"
     assert result.belief.sd["left"] == pytest.approx(result.best.sd["left"], rel=1e-6)
+
+
+def test_values_set_by_hand_are_known_as_well_as_stated():
+    """They are the prior of the next stage, and earlier data say no more of them."""
+    cases = _cases(None)
+    first = _bottom_up(cases)[1].belief
+    parameters = first.parameters
+    found = set_by_hand(first, [SetByHand("left", value=1.3, sd=0.02), SetByHand("right", add=0.05)])
+    assert found.values == pytest.approx({**first.values, "left": 1.3, "right": first.values["right"] + 0.05})
+    assert found.sd["left"] == pytest.approx(0.02)
+    assert found.sd["right"] == pytest.approx(parameters.free[parameters.index("right")].sd)
+    assert found.covariance[0, 2] == 0.0
+    prior = found.prior()
+    assert prior.names == ("left", "right")
+    assert list(prior.mean) == pytest.approx([1.3, first.values["right"] + 0.05])
+    # the joint, set first, is moved by its own data as if nothing had been known of it
+    stages = [
+        _stage(cases, "left", "left"),
+        _stage(cases, "whole", "joint", by_hand=(SetByHand("left", 1.1, sd=1e-6),)),
+    ]
+    (_, last) = run_stages(stages, first_belief(parameters))
+    assert last.belief.values["left"] == pytest.approx(1.1, abs=1e-9)
+    assert last.earlier.values["left"] == pytest.approx(1.1, abs=1e-3)
+    assert not last.belief.found[0]
+    with pytest.raises(FemtuneError, match="outside the bounds"):
+        set_by_hand(first, [SetByHand("left", add=10.0)])

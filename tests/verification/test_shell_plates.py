@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,6 +22,13 @@ from structures.shells import (
     shell_mesh,
     shell_structure,
 )
+
+_FILE = Path(__file__).resolve().parents[2] / "examples" / "09_element_matrices" / "commercial.py"
+_SPEC = importlib.util.spec_from_file_location("commercial", _FILE)
+assert _SPEC is not None
+assert _SPEC.loader is not None
+commercial = sys.modules["commercial"] = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(commercial)
 
 E, NU, RHO, SHEAR = 2.0e11, 0.3, 8000.0, 5.0 / 6.0
 
@@ -64,16 +73,39 @@ def mindlin(t: float, count: int) -> np.ndarray:
     return np.sqrt(D * k2**2 / (RHO * t) / (1 + D * k2 / (SHEAR * E / (2 + 2 * NU) * t))) / (2 * np.pi)
 
 
-@pytest.mark.quick(2)
+def of_lattice(n: int, t: float, consistent: bool, count: int) -> np.ndarray:
+    """(count,) frequencies in Hz of the simply supported plate of n × n squares of commercial Nastran, in closed form.
+
+    A mode of the equal squares is a product of sines at the grid points: K and M of a wave on an infinite lattice, with
+    phases iπ/n and jπ/n, are sums of the entries of the matrix of one element. Rotations are condensed.
+    """
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    side = 1.0 / n
+    moduli = commercial.Plate(E, NU, E / (2 + 2 * NU), t, SHEAR)
+    K = commercial.bending_stiffness(moduli, side * corners).reshape(4, 3, 4, 3)
+    line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0 if consistent else np.eye(2) / 2.0
+    # on corners in the order of x, then y; that of the element goes round
+    M = RHO * t * side**2 * np.kron(line, line)[np.ix_([0, 2, 3, 1], [0, 2, 3, 1])]
+    found = []
+    most = min(n, 2 * count)
+    for wave in np.pi / n * np.array([(i, j) for i in range(1, most) for j in range(1, most)]):
+        phase = np.exp(1j * corners @ wave)
+        symbol = np.einsum("a,aibj,b->ij", phase.conj(), K, phase)
+        stiffness = symbol[0, 0] - symbol[0, 1:] @ np.linalg.solve(symbol[1:, 1:], symbol[1:, 0])
+        found.append(np.sqrt(stiffness.real / (phase.conj() @ M @ phase).real) / (2 * np.pi))
+    return np.sort(found)[:count]
+
+
+@pytest.mark.quick(3)
 @pytest.mark.parametrize("consistent", [False, True])
 @pytest.mark.parametrize("t", [0.1, 0.01, 1e-4])
 def test_simply_supported_plate_thick_and_thin(t: float, consistent: bool):
-    exact = mindlin(t, 6)
-    errors = np.array([plate(simply_supported, n, t, 6, consistent) / exact - 1.0 for n in (8, 16)])
-    assert np.abs(errors[1]).max() < (0.027 if consistent else 0.023)
-    # errors of the second order of mass, bending and residual flexibility have different signs and cancel in part
-    rates = np.log2(np.abs(errors[0] / errors[1]))
-    assert rates[[0, 1, 3]].min() > 1.5
+    """On every mesh that of the commercial matrix, to rounding; that matrix converges with order 2, lumped or not."""
+    for n in (4, 8, 16):
+        found = plate(simply_supported, n, t, 6, consistent)
+        np.testing.assert_allclose(found, of_lattice(n, t, consistent, 6), rtol=1e-7)
+    errors = np.array([of_lattice(n, t, consistent, 6) / mindlin(t, 6) - 1.0 for n in (100, 200)])
+    np.testing.assert_allclose(np.log2(np.abs(errors[0] / errors[1])), 2.0, atol=0.1)
 
 
 def test_distorted_meshes_do_not_lock():
@@ -84,21 +116,30 @@ def test_distorted_meshes_do_not_lock():
     assert np.abs(thin - thick).max() < 4e-3
 
 
-def test_clamped_plate():
+def extrapolated(support, t: float, count: int, consistent: bool, side: float = 1.0) -> np.ndarray:
+    """Limit of 16 and 32 elements a side for convergence of order 2.
+
+    On single meshes only this can be asked: element matrix and mass are those of commercial Nastran, whose lumped mass
+    is 1 to 3 % low with 16 elements, and whose coupled mass is as much too high.
+    """
+    coarse, fine = (plate(support, n, t, count, consistent, side=side) for n in (16, 32))
+    return np.asarray((4.0 * fine - coarse) / 3.0)
+
+
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("consistent", [False, True])
+def test_clamped_plate(consistent: bool):
     """Leissa, Vibration of Plates (1969): 35.985 73.394 73.394 108.22 131.58 132.20."""
     exact = omega(1e-3, np.array([35.985, 73.394, 73.394, 108.22, 131.58, 132.20]))
-    errors = np.array([plate(clamped, n, 1e-3, 6, True) / exact - 1.0 for n in (8, 16)])
-    assert np.abs(errors[1]).max() < 0.03
-    assert (np.log2(np.abs(errors[0] / errors[1])) > 2.0).all()
-    assert np.abs(plate(clamped, 16, 1e-3, 6) / exact - 1.0).max() < 0.025
+    np.testing.assert_allclose(extrapolated(clamped, 1e-3, 6, consistent), exact, rtol=0.003)
 
 
-def test_cantilever_plate():
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("consistent", [False, True])
+def test_cantilever_plate(consistent: bool):
     """Square plate clamped on one side, ν = .3: 3.4711 8.5067 21.285 27.199 30.956 (Ritz)."""
     exact = omega(1e-3, np.array([3.4711, 8.5067, 21.285, 27.199, 30.956]))
-    found = [plate(cantilever, n, 1e-3, 5) / exact - 1.0 for n in (8, 16)]
-    assert np.abs(found[1]).max() < 0.014
-    assert np.abs(np.log2(np.abs(found[0] / found[1])) - 2.0).max() < 0.3
+    np.testing.assert_allclose(extrapolated(cantilever, 1e-3, 5, consistent), exact, rtol=1e-3)
 
 
 def strip(n: int, t: float) -> float:
@@ -123,18 +164,19 @@ def published(shared_data: Path, start: str) -> np.ndarray:
     return np.array(next(v["target_Hz"] for k, v in table.items() if k.startswith(start)))
 
 
-def test_nafems_fv12_free_thin_plate(shared_data: Path):
-    target = published(shared_data, "FV12")
-    found = plate(bending_only, 16, 0.05, 11, side=10.0)
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("consistent", [False, True])
+def test_nafems_fv12_free_thin_plate(shared_data: Path, consistent: bool):
+    found = extrapolated(bending_only, 0.05, 11, consistent, side=10.0)
     assert found[2] < 1e-3
-    np.testing.assert_allclose(found[3:], target, rtol=0.03)
-    coarse = plate(bending_only, 8, 0.05, 11, side=10.0)[3:]
-    np.testing.assert_allclose((4 * found[3:] - coarse) / 3, target, rtol=0.007)
+    np.testing.assert_allclose(found[3:], published(shared_data, "FV12"), rtol=0.0025)
 
 
 def test_nafems_test_13_simply_supported_plate(shared_data: Path):
-    target = published(shared_data, "Test 13")
-    np.testing.assert_allclose(plate(simply_supported, 16, 0.05, 8, side=10.0), target, rtol=0.03)
+    """The published values are those of a finite element model: modes 5 and 6 are 2.1 % above the closed form."""
+    found = extrapolated(simply_supported, 0.05, 8, False, side=10.0)
+    np.testing.assert_allclose(found, mindlin(0.005, 8) / 10.0, rtol=2e-3)
+    np.testing.assert_allclose(found, published(shared_data, "Test 13"), rtol=0.022)
 
 
 def tapered(nu: int, nv: int) -> np.ndarray:

@@ -38,58 +38,84 @@ def displacements(mesh: ShellMesh, section: Section, held: set[int], load: Load 
     return static_displacements(structure, force).reshape(-1, 6)
 
 
-def tip(mesh: ShellMesh, section: Section, component: int, total: float = 1.0) -> float:
+def tip(mesh: ShellMesh, section: Section, component: int, total: float = 1.0, drilling: float = 100.0) -> float:
     """Mean displacement of the edge u = 1 under a force spread over it; the edge u = 0 is fixed."""
     edge = mesh.edge("u1")
     share = np.ones(len(edge))
     share[[0, -1]] = 0.5
     share *= total / share.sum()
-    u = displacements(
-        mesh, section, dofs_of(mesh.edge("u0"), "123456"), [(n, component, s) for n, s in zip(edge, share)]
-    )
-    return float(u[edge, component - 1].mean())
+    held = dofs_of(mesh.edge("u0"), "123456")
+    structure = shell_structure(mesh.xyz, [ShellPart(mesh.cells, section)], held=held, drilling=drilling)
+    force = np.zeros(structure.nodes.n_dofs)
+    force[6 * edge + component - 1] += share
+    return float(static_displacements(structure, force).reshape(-1, 6)[edge, component - 1].mean())
 
 
-def straight(shape: str) -> ShellMesh:
-    """Beam 6 × .2 of six elements: rectangles, trapezoids or parallelograms with sides at 45 degrees."""
-    mesh = shell_mesh(rectangle(6.0, 0.2), 6, 1)
-    for i in range(1, 6):
-        low, high = {
-            "rectangle": (0, 0),
-            "trapezoid": (0.1 * (-1) ** i, -0.1 * (-1) ** i),
-            "parallelogram": (-0.1, 0.1),
-        }[shape]
-        mesh.xyz[mesh.rows[i, 0], 0] += low
-        mesh.xyz[mesh.rows[i, 1], 0] += high
-    return mesh
+def straight(shape: str, finer: int = 1) -> ShellMesh:
+    """Beam 6 × .2 of six rectangles, trapezoids or parallelograms with sides at 45 degrees, each divided by `finer`."""
+    x, low, high = np.arange(7.0), np.arange(7.0), np.arange(7.0)
+    inner = np.arange(1, 6)
+    if shape == "trapezoid":
+        low[inner] += 0.1 * (-1.0) ** inner
+        high[inner] -= 0.1 * (-1.0) ** inner
+    elif shape == "parallelogram":
+        low[inner] -= 0.1
+        high[inner] += 0.1
+
+    def place(u: np.ndarray, v: np.ndarray) -> tuple:
+        return np.interp(6 * u, x, low) * (1 - v) + np.interp(6 * u, x, high) * v, 0.2 * v, 0 * u
+
+    return shell_mesh(place, 6 * finer, finer)
 
 
-STRAIGHT = {
-    "rectangle": (0.995, 0.993, 0.987),
-    "trapezoid": (0.999, 0.052, 0.981),
-    "parallelogram": (0.999, 0.632, 0.992),
-}
+STRIP = Section(Isotropic(1e7, 0.3), 0.1)
 
 
-@pytest.mark.parametrize("shape", STRAIGHT)
+@pytest.mark.quick(1)
+@pytest.mark.parametrize("shape", ["rectangle", "trapezoid", "parallelogram"])
 def test_straight_beam(shape: str):
-    """Extension, in plane, out of plane. A four-node membrane that passes the patch test cannot bend as a trapezoid."""
-    section, exact = Section(Isotropic(1e7, 0.3), 0.1), (3e-5, 0.1081, 0.4321)
-    found = [tip(straight(shape), section, i + 1) / exact[i] for i in range(3)]
-    np.testing.assert_allclose(found, STRAIGHT[shape], atol=0.006)
+    """Extension and out of plane within 2 %, MacNeal's and Harder's grade A; in plane it converges, whatever the shape.
+
+    A single row of trapezoids cannot bend: no four-node membrane does that passes the patch test (MacNeal 1987).
+    """
+    assert tip(straight(shape), STRIP, 1) / 3e-5 == pytest.approx(1.0, abs=0.02)
+    assert tip(straight(shape), STRIP, 3) / 0.4321 == pytest.approx(1.0, abs=0.02)
+    found = [tip(straight(shape, finer), STRIP, 2) / 0.1081 for finer in (1, 2, 4, 8)]
+    assert (np.diff(found) > 0).all()
+    assert found[-1] == pytest.approx(1.0, abs=0.004)
 
 
-def curved(n: int) -> ShellMesh:
+def test_a_row_of_rectangles_has_constant_curvature_in_each():
+    """L³/3EI (1 − 1/4n²) + L/GA: the mean curvature of a linear moment, and shear without a factor; no drilling."""
+    L, E, inertia, area, n = 6.0, 1e7, 0.1 * 0.2**3 / 12.0, 0.02, 6
+    exact = L**3 / (3.0 * E * inertia) * (1.0 - 1.0 / (4.0 * n**2)) + L / (E / 2.6 * area)
+    assert tip(straight("rectangle"), STRIP, 2, drilling=1e-3) == pytest.approx(exact, rel=2e-4)
+
+
+def curved(n: int, across: int = 1) -> ShellMesh:
     quarter = np.pi / 2
     return shell_mesh(
-        lambda u, v: ((4.32 - 0.2 * v) * np.sin(quarter * u), (4.32 - 0.2 * v) * np.cos(quarter * u), 0 * u), n, 1
+        lambda u, v: ((4.32 - 0.2 * v) * np.sin(quarter * u), (4.32 - 0.2 * v) * np.cos(quarter * u), 0 * u), n, across
     )
 
 
 def test_curved_beam():
-    section = Section(Isotropic(1e7, 0.25), 0.1)
-    found = [[abs(tip(curved(n), section, c)) / ref for c, ref in ((1, 0.08734), (3, 0.5022))] for n in (6, 12)]
-    np.testing.assert_allclose(found, [[0.888, 0.956], [1.003, 0.961]], atol=0.006)
+    """A quarter ring R 4.22, .2 high and .1 wide, whose integrals of bending, torsion, shear and tension are closed.
+
+    The customary .08734 in plane is 1.4 % below this; out of plane it is .3 % above. Torsion needs several elements
+    across, a row of them has that of a thin strip.
+    """
+    R, E, G, h, b = 4.22, 1e7, 4e6, 0.2, 0.1
+    quarter, area = np.pi / 4.0 * R, h * b
+    in_plane = quarter * R**2 / (E * b * h**3 / 12.0) + 1.2 * quarter / (G * area) + quarter / (E * area)
+    J = h * b**3 * (1.0 / 3.0 - 0.21 * b / h * (1.0 - (b / h) ** 4 / 12.0))
+    bending, torsion = quarter * R**2 / (E * h * b**3 / 12.0), (0.75 * np.pi - 2.0) * R**3 / (G * J)
+    out_of_plane = bending + torsion + 2.4 * quarter / (G * area)
+    section = Section(Isotropic(E, 0.25), b)
+    errors = np.array([abs(tip(curved(n), section, 1)) / in_plane - 1.0 for n in (6, 12, 24)])
+    assert abs(errors[-1]) < 0.003
+    assert np.log2(np.abs(errors[:-1] / errors[1:])).min() > 2.0
+    assert abs(tip(curved(48, 4), section, 3)) / out_of_plane == pytest.approx(1.0, abs=0.02)
 
 
 def twisted(nu: int, nv: int) -> ShellMesh:
@@ -125,8 +151,9 @@ def roof(n: int) -> float:
 
 def test_scordelis_lo_roof():
     """The value that fine meshes of shear-flexible shells reach is .3012, .996 of the customary one."""
-    found = [roof(n) for n in (4, 8, 16)]
-    np.testing.assert_allclose(found, [1.066, 1.014, 1.002], atol=0.012)
+    errors = np.array([roof(n) / 0.996 - 1.0 for n in (4, 8, 16)])
+    assert abs(errors[-1]) < 0.01
+    assert np.log2(np.abs(errors[:-1] / errors[1:])).min() > 1.5
 
 
 def pinched(n: int) -> float:
@@ -134,12 +161,17 @@ def pinched(n: int) -> float:
     held = dofs_of(mesh.edge("u0"), "156") | dofs_of(mesh.edge("u1"), "345")
     held |= dofs_of(mesh.edge("v0"), "135") | dofs_of(mesh.edge("v1"), "246")
     node = int(mesh.rows[0, -1])
-    u = displacements(mesh, Section(Isotropic(3e6, 0.3), 3.0), held, [(node, 3, -0.25)])
+    # the published value is that of a shell without transverse shear, which a force at a point strains without bound
+    u = displacements(mesh, Section(Isotropic(3e6, 0.3), 3.0, TS=1000.0), held, [(node, 3, -0.25)])
     return float(-u[node, 2] / 1.8248e-5)
 
 
+@pytest.mark.slow
 def test_pinched_cylinder():
-    np.testing.assert_allclose([pinched(n) for n in (8, 16)], [0.898, 1.012], atol=0.01)
+    """It converges to 1.8248e-5 (Lindberg, Olson and Cowper 1969)."""
+    errors = np.array([pinched(n) - 1.0 for n in (8, 16, 32)])
+    assert abs(errors[-1]) < 0.01
+    assert (np.abs(errors[1:]) < 0.35 * np.abs(errors[:-1])).all()
 
 
 def hemisphere(n: int) -> float:
@@ -156,7 +188,9 @@ def hemisphere(n: int) -> float:
 
 def test_hemisphere_with_a_hole():
     """Inextensional bending of warped elements; fine meshes reach .0934, .994 of the customary value."""
-    np.testing.assert_allclose([hemisphere(n) for n in (8, 16)], 1.0, atol=0.02)
+    errors = np.array([hemisphere(n) / 0.994 - 1.0 for n in (8, 16)])
+    assert abs(errors[1]) < 0.01
+    assert abs(errors[1]) < 0.35 * abs(errors[0])
 
 
 def skew(n: int, angle: float, t: float, two: bool, nu: float) -> float:

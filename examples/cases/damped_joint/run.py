@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from femtune.fem import FieldRef
@@ -39,7 +40,8 @@ from femtune.residuals import (
 )
 from femtune.updating import SensitivityMethod, UpdateResult, update
 
-SIDE, THICKNESS, NOISE, MODES = 0.4, 0.003, 0.002, 24
+SIDE, THICKNESS, NOISE, MODES = 0.4, 0.003, 0.002, 12
+"""Twelve modes reach 685 Hz; with residual vectors their error below 160 Hz is 0.002 standard deviations."""
 FORMS: tuple[FrfForm, ...] = ("log-complex", "log-magnitude", "linear")
 FIELDS = {
     "modulus_a": FieldRef("MAT1", 1, "E"),
@@ -127,7 +129,7 @@ class Bench:
 
 
 def residual_of(bench: Bench, test: FrfSet, form: FrfForm) -> FrfResidual:
-    """The functions of the test in a form, with the scatter that they have."""
+    """The functions of the test in a form, with the scatter that they have, from as many modes as the test has."""
     start = solve_modes(bench.model.at(np.zeros(len(FIELDS))), MODES)
     return frf_residual(start, test, None, form, FrfScatter(0.0, NOISE), ModelWay("real-modes"))[0]
 
@@ -163,15 +165,43 @@ def rms(result: UpdateResult) -> float:
 
 
 def from_far(bench: Bench, count: int) -> dict[FrfForm, list[UpdateResult]]:
-    """One test, several starts; every one must end at the same point, with the noise for residuals."""
-    test = bench.measured(7)
-    found = {form: updates(bench, residual_of(bench, test, form), starts(count)) for form in FORMS}
-    for form, results in found.items():
-        first = results[0]
-        spread = max(float(np.abs((r.x - first.x) / first.covariance.sd).max()) for r in results)
+    """One test, several starts; those that end with the noise for residuals end at one point, with logarithms all.
+
+    Differences of functions whose peaks do not overlap have further minima: SciPy must stay where such a start ends.
+    """
+    test, points = bench.measured(7), starts(count)
+    found = {}
+    for form in FORMS:
+        residual = residual_of(bench, test, form)
+        results = found[form] = updates(bench, residual, points)
+        here = [r for r in results if is_noise(r)]
+        first = here[0]
+        spread = max(float(np.abs((r.x - first.x) / first.covariance.sd).max()) for r in here)
         assert spread < 0.01, (form, spread)
-        assert all(0.95 < rms(r) < 1.05 for r in results), form
+        assert form == "linear" or len(here) == count, form
+        for other in (r for r in results if not is_noise(r)):
+            assert rms(other) > 10.0, (form, rms(other))
+            lower = by_scipy(bench, residual, other.x)
+            assert rms(other) - lower < 1e-6 * lower, (form, rms(other), lower)
     return found
+
+
+def is_noise(result: UpdateResult) -> bool:
+    """Whether only the noise is left."""
+    return 0.95 < rms(result) < 1.05
+
+
+def by_scipy(bench: Bench, residual: FrfResidual, x: NDArray[np.float64]) -> float:
+    """Root mean square of the residuals at the minimum that SciPy's trust region reflective method finds from x."""
+    case = case_without_modes(bench.model, (residual,), count=MODES)
+    problem = UpdateProblem((case,), bench.model.model.parameters)
+    lower, upper = bench.model.model.parameters.bounds
+    end = least_squares(
+        lambda at: problem.start(at).residuals, np.clip(x, lower + 1e-3, upper - 1e-3),
+        lambda at: problem.start(at).jacobian,
+        bounds=(lower, upper), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300,
+    )  # fmt: skip
+    return float(np.sqrt(np.mean(end.fun**2)))
 
 
 def many_tests(bench: Bench, count: int) -> dict[FrfForm, NDArray[np.float64]]:
@@ -187,8 +217,13 @@ def many_tests(bench: Bench, count: int) -> dict[FrfForm, NDArray[np.float64]]:
 
 
 def damping_alone(bench: Bench) -> dict[str, NDArray[np.float64]]:
-    """Errors of damping in percent where stiffness is a little wrong: lines as they are, and stretched."""
-    test, start = bench.measured(7), np.array([LEFT.get(name, 0.0) for name in FIELDS])
+    """Errors of damping in percent where stiffness is a little wrong: lines as they are, and stretched.
+
+    Without noise, so that these are the errors that the stiffness makes, and with three lines in the narrowest half
+    bandwidth (0.42 Hz), so that every resonance is seen.
+    """
+    test = bench.functions(bench.truth, np.arange(5.0, 160.0, 0.125))
+    start = np.array([LEFT.get(name, 0.0) for name in FIELDS])
     true, near = (solve_modes(bench.model.at(x), MODES) for x in (bench.truth, start))
     poles = complex_modes(true, 4)
     out = {}
@@ -218,14 +253,19 @@ def page(n: int, far: dict[FrfForm, list[UpdateResult]], z: dict[FrfForm, NDArra
         "the largest magnitude of each at all lines. Six factors on the deck are updated.\n",
         "## From how far\n",
         f"{len(far['linear'])} starts (Latin hypercube, seed 1): {span}, all damping parameters within a factor of "
-        f"{FAR['damping']:g}. With each form all of them converge to the same point, with residuals of the "
-        "magnitude of the noise.\n",
+        f"{FAR['damping']:g}. With logarithms all of them converge to the same point, with residuals of the magnitude "
+        "of the noise. Differences have further minima, because the peaks of test and model do not overlap at the "
+        "start: a start that ends in one of them has residuals of more than ten times the noise, and SciPy's "
+        "`least_squares` finds no lower objective function from there.\n",
         "| factor | truth | " + " | ".join(FORMS) + " |",
         "|---" * 5 + "|",
     ]
+    least = {f: next(r for r in far[f] if is_noise(r)) for f in FORMS}
     for k, (name, truth) in enumerate(TRUTH.items()):
-        cells = [f"{1.0 + far[f][0].x[k]:.4f} ± {far[f][0].covariance.sd[k]:.4f}" for f in FORMS]
+        cells = [f"{1.0 + least[f].x[k]:.4f} ± {least[f].covariance.sd[k]:.4f}" for f in FORMS]
         rows.append(f"| {name} | {truth:g} | " + " | ".join(cells) + " |")
+    ended = [f"{sum(map(is_noise, far[f]))} of {len(far[f])}" for f in FORMS]
+    rows.append("| starts that end there | | " + " | ".join(ended) + " |")
     taken = [f"{np.mean([len(r.history) - 1 for r in far[f]]):.0f}" for f in FORMS]
     rows.append("| iterations, mean | | " + " | ".join(taken) + " |")
     return "\n".join([*rows, *_of_tests(z), *_of_damping(alone)])
@@ -248,7 +288,8 @@ def _of_damping(alone: dict[str, NDArray[np.float64]]) -> list[str]:
     return [
         "\n## Damping only, with errors of the stiffness\n",
         "Around the first four resonances, stiffnesses 1.5 to 3 % too high, as an update with frequencies may leave "
-        "them: errors in per cent.\n",
+        "them. FRFs without noise, with lines every 0.125 Hz (three in the narrowest half bandwidth): errors in per "
+        "cent.\n",
         "| model taken at | " + " | ".join(DAMPING) + " |",
         "|---" * 4 + "|",
         *rows,

@@ -9,13 +9,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from femtune.assembly.error_places import errors_at, errors_at_configuration, place_of
-from femtune.errors import ErrorCollector
+from femtune.errors import ErrorCollector, Where
+from femtune.files.masses_table import read_masses_table
 from femtune.files.study_file import supports, switched_off
 from femtune.files.study_file.kinds import support
 from femtune.model import AddedMass, Configuration, configure
+from femtune.units import unit_system
 
 if TYPE_CHECKING:
     from femtune.assembly.drawn_mesh import DrawnMesh
+    from femtune.assembly.specimens import Specimens
     from femtune.correlation import SensorMap, SensorPlacement
     from femtune.fem import NodeTable, Structure
     from femtune.files.study_file import ConfigurationEntry, StudyFile
@@ -113,8 +116,11 @@ class StudyCase:
         return without(self.compared, self.held)
 
 
-def overlay(entry: ConfigurationEntry, present: Alone | None = None) -> Configuration:
-    """The state as the model takes it; `present` tells what is absent where it lists components."""
+def overlay(
+    entry: ConfigurationEntry, present: Alone | None = None, of_test: tuple[AddedMass, ...] = ()
+) -> Configuration:
+    """The state as the model takes it; `present` tells what is absent where it lists components, `of_test` are the
+    masses of the test equipment."""
     off, held = (frozenset(), ()) if present is None else (present.elements_off, present.interface)
     return Configuration(
         name=entry.name,
@@ -123,23 +129,49 @@ def overlay(entry: ConfigurationEntry, present: Alone | None = None) -> Configur
         multipoint_set=entry.mpc,
         supports_added=(*supports(entry.supports_added), *held),
         supports_removed=supports(entry.supports_removed),
-        masses=tuple(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses),
+        masses=(*(AddedMass(m.node, m.mass, m.offset, m.inertia_matrix, m.label) for m in entry.masses), *of_test),
         weighed_mass=entry.weighed_mass,
     )
 
 
-def study_case(
-    file: StudyFile, model: ParametricModel, entry: ConfigurationEntry, present: Alone | None = None
-) -> StudyCase:
-    """The model in the state of a configuration, still without its test; `present` as for `overlay`.
+@dataclass(frozen=True, eq=False)
+class States:
+    """The model of a study in the states of its configurations; those of one state share their matrices."""
 
-    Raises
-    ------
-    FemtuneError : what is wrong with the overlay
-    """
-    _check_nodes(file, entry, model.structure.nodes)
-    with errors_at_configuration(file, entry):
-        return StudyCase(entry, configure(model, overlay(entry, present)))
+    file: StudyFile
+    model: ParametricModel
+    specimens: Specimens | None = None
+    made: dict[Configuration, ConfiguredModel] = field(default_factory=dict)
+
+    def case(self, entry: ConfigurationEntry, present: Alone | None = None) -> StudyCase:
+        """The model in the state of a configuration, still without its test; `present` as for `overlay`.
+
+        Raises
+        ------
+        FemtuneError : what is wrong with the overlay
+        """
+        _check_nodes(self.file, entry, self.model.structure.nodes)
+        asked = overlay(entry, present, _masses_of_test(self.file, entry, self.model.structure.nodes))
+        state = asked.state
+        with errors_at_configuration(self.file, entry):
+            if state not in self.made:
+                self.made[state] = configure(self.model, asked)
+        own = None if self.specimens is None or entry.specimen is None else self.specimens.models[entry.specimen]
+        return StudyCase(entry, replace(self.made[state], model=own or self.model, configuration=asked))
+
+
+def _masses_of_test(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> tuple[AddedMass, ...]:
+    """The masses of the table that a configuration names, each wrong line with its number."""
+    if entry.masses_file is None:
+        return ()
+    path = file.path_of(entry.masses_file)
+    found = read_masses_table(path, unit_system(file.study.units).mass)
+    errors = ErrorCollector()
+    for one in found:
+        with errors.catch(), errors_at(Where(str(path), one.line)):
+            nodes.position(one.node)
+    errors.raise_if_any()
+    return tuple(AddedMass(m.node, m.mass, m.offset, label=m.label, of_test=True) for m in found)
 
 
 def _check_nodes(file: StudyFile, entry: ConfigurationEntry, nodes: NodeTable) -> None:

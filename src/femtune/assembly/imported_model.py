@@ -137,7 +137,7 @@ def _files(file: StudyFile) -> Deck:
 
 def mesh_of_grid(file: StudyFile, nodes: NodeTable) -> DrawnMesh | None:
     """The mesh of the deck that gave the coordinates, to be drawn; None where there is none, or it is no whole deck."""
-    if file.model.grid is None or Path(file.model.grid).suffix.lower() in INPUT_SUFFIXES:
+    if file.model.grid is None or not len(nodes.ids) or Path(file.model.grid).suffix.lower() in INPUT_SUFFIXES:
         return None
     try:
         mesh = mesh_beside(build_structure(read_deck(file.path_of(file.model.grid)), True).structure, nodes)

@@ -120,8 +120,8 @@ def _sensors(file: StudyFile, i: int, one: HoldOutEntry, dofs: DofSet) -> Iterat
 
 def _of_frfs(file: StudyFile, entry: ConfigurationEntry, frfs: FrfSet | None) -> tuple[Notice, ...]:
     """What is wrong with functions that the study compares, as far as they tell themselves."""
-    names = (None, entry.name)
-    if frfs is None or not any(r.kind == "frf" and r.configuration in names for r in file.residual):
+    several, used = entry.specimen is not None, entry.use == "update"
+    if frfs is None or not any(r.kind == "frf" and r.is_in(entry.name, several, used) for r in file.residual):
         return ()
     from femtune.identification import check_frfs  # noqa: PLC0415  few studies compare functions
 

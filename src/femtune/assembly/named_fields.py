@@ -6,10 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from femtune.assembly.error_places import errors_at
-from femtune.assembly.parameters import region_of
+from femtune.assembly.parameters import element_centres, elements_of, fields_of, region_of
 from femtune.errors import ErrorCollector, FemtuneError, Notice, did_you_mean
 from femtune.fem import FieldRef
+from femtune.fem.distribution import Distribution, with_distribution
 from femtune.fem.factors import with_factors
 from femtune.fem.fields import FACTORS
 from femtune.fem.generic import GenericGroup, generic_modes, with_generic
@@ -18,12 +21,14 @@ from femtune.files.nastran.building import FieldPlace
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.field_refs import BARS
 from femtune.files.study_file import element_list
+from femtune.files.study_file.distribution import POSITION
+from femtune.parameters import parse_expression
 
 if TYPE_CHECKING:
     from femtune.errors import Where
     from femtune.fem.generic import GenericModes
     from femtune.files.nastran.build import BuiltModel
-    from femtune.files.study_file import GenericEntry, StudyFile
+    from femtune.files.study_file import DistributionEntry, GenericEntry, StudyFile
 
 _MOST_SHOWN = 12
 
@@ -41,6 +46,7 @@ def with_named_fields(file: StudyFile, built: BuiltModel) -> BuiltModel:
     offset = set(_offset_elements(file, built))
     structure = with_offsets(structure, offset) if offset else structure
     built = _with_groups(file, replace(built, structure=structure), named)
+    built = _with_distributions(file, built)
     return replace(built, fields={**built.fields, **dict(_places(built, offset))})
 
 
@@ -79,6 +85,46 @@ def _with_groups(file: StudyFile, built: BuiltModel, named: list[FieldRef]) -> B
             notices.append(_eigenvalues(entry.name, generic_modes(built.structure, group), file.where("generic", i)))
     errors.raise_if_any()
     return replace(built, structure=structure, notices=tuple(notices))
+
+
+def _with_distributions(file: StudyFile, built: BuiltModel) -> BuiltModel:
+    """The fields that vary over regions; several problems are shown together."""
+    errors, structure = ErrorCollector(), built.structure
+    for i, entry in enumerate(file.distribution):
+        with errors.catch(), errors_at(file.where("distribution", i)):
+            subject = f"distribution {entry.name}"
+            chosen = elements_of(file, ("distribution", i), entry, built, subject)
+            where = file.where("distribution", i, "fields")
+            fields = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
+            structure = with_distribution(structure, _distribution(entry, tuple(dict.fromkeys(fields)), chosen, built))
+    errors.raise_if_any()
+    return replace(built, structure=structure)
+
+
+def _distribution(
+    entry: DistributionEntry, fields: tuple[FieldRef, ...], chosen: frozenset[int] | None, built: BuiltModel
+) -> Distribution:
+    """The functions at the middle of the elements that use a field, and are in the region."""
+    structure = built.structure
+    users = {int(e) for ref in fields for e in structure.users(structure.values.index(ref) or 0)}
+    wanted = users if chosen is None else users & chosen
+    numbers, centres = element_centres(built)
+    keep = np.isin(numbers, list(wanted))
+    numbers, centres = numbers[keep], centres[keep]
+    low, size = centres.min(axis=0, initial=np.inf), np.ptp(centres, axis=0) if len(centres) else np.ones(3)
+    scaled = 2.0 * (centres - low) / np.where(size > 0.0, size, 1.0) - 1.0
+    scaled[:, size == 0.0] = 0.0
+    at = dict(zip(POSITION, [*centres.T, *scaled.T]))
+    functions = np.empty((len(numbers), len(entry.functions)))
+    for j, expression in enumerate(map(parse_expression, entry.functions)):
+        for i, element in enumerate(numbers):
+            try:
+                functions[i, j] = expression({name: float(values[i]) for name, values in at.items()})
+            except FemtuneError as error:
+                raise FemtuneError(
+                    "distribution.function/not-finite", name=entry.name, number=j + 1, element=int(element)
+                ) from error
+    return Distribution(entry.name, fields, numbers, functions)
 
 
 def _eigenvalues(name: str, modes: GenericModes, where: Where) -> Notice:

@@ -21,6 +21,7 @@ from femtune.files.nastran.field_units import field_nature
 from femtune.files.study_file import RegionTable, element_list
 from femtune.files.study_file.kinds import field_reference
 from femtune.model import Assignment
+from femtune.model.imported.model import field_of_variable
 from femtune.parameters import Parameter, ParameterSet, parse_expression
 
 if TYPE_CHECKING:
@@ -29,7 +30,14 @@ if TYPE_CHECKING:
     from femtune.fem.fields import FieldRef
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.nastran.lists import IntegerList
-    from femtune.files.study_file import ComponentEntry, NearTable, ParameterEntry, PlanTable, StudyFile
+    from femtune.files.study_file import (
+        ComponentEntry,
+        DistributionEntry,
+        NearTable,
+        ParameterEntry,
+        PlanTable,
+        StudyFile,
+    )
 
 
 @dataclass(frozen=True)
@@ -54,11 +62,23 @@ def targets(file: StudyFile, built: BuiltModel) -> tuple[Target, ...]:
     for i, given in enumerate(file.parameter):
         with errors.catch():
             entry = _with_known(file, i, given)
-            where, chosen = file.where("parameter", i), region_of(file, i, built)
-            refs = [ref for text in entry.fields for ref in _fields(text, built, chosen, where)]
+            where = file.where("parameter", i)
+            if file.runs is not None:
+                # factors and tied parameters are values for the runs, too
+                value = entry.model_copy(update={"absolute": True})
+                found.append(Target(value, where, tuple(_of_runs(entry.name, built)), None))
+                continue
+            chosen = region_of(file, i, built)
+            refs = [ref for text in entry.fields for ref in fields_of(text, built, chosen, where)]
             found.append(Target(entry, where, tuple(dict.fromkeys(refs)), chosen))
     errors.raise_if_any()
     return tuple(found)
+
+
+def _of_runs(name: str, built: BuiltModel) -> list[FieldRef]:
+    """The variable of a model of runs that has the name of the parameter; none where that is used by ties alone."""
+    ref = field_of_variable(name)
+    return [] if built.structure.values.index(ref) is None else [ref]
 
 
 def _with_known(file: StudyFile, i: int, entry: ParameterEntry) -> ParameterEntry:
@@ -70,7 +90,7 @@ def _with_known(file: StudyFile, i: int, entry: ParameterEntry) -> ParameterEntr
     return entry.model_copy(update={"mean": known.value, "sd": known.sd})
 
 
-def _fields(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
+def fields_of(text: str, built: BuiltModel, chosen: frozenset[int] | None, where: Where) -> list[FieldRef]:
     """The field of one card, or of all cards of a name that elements of the region use."""
     ref = field_reference(text)
     if ref.id or ref.card in ("PARAM", MODAL, *WITHOUT_CARD):
@@ -201,7 +221,7 @@ def region_of(file: StudyFile, i: int, built: BuiltModel) -> Numbers | None:
 def elements_of(
     file: StudyFile,
     place: tuple[str | int, ...],
-    entry: ParameterEntry | ComponentEntry | PlanTable,
+    entry: ParameterEntry | ComponentEntry | PlanTable | DistributionEntry,
     built: BuiltModel,
     subject: str,
 ) -> Numbers | None:

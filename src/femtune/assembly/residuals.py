@@ -90,6 +90,13 @@ class AskedOf:
         """Errors in the placement of the sensors."""
         return self.case.placement
 
+    def in_band(self, low_hz: float, high_hz: float) -> AskedOf:
+        """The table with `from_hz` and `to_hz` limited to a band."""
+        entry = self.entry
+        top = high_hz if entry.to_hz is None else min(entry.to_hz, high_hz)
+        limits = {"from_hz": max(entry.from_hz, low_hz), "to_hz": top if math.isfinite(top) else None}
+        return replace(self, comparison=replace(self.comparison, entry=entry.model_copy(update=limits)))
+
     def where(self, *keys: str | int) -> Where:
         """Place of the table, or of one of its keys."""
         return self.file.where(*self.comparison.place, *keys)
@@ -169,7 +176,8 @@ def _is_of(comparison: Comparison, case: StudyCase) -> bool:
     """[residuals] holds for all configurations with modes that the update uses, a [[residual]] for its own."""
     if comparison.short:
         return case.modal is not None and case.entry.use == "update"
-    return comparison.entry.configuration in (None, case.name)
+    several, used = case.entry.specimen is not None, case.entry.use == "update"
+    return comparison.entry.is_in(case.name, several, used)
 
 
 def _compared(file: StudyFile, case: StudyCase, residuals: tuple[Residual, ...], scaled: bool) -> ComparedCase:

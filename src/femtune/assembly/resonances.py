@@ -27,18 +27,20 @@ if TYPE_CHECKING:
     from femtune.residuals import CaseState, ComparedCase
 
 
-def resonance_case(case: StudyCase, entry: StageEntry, x: NDArray[np.float64], where: Where) -> ComparedCase:
+def resonance_case(
+    case: StudyCase, modal: ComparedCase | None, entry: StageEntry, x: NDArray[np.float64], where: Where
+) -> ComparedCase:
     """The configuration with its FRFs about the resonances that are paired at x, each moved to the model's own peak.
 
-    Modes that are left out, or not paired (local ones), have no region. Stiffness and mass are taken as they are: what
-    is left of the difference is damping.
+    `modal` are the modes that the stage uses. Those that are left out, or not paired (local ones), have no region.
+    Stiffness and mass are taken as they are: what is left of the difference is damping.
 
     Raises
     ------
     FemtuneError : ``study.stage`` where the configuration has no FRFs, no modes or no damping ratios, or pairs none;
         ``residual.*``
     """
-    modal, measured = case.used, case.used_frfs
+    measured = case.used_frfs
     if modal is None or measured is None or modal.test.damping_ratio is None:
         raise FemtuneError("study.stage/no-resonances", where=where, configuration=case.name)
     state = state_at(modal, x)

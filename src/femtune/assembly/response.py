@@ -96,7 +96,8 @@ def response_request(study: Study, case: StudyCase, table: ResponseTable) -> Res
     _check_size(study.file, outputs, inputs, freq_hz)
     with errors_at(study.file.where("response")):
         ports = matrix_ports(case.configured, inputs.rows, outputs.rows, inputs.labels, outputs.labels)
-    measured = None if frfs is None else _measured(case, as_kind(frfs, table.kind), outputs, inputs)
+    compared = None if frfs is None else _compared(study.file, as_kind(frfs, table.kind))
+    measured = None if compared is None else _measured(case, compared, outputs, inputs)
     notices = tuple(dict.fromkeys((*about_inputs, *about_outputs, *about_lines)))
     return ResponseRequest(
         case, table, outputs, inputs, ports, freq_hz, modal_damping(study, table), measured, notices
@@ -178,6 +179,16 @@ def _check_size(file: StudyFile, outputs: Axis, inputs: Axis, freq_hz: Reals) ->
             count=count,
             most_values=_MOST_VALUES,
         )
+
+
+def _compared(file: StudyFile, frfs: FrfSet) -> FrfSet:
+    """The measured functions, NaN in bands that [equalise] leaves out of all comparisons."""
+    if file.equalise is None:
+        return frfs
+    out = np.zeros(len(frfs.freq_hz), bool)
+    for low, high in file.equalise.leave_out_hz:
+        out |= (frfs.freq_hz >= low) & (frfs.freq_hz <= high)
+    return replace(frfs, values=np.where(out, complex(np.nan, np.nan), frfs.values))
 
 
 def _measured(case: StudyCase, frfs: FrfSet, outputs: Axis, inputs: Axis) -> FrfSet | None:

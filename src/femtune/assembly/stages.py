@@ -20,6 +20,7 @@ from femtune.updating import (
     Iteration,
     ParameterCovariance,
     ReductionRules,
+    SetByHand,
     SideConstraint,
     Stage,
     UpdateResult,
@@ -52,7 +53,7 @@ def bottom_up(
     ------
     FemtuneError : ``study.stage``, ``correlate.no-pairs``, and what the residuals raise
     """
-    plan = [_stage(study, i) for i in range(len(study.file.stage))]
+    plan = [_stage(study, i) for i, entry in enumerate(study.file.stage) if stage_parameters(study, entry)]
     found = run_stages(plan, first_belief(study.parameters), tell, told)
     return _as_one(study, at, found), found
 
@@ -64,8 +65,25 @@ def _stage(study: Study, i: int) -> Stage:
         max_iterations=entry.max_iterations or table.max_iterations,
         tolerance=entry.tolerance or table.tolerance,
     )
-    return Stage(entry.name, entry.parameters, partial(_problem, study, i), method, entry.prior, entry.seeds,
-                 reduction_rules(study))  # fmt: skip
+    own = stage_parameters(study, entry)
+    seeds = tuple(
+        {name: v for key, v in seed.items() for name in study.expand((key,)) if name in own} for seed in entry.seeds
+    )
+    by_hand = tuple(
+        SetByHand(name, one.value, one.add, one.sd, one.reason)
+        for one in entry.by_hand
+        for name in study.expand((one.parameter,))
+    )
+    return Stage(entry.name, own, partial(_problem, study, i), method, entry.prior, seeds,
+                 reduction_rules(study), by_hand)  # fmt: skip
+
+
+def stage_parameters(study: Study, entry: StageEntry) -> tuple[str, ...]:
+    """The parameters that a stage updates; none where it compares nothing of the study of one specimen."""
+    if study.specimen is None:
+        return study.expand(entry.parameters)
+    some = any(case.used is not None for case in stage_cases(study, entry))
+    return tuple(n for n in study.expand(entry.parameters) if some and n not in study.model.foreign)
 
 
 def _problem(study: Study, i: int, x: Reals) -> UpdateProblem:
@@ -99,16 +117,32 @@ def stage_cases(study: Study, entry: StageEntry) -> tuple[StudyCase, ...]:
 
 def _compared(study: Study, case: StudyCase, i: int, x: Reals) -> Iterable[ComparedCase]:
     """The configuration with the residuals of the stage; resonances are a case of their own."""
-    entry, used = study.file.stage[i], case.used
+    entry = study.file.stage[i]
+    used = used_in_stage(case, entry)
     keys = study.file.residuals.kinds_of_stage(entry.residuals)
     made = () if case.compared is None else case.compared.residuals
     residuals = tuple(some for r in made if (some := r.of_kinds(keys)) is not None)
+    if entry.band_hz is not None:
+        residuals = tuple(r.in_band(*entry.band_hz) for r in residuals)
     if used is not None and any(r.on_modes for r in residuals):
         yield replace(used, residuals=residuals)
     elif residuals:
         yield case_without_modes(case.configured, residuals, count=study.file.modes.count, solver=study.solver)
     if RESONANCES in entry.residuals:
-        yield resonance_case(case, entry, x, study.file.where("stage", i, "residuals"))
+        yield resonance_case(case, used, entry, x, study.file.where("stage", i, "residuals"))
+
+
+OUTSIDE_BAND = "outside the band of the stage"
+
+
+def used_in_stage(case: StudyCase, entry: StageEntry) -> ComparedCase | None:
+    """What the update uses of a configuration, without the test modes beyond the band of a stage."""
+    used = case.used
+    if used is None or entry.band_hz is None:
+        return used
+    low, high = entry.band_hz
+    beyond = {i: OUTSIDE_BAND for i, hz in enumerate(used.test.freq_hz) if not low <= hz <= high}
+    return replace(used, left_out={**beyond, **used.left_out})
 
 
 def _as_one(study: Study, at: Evaluation, stages: tuple[StageResult, ...]) -> UpdateResult:

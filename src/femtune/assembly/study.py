@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.cases import on_model, study_case
+from femtune.assembly.cases import States, on_model
 from femtune.assembly.named_fields import with_named_fields
 from femtune.assembly.parameters import assignments, parameter_set, targets, with_parameters_of_modes
 from femtune.assembly.progress import silent
+from femtune.assembly.specimens import specimens_of_study
 from femtune.errors import ErrorCollector, FemtuneError, Notice, Where
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
@@ -27,8 +28,11 @@ from femtune.model.solvers.factorise import solver_asked
 from femtune.parameters import DerivedQuantity, ParameterSet, parse_expression
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
+    from femtune.assembly.specimens import Specimens
     from femtune.files.nastran.build import BuiltModel
     from femtune.files.study_file import ConfigurationEntry
     from femtune.files.uff import UffFile
@@ -42,6 +46,8 @@ if TYPE_CHECKING:
 class Study:
     """Everything that the steps need; `notices` are those of tests and sensors, `solver` solves the full model.
 
+    With `specimens`, `model` is that of the first of them, or of the only `specimen` that the study is limited to.
+
     `units_known` is False for a deck alone, which tells none.
     """
 
@@ -53,11 +59,29 @@ class Study:
     solver: ModelSolver = field(default=direct, repr=False)
     units_known: bool = True
     components: Components | None = None
+    specimens: Specimens | None = None
+    specimen: str | None = None
 
     @property
     def parameters(self) -> ParameterSet:
-        """The parameters of the study."""
+        """The parameters of the study; of all its specimens, where it has some."""
         return self.model.parameters
+
+    def in_study(self, name: str) -> str:
+        """What the study calls a parameter of the update."""
+        return name if self.specimens is None else self.specimens.in_study(name)
+
+    def expand(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The parameters of the update that names in the study stand for."""
+        if self.specimens is None:
+            return tuple(names)
+        return tuple(dict.fromkeys(own for name in names for own in self.specimens.expand(name)))
+
+    def of_specimen(self, name: str) -> Study:
+        """The study of one specimen, with the parameters of all; those of others have no effect."""
+        assert self.specimens is not None
+        cases = tuple(c for c in self.cases if c.entry.specimen == name)
+        return replace(self, model=self.specimens.models[name], cases=cases, specimen=name)
 
     def problem(self) -> UpdateProblem:
         """The update problem of all configurations that are not kept for validation.
@@ -92,7 +116,7 @@ def _what_is_there(case: StudyCase) -> str:
     return "it is kept for validation"
 
 
-def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def read_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """As `load_study`, for steps that need a test.
 
     Raises
@@ -101,11 +125,13 @@ def read_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     """
     if not isinstance(source, StudyFile) and is_deck(source):
         raise FemtuneError("study.deck-alone", where=Where(str(source)))
-    return load_study(source, progress)
+    return load_study(source, progress, fresh=fresh)
 
 
-def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> Study:
+def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
     """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
+
+    A study of an external solver is run around its initial values; with `fresh` what was run before is run again.
 
     Raises
     ------
@@ -116,7 +142,15 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
         file = source
     else:
         file = _study_of_deck(Path(source)) if is_deck(source) else read_study_file(source)
-    built = with_parameters_of_modes(file, _built(file, progress))
+    if file.solver is not None:
+        from femtune.assembly.external import of_solver  # noqa: PLC0415  few studies have a solver
+
+        file = of_solver(file)
+    built = with_parameters_of_modes(file, _built(file, progress, fresh))
+    if file.runs is not None:
+        from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
+
+        file = with_modes_of_runs(file, built)
     with errors_at_cards(built):
         study = _assembled(_with_modes_of_deck(file, built), built, progress)
     if not file.imported:
@@ -135,8 +169,17 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent) -> S
     return replace(study, units_known=file.given.units_known)
 
 
-def _built(file: StudyFile, progress: Progress) -> BuiltModel:
+def _built(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
     """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
+    if file.solver is not None:
+        from femtune.assembly.external import build_of_solver  # noqa: PLC0415
+
+        return file.given.model or build_of_solver(file, progress, fresh)
+    if file.runs is not None:
+        from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
+
+        progress.step("fitting the runs", 0, None)
+        return file.given.model or build_of_runs(file)
     if file.imported:
         # readers of the matrices of other solvers, which few studies have
         from femtune.assembly.imported_model import build_imported, compare_listed  # noqa: PLC0415
@@ -182,22 +225,23 @@ def _check_allowed(file: StudyFile, built: BuiltModel) -> None:
 def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
     """Parameters, configurations and tests on a deck that was built."""
     errors = ErrorCollector()
-    model = None
+    model, specimens = None, None
     with errors.catch():
         found = targets(file, built)
         model = parametric_model(built.structure, parameter_set(found, built), assignments(found), tables_of(file))
         check_derived(file, model.parameters)
+        specimens = specimens_of_study(file, model)
     notices = [_acts(table) for table in model.tables] if model is not None else []
     cases: list[StudyCase] = []
     tests: dict[Path, UffFile] = {}
     base = model or parametric_model(built.structure, ParameterSet(()), ())
-    presence = _Presence(file, built, base)
+    presence, states = _Presence(file, built, base), States(file, base, specimens)
     with errors.catch():
         presence.read()
     for i, entry in enumerate(file.configurations):
         progress.step(f"configuration {entry.name}", i, len(file.configurations))
         with errors.catch():
-            case, remarks = _with_test(file, study_case(file, base, entry, presence.of(entry)), tests)
+            case, remarks = _with_test(file, states.case(entry, presence.of(entry)), tests)
             cases.append(_with_residuals(file, case, built))
             notices += remarks
     ErrorCollector(list({str(e): e for e in errors.errors}.values())).raise_if_any()
@@ -206,7 +250,11 @@ def _assembled(file: StudyFile, built: BuiltModel, progress: Progress) -> Study:
 
         check_placement(file, cases)
     assert model is not None
-    return Study(file, built, model, tuple(cases), tuple(dict.fromkeys(notices)), components=presence.components)
+    model = model if specimens is None else specimens.models[specimens.names[0]]
+    return Study(
+        file, built, model, tuple(cases), tuple(dict.fromkeys(notices)),
+        components=presence.components, specimens=specimens,
+    )  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -298,12 +346,21 @@ def solved_by(study: Study, solver: ModelSolver) -> Study:
     return replace(study, solver=solver, cases=tuple(cases))
 
 
-def on_deck(study: Study, built: BuiltModel) -> Study:
-    """The same study on another deck of the same grid points (the updated one), without parameters."""
-    with errors_at_cards(built):
-        model = parametric_model(built.structure, ParameterSet(()), (), tables_of(study.file))
-        cases = tuple(on_model(c, model) for c in study.cases)
-    return replace(study, built=built, model=model, cases=cases)
+def on_decks(study: Study, built: Mapping[str | None, BuiltModel]) -> Study:
+    """The same study on other decks of the same grid points (the updated ones), without parameters.
+
+    `built` has the deck of each specimen; under None that of a study without specimens.
+    """
+    models = {}
+    for name, own in built.items():
+        with errors_at_cards(own):
+            models[name] = parametric_model(own.structure, ParameterSet(()), (), tables_of(study.file))
+    cases = []
+    for case in study.cases:
+        with errors_at_cards(built[case.entry.specimen]):
+            cases.append(on_model(case, models[case.entry.specimen]))
+    first = next(iter(built))
+    return replace(study, built=built[first], model=models[first], cases=tuple(cases))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -329,8 +386,13 @@ def check_solvers() -> None:
 # Derived quantities of a study.
 
 
-def quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:
-    """The quantities as the study defines them."""
+def quantities(study: Study) -> tuple[DerivedQuantity, ...]:
+    """The quantities of the study; those of individual parameters once for each specimen."""
+    found = _quantities(study.file)
+    return found if study.specimens is None else tuple(study.specimens.quantities(found))
+
+
+def _quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:
     return tuple(
         DerivedQuantity(d.name, parse_expression(d.expression, file.where("derived", i, "expression")), d.unit)
         for i, d in enumerate(file.derived)
@@ -340,7 +402,7 @@ def quantities(file: StudyFile) -> tuple[DerivedQuantity, ...]:
 def check_derived(file: StudyFile, parameters: ParameterSet) -> None:
     """Refuse expressions without a value at the start, all together (error ``tie.value``)."""
     errors = ErrorCollector()
-    for quantity in quantities(file):
+    for quantity in _quantities(file):
         with errors.catch():
             quantity.at(parameters, np.zeros(len(parameters.free)))
     errors.raise_if_any()

@@ -317,6 +317,73 @@ def update(study: Path, output: Path | None, wide: bool | None, fresh: bool, qui
 
 @main.command()
 @_study
+@click.option("--design", metavar="NAME", help="orthogonal, factorial or plackett-burman.")
+@click.option("--array", metavar="NAME", help='Orthogonal array: "L18", "L16 4^5" …; the smallest by default.')
+@click.option("--levels", type=int, help="Number of levels of each parameter between its bounds.")
+@click.option("--configuration", metavar="NAME", help="The only configuration whose modes are compared.")
+@click.option("--csv", type=_FILE, metavar="FILE", help="Write the table of runs.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Which parameters matter for which mode, by designed runs of the model.
+
+    No test is needed. Options replace keys of [screen] in the study.
+    """
+    result = run_step("of_experiments:screen", study, quiet, fresh=fresh, report=page, **asked)
+    out.say(result.remarks, quiet)
+    out.show("screen:screen_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@_study
+@click.option("--on", metavar="WORD", help="surrogate, or model.")
+@click.option("--runs", type=int, help="Runs of the model for the surrogate; ten per parameter by default.")
+@click.option("--method", metavar="NAME", help="differential-evolution, genetic or cma-es.")
+@click.option("--population", type=int, help="Points of a generation.")
+@click.option("--generations", type=int, help="The most generations.")
+@click.option("--seeds", type=int, help="Number of searches from different seeds.")
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def search(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bool, **asked: Any) -> None:
+    """Search the whole box for the minimum of the residuals, and confirm it on the model.
+
+    Options replace keys of [search] in the study. `update` writes the updated deck.
+    """
+    result = run_step("of_experiments:search", study, quiet, fresh=fresh, report=page, **asked)
+    out.say(result.remarks, quiet)
+    out.show("search:search_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@_study
+@_output
+@click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
+@_eigensolver
+@_fresh
+@_json
+@_quiet
+def candidates(study: Path, output: Path | None, page: Path | None, fresh: bool, as_json: bool, quiet: bool) -> None:
+    """Update several sets of parameters and compare these candidate models.
+
+    The sets are those of [[candidate]] and [candidates] in the study. An interrupted comparison continues from the
+    candidates that had ended.
+    """
+    result = run_step("of_run:candidates", study, quiet, output=output, report=page, fresh=fresh)
+    out.say(result.remarks, quiet)
+    out.show("candidates:candidates_document", study, result.record, as_json=as_json, quiet=quiet)
+    out.name_page(page, as_json)
+
+
+@main.command()
+@_study
 @_output
 @_eigensolver
 @_fresh

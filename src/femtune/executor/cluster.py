@@ -66,6 +66,12 @@ class Cluster:
             futures = client.map(_made, [shared] * len(packed), packed, pure=False)
             return _gathered(distributed, client, futures, name, finished)
 
+    def check(self) -> None:
+        """Connect once, before anything is computed (errors as `run`)."""
+        self._check_address()
+        with self._client(require("distributed", extra="cluster")):
+            pass
+
     def _check_address(self) -> None:
         """Refuse addresses of other machines, unless they are wanted."""
         host = urlsplit(self.address if "//" in self.address else f"tcp://{self.address}").hostname or ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Integers, Reals
 from femtune.fem.contribution import Contribution
 from femtune.fem.elements import pieces
+from femtune.fem.elements.tapered_beam import TAPERED_BEAM
 from femtune.fem.fields import MatrixKind
 from femtune.fem.structure import ElementBatch, Structure
 from femtune.parameters import jet
@@ -32,6 +35,28 @@ def assemble(structure: Structure, matrix: MatrixKind) -> sp.csr_array:
                 parts.append(_entries(batch.dofs[term.at], nominal_matrices(batch, structure, term)))
     rows, cols, values = (np.concatenate(arrays) for arrays in zip(*parts))
     return sp.csr_array((values, (rows, cols)), shape=(n, n))
+
+
+def offset_mass(structure: Structure, absent: Collection[int] = ()) -> tuple[sp.csr_array, int]:
+    """What neutral axes beside the shear centres add to the mass matrix, (n_g, n_g), and the number of such elements.
+
+    The mass matrix less this one is that of a model whose beams have their structural mass on the line of their shear
+    centres. Elements with the numbers `absent` do not count.
+    """
+    n, found = structure.nodes.n_dofs, sp.csr_array((structure.nodes.n_dofs,) * 2)
+    elements: set[int] = set()
+    for batch in structure.batches:
+        if batch.kind != TAPERED_BEAM.key:
+            continue
+        for term in (part for piece in pieces(batch, structure) for part in piece):
+            if term.matrix != "mass" or not any(role.startswith(("N1@", "N2@")) for role in term.roles):
+                continue
+            matrices = nominal_matrices(batch, structure, term)
+            there = ~np.isin(batch.ids[term.at], list(absent)) & matrices.any(axis=(1, 2))
+            rows, cols, values = _entries(batch.dofs[term.at[there]], matrices[there])
+            found = found + sp.csr_array((values, (rows, cols)), shape=(n, n))
+            elements.update(batch.ids[term.at[there]].tolist())
+    return found, len(elements)
 
 
 def _entries(dofs: Integers, matrices: Reals) -> tuple[Integers, Integers, Reals]:

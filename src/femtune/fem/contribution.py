@@ -14,6 +14,25 @@ from femtune.parameters.jet import Jet
 Coefficient = Callable[[Mapping[str, Jet], Mapping[str, NDArray]], Jet]
 
 
+@dataclass(frozen=True, eq=False)
+class LowRank:
+    """m symmetric matrices RᵀCR.
+
+    Parameters
+    ----------
+    rows : (m, r, d) R; all contributions of an element that are of low rank have the same
+    middle : (m, r, r) C, symmetric
+    """
+
+    rows: NDArray[np.float64]
+    middle: NDArray[np.float64]
+
+    def full(self) -> NDArray[np.float64]:
+        """(m, d, d), exactly symmetric."""
+        half = np.swapaxes(self.rows, 1, 2) @ (0.5 * self.middle @ self.rows)
+        return np.asarray(half + np.swapaxes(half, 1, 2))
+
+
 @dataclass(frozen=True)
 class Contribution:
     """One exact term of a batch: Σ_e coefficient_e(p) · matrix_e.
@@ -23,7 +42,8 @@ class Contribution:
     matrix : "stiffness", "mass" or "viscous" (a damping matrix C)
     label : short name for messages and tests, "axial"
     at : (m,) positions of the elements in their batch
-    matrices : (m, d, d) constant symmetric matrices on the batch's DOFs, in the displacement frames of the nodes
+    stored : (m, d, d) constant symmetric matrices on the batch's DOFs, in the displacement frames of the nodes; or
+        these by their low rank
     roles : names of the values that the coefficient needs
     coefficient : (jets of the roles, facts) -> jet of shape (m,); plain arithmetic, complex-safe
     facts : (m,) constants that enter the coefficient (a length); empty where it depends on the values only, so that
@@ -35,11 +55,16 @@ class Contribution:
     matrix: MatrixKind
     label: str
     at: NDArray[np.int64]
-    matrices: NDArray[np.float64]
+    stored: NDArray[np.float64] | LowRank
     roles: tuple[str, ...]
     coefficient: Coefficient
     facts: Mapping[str, NDArray] = field(default_factory=dict)
     loss: str = "GE"
+
+    @property
+    def matrices(self) -> NDArray[np.float64]:
+        """(m, d, d) the matrices."""
+        return self.stored.full() if isinstance(self.stored, LowRank) else self.stored
 
 
 def product(*roles: str) -> Coefficient:
@@ -83,4 +108,4 @@ def joined(pieces: Iterable[list[Contribution]]) -> list[Contribution]:
 def _join(group: list[Contribution]) -> Contribution:
     facts = {name: np.concatenate([p.facts[name] for p in group]) for name in group[0].facts}
     at, matrices = (np.concatenate([getattr(p, name) for p in group]) for name in ("at", "matrices"))
-    return replace(group[0], at=at, matrices=matrices, facts=facts)
+    return replace(group[0], at=at, stored=matrices, facts=facts)

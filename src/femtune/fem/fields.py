@@ -37,6 +37,15 @@ def factor_ref(word: str) -> FieldRef:
     return FieldRef(word, 0, "")
 
 
+AMPLITUDE = "DISTRIBUTION"
+"""Word of the fields that are amplitudes of functions of position: ``DISTRIBUTION THIN F2``."""
+
+
+def amplitude_ref(name: str, number: int) -> FieldRef:
+    """The entry of the value table that is the amplitude of a function of a distribution, from 1."""
+    return FieldRef(AMPLITUDE, 0, f"{name} F{number}")
+
+
 def generic_ref(group: str, name: str) -> FieldRef:
     """The entry of the value table that is an eigenvalue (K1) or a rotation (S1-3) of a generic element group."""
     return FieldRef("GENERIC", 0, f"{group} {name}")

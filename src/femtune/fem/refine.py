@@ -2,12 +2,15 @@
 
 Points: new grid points of elements with mid-side grid points lie on their curved surfaces, those of solids with corners
 only midway. Those of linear shells follow the smooth surface that their shared normals describe (`shared_normals`), as
-the elements themselves do; a fold stays a fold. What is attached to grid points, such as rigid elements, equations,
-springs, masses and matrices, stays at the old ones.
+the elements themselves do; a fold stays a fold. What is attached to grid points, such as springs, masses, equations
+and matrices, stays at the old ones.
 
 Supports: a new point between grid points that are all held in a direction is held in it where it lies on the edge of a
 sheet of shells or on the surface of a solid, or on a line of three or more held grid points within a sheet. Otherwise
 it is held only in what every grid point is held in (a plane problem).
+
+Rigid elements: at the same places a new point between grid points that follow the same grid point in all components
+follows it as well. Other rigid elements stay at the old points.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from numpy.typing import NDArray
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.fem.assembled import AssembledMatrix
+from femtune.fem.constraints import follow_rows, rigid_motion
 from femtune.fem.elements import KINDS
 from femtune.fem.elements.kind import ElementKind, ElementPart
 from femtune.fem.elements.shells.curved_surface import CurvedNodes
@@ -29,7 +33,7 @@ from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.elements.shells.placement import material_axis, mean_plane
 from femtune.fem.elements.solids.shape import kept_functions
 from femtune.fem.fields import FieldRef
-from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure
+from femtune.fem.structure import ConstraintRows, ElementBatch, NodeTable, Structure, join_constraints
 
 _SEED = 20
 _SIXTEENTHS = 16
@@ -79,7 +83,9 @@ def refine(structure: Structure, held: Integers, off: Iterable[int] = ()) -> Ref
     if not divided:
         raise CannotRefineError("the model has no bars, shells or solids")
     mesh = _Mesh(replace(structure, batches=batches), tuple(_Divided.of(b) for b in divided))
-    points = mesh.points(_fixed(structure, held))
+    rigid = structure.rigid.keep(~np.isin(structure.rigid.owner, list(out)))
+    bodies = _RigidBodies.of(rigid, len(structure.nodes.ids))
+    points = mesh.points(_fixed(structure, held), bodies.number)
     nodes = points.nodes
     move = _Renumbered(len(structure.nodes.ids), len(nodes.ids))
     whole = tuple(sorted({b.card for b in batches if KINDS[b.kind].faces and not KINDS[b.kind].children}))
@@ -87,7 +93,7 @@ def refine(structure: Structure, held: Integers, off: Iterable[int] = ()) -> Ref
         structure,
         nodes=nodes,
         batches=(),
-        rigid=move.rows(structure.rigid.keep(~np.isin(structure.rigid.owner, list(out)))),
+        rigid=join_constraints([move.rows(rigid), *_rigid_at_new_points(nodes, bodies, points.body)]),
         multipoint_sets={k: move.rows(v) for k, v in structure.multipoint_sets.items()},
         support_sets={k: move(v) for k, v in structure.support_sets.items()},
         permanent=np.union1d(move(structure.permanent), points.held),
@@ -127,6 +133,56 @@ def _fixed(structure: Structure, held: Integers) -> Flags:
 
 def _next_id(structure: Structure) -> int:
     return 1 + max([0, *(int(b.ids.max()) for b in structure.batches if len(b)), *structure.element_kinds])
+
+
+@dataclass(frozen=True, eq=False)
+class _RigidBodies:
+    """Grid points that follow one grid point each in all components.
+
+    Parameters
+    ----------
+    number : (n,) 1 and up, of the body of each grid point, the one that is followed included; 0 for none
+    followed, owner : row of the grid point that each body follows, and the number of its rigid element
+    """
+
+    number: Integers
+    followed: Integers
+    owner: Integers
+
+    @classmethod
+    def of(cls, rigid: ConstraintRows, count: int) -> _RigidBodies:
+        number, followed, owners = np.zeros(count, np.int64), list[int](), list[int]()
+        of_entry = rigid.owner[rigid.row]
+        order = np.argsort(of_entry, kind="stable")
+        for owner, first, last in _runs(of_entry[order]):
+            dependent = rigid.dependent[rigid.owner == owner]
+            free = np.setdiff1d(rigid.dof[order[first:last]], dependent)
+            if len(free) and len(np.unique(free // 6)) == 1 and free[-1] < 6 * count:
+                rows, components = np.unique(dependent // 6, return_counts=True)
+                whole = rows[components == 6]
+                if len(whole):
+                    followed.append(int(free[0] // 6))
+                    owners.append(int(owner))
+                    number[[followed[-1], *whole]] = len(owners)
+        return cls(number, np.array(followed, np.int64), np.array(owners, np.int64))
+
+
+def _runs(ascending: Integers) -> Iterator[tuple[int, int, int]]:
+    """Each value with the first place and the place after the last."""
+    values, first = np.unique(ascending, return_index=True)
+    yield from zip(values.tolist(), first.tolist(), [*first[1:].tolist(), len(ascending)])
+
+
+def _rigid_at_new_points(nodes: NodeTable, bodies: _RigidBodies, body: Integers) -> Iterator[ConstraintRows]:
+    """Equations of new points that follow a grid point; `body` is the number of the body of each point, 0 for none."""
+    order = np.argsort(body, kind="stable")
+    for number, first, last in _runs(body[order]):
+        if number:
+            at, on = order[first:last], int(bodies.followed[number - 1])
+            motion = rigid_motion(nodes, at, np.full(len(at), on)).reshape(-1, 6)
+            dependent = (6 * at[:, None] + np.arange(6)).ravel()
+            follow = np.tile(6 * on + np.arange(6), (len(dependent), 1))
+            yield follow_rows(dependent, follow, motion, int(bodies.owner[number - 1]))
 
 
 @dataclass(frozen=True)
@@ -274,12 +330,14 @@ class _Points:
     nodes : old points and new ones
     rows : by `id` of a divided batch, (e, p) rows of the points of its elements, −1 for a mid-side node left out
     held : DOFs of the new points that supports hold
+    body : (n,) number of the rigid body that each new point belongs to; 0 for none and for old points
     shares : new points from old ones, csr (new, old)
     """
 
     nodes: NodeTable
     rows: dict[int, Integers]
     held: Integers
+    body: Integers
     shares: sp.csr_array
 
     def prolongation(self, old: NodeTable, move: _Renumbered) -> sp.csr_array:
@@ -331,8 +389,14 @@ class _Mesh:
         found, first = np.unique(np.concatenate(keys), return_index=True)
         return found, np.concatenate(rows)[first]
 
-    def points(self, fixed: Flags) -> _Points:
-        """All points; `fixed` (n, 6) is what supports hold at the old ones."""
+    def points(self, fixed: Flags, body: Integers) -> _Points:
+        """All points.
+
+        Parameters
+        ----------
+        fixed : (n, 6) what supports hold at the old ones
+        body : (n,) number of the rigid body of each old point, 0 for none
+        """
         old = self.structure.nodes
         known, known_rows = self._known()
         keys = [self._keys(d) for d in self.divided]
@@ -356,7 +420,10 @@ class _Mesh:
             xyz=np.vstack([old.xyz, xyz]),
             frames=np.concatenate([old.frames, frames]),
         )
-        return _Points(nodes, rows, self._held(rows, fixed, len(nodes.ids)), shares)
+        held = self._held(rows, fixed, len(nodes.ids))
+        following = self._following(rows, body, len(nodes.ids))
+        following[held // 6] = 0
+        return _Points(nodes, rows, held, following, shares)
 
     def _shares(self, rows: dict[int, Integers], count: int) -> sp.csr_array:
         """New points from the nodes of one element each, of a curved one where there is one."""
@@ -469,10 +536,43 @@ class _Mesh:
             out[:, inside] |= np.isin(keys, self._free_faces)[:, None]
         return out
 
+    def _following(self, rows: dict[int, Integers], body: Integers, count: int) -> Integers:
+        """(count,) number of the rigid body that a new point belongs to, 0 for none."""
+        old, out = len(self.structure.nodes.ids), np.zeros(count, np.int64)
+        if not body.any():
+            return out
+        for d in self.divided:
+            outside = self._outside(d)
+            if outside is None:
+                continue
+            number = np.where(d.nodes >= 0, body[np.maximum(d.nodes, 0)], 0)
+            some = np.flatnonzero((number > 0).sum(axis=1) > 1)
+            present = (d.nodes[some] >= 0)[:, None, :] & d.pattern.on[None]
+            own = np.broadcast_to(number[some][:, None, :], present.shape)
+            least = np.where(present, own, len(body)).min(axis=2)
+            good = (least > 0) & (least == np.where(present, own, 0).max(axis=2)) & outside[some]
+            at = rows[id(d)][some]
+            e, p = np.nonzero(good & (at >= old))
+            out[at[e, p]] = least[e, p]
+        pair, at = self._inner_sides(rows, old)
+        both = (body[pair[:, 0]] > 0) & (body[pair[:, 0]] == body[pair[:, 1]])
+        lines = _in_line(pair[both], self.structure.nodes.xyz)
+        out[at[both][lines]] = body[pair[both][lines, 0]]
+        return out
+
     def _held_lines(self, rows: dict[int, Integers], fixed: Flags, count: int) -> Flags:
         """(n, 6) new points on inner sides of shells that belong to a line of at least two sides with held ends."""
         out = np.zeros((count, 6), bool)
-        ends, middles, outer = [], [], []
+        pair, at = self._inner_sides(rows, len(fixed))
+        for k in range(6):
+            both = fixed[pair, k].all(axis=1)
+            lines = _in_line(pair[both], self.structure.nodes.xyz)
+            out[at[both][lines], k] = True
+        return out
+
+    def _inner_sides(self, rows: dict[int, Integers], old: int) -> tuple[Integers, Integers]:
+        """(s, 2) ends of the sides that several shells have, in ascending order, and (s,) their middles, if new."""
+        ends, middles, outer = [np.zeros((0, 2), np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]
         for d in self._shells:
             sides = d.corners[:, d.pattern.sides]
             order = (d.pattern.order == 2)[None] & (d.pattern.weights[:, d.pattern.sides].sum(axis=2) == _SIXTEENTHS).T
@@ -481,16 +581,9 @@ class _Mesh:
                     ends.append(sides[:, s])
                     middles.append(rows[id(d)][:, p])
                     outer.append(np.isin(self._side_keys(d)[:, s], self._free_sides))
-        if not ends:
-            return out
         pair, at, free = np.concatenate(ends), np.concatenate(middles), np.concatenate(outer)
-        inner = (at >= len(fixed)) & ~free
-        pair, at = np.sort(pair[inner], axis=1), at[inner]
-        for k in range(6):
-            both = fixed[pair, k].all(axis=1)
-            lines = _in_line(pair[both], self.structure.nodes.xyz)
-            out[at[both][lines], k] = True
-        return out
+        inner = (at >= old) & ~free
+        return np.sort(pair[inner], axis=1), at[inner]
 
 
 def _in_line(pair: Integers, xyz: Reals) -> Flags:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -117,6 +117,12 @@ class ElementBatch:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def some(self, rows: slice | Integers) -> ElementBatch:
+        """The batch with some of the elements."""
+        roles, facts = ({name: a[rows] for name, a in arrays.items()} for arrays in (self.roles, self.facts))
+        ids, nodes, dofs = self.ids[rows], self.nodes[rows], self.dofs[rows]
+        return replace(self, ids=ids, nodes=nodes, dofs=dofs, roles=roles, facts=facts)
+
     def repoint(self, mask: NDArray[np.bool_], moved: Mapping[int, int]) -> ElementBatch:
         """The batch with the roles of the masked elements moved to other positions of the value table."""
         if not mask.any():
@@ -124,6 +130,15 @@ class ElementBatch:
         roles = dict(self.roles)
         for old, new in moved.items():
             roles |= {name: np.where(mask & (at == old), new, roles[name]) for name, at in self.roles.items()}
+        return replace(self, roles=roles)
+
+    def repoint_each(self, rows: Integers, moved: Sequence[Mapping[int, int]]) -> ElementBatch:
+        """The batch with the roles of some rows moved, each by its own map of positions."""
+        if not len(rows):
+            return self
+        roles = {name: at.copy() for name, at in self.roles.items()}
+        for at in roles.values():
+            at[rows] = [own.get(int(old), int(old)) for own, old in zip(moved, at[rows])]
         return replace(self, roles=roles)
 
     def users(self, positions: Collection[int]) -> Integers:
@@ -266,6 +281,21 @@ class Structure:
         values, moved = self.values.split(index, region)
         batches = tuple(b.repoint(np.isin(b.ids, chosen), moved) for b in self.batches)
         return replace(self, values=values, batches=batches)
+
+    def split_each(self, index: int, elements: Sequence[int], regions: Sequence[str]) -> tuple[Structure, list[int]]:
+        """The structure with a copy of a value for each of some elements, and the positions of these copies."""
+        values, moved = self.values.split_each(index, regions)
+        number = {e: k for k, e in enumerate(elements)}
+        batches = []
+        for batch in self.batches:
+            rows = np.array([i for i, e in enumerate(batch.ids.tolist()) if e in number], np.int64)
+            batches.append(batch.repoint_each(rows, [moved[number[int(e)]] for e in batch.ids[rows]]))
+        return replace(self, values=values, batches=tuple(batches)), [own[index] for own in moved]
+
+    def direct_users(self, index: int) -> Integers:
+        """Numbers of the elements that have an entry, or what follows from it and is no value of one element only."""
+        chained = self.values.dependents([index]) - self.values.copies_of(index)
+        return np.unique(np.concatenate([np.zeros(0, np.int64), *(b.users(chained) for b in self.batches)]))
 
     def users(self, index: int) -> Integers:
         """Numbers of the elements whose matrices depend on an entry of the value table; 0 for assembled matrices."""

@@ -191,6 +191,25 @@ class ValueTable:
         values = np.concatenate([self.values, self.values[list(moved)]])
         return ValueTable(tuple(refs), values, tuple(derived)), moved
 
+    def split_each(self, index: int, regions: Sequence[str]) -> tuple[ValueTable, list[dict[int, int]]]:
+        """As `split`, for many regions at once; a map of positions for each."""
+        parts = sorted(self.dependents([index]), key=lambda i: (i != index, i))
+        rules = [d for d in self.derived if d.target in parts and d.target != index]
+        first, size = len(self.refs), len(parts)
+        moved = [{old: first + size * k + j for j, old in enumerate(parts)} for k in range(len(regions))]
+        refs = tuple(replace(self.refs[old], region=region) for region in regions for old in parts)
+        derived = tuple(
+            Derived(own[d.target], d.function, tuple(own.get(s, s) for s in d.sources)) for own in moved for d in rules
+        )
+        values = np.concatenate([self.values, np.tile(self.values[parts], len(regions))])
+        return ValueTable((*self.refs, *refs), values, (*self.derived, *derived)), moved
+
+    def copies_of(self, index: int) -> set[int]:
+        """Entries of the same field for regions, and what follows from them."""
+        ref = self.refs[index]
+        own = [i for i, r in enumerate(self.refs) if i != index and r.region and replace(r, region=ref.region) == ref]
+        return self.dependents(own)
+
     def extended(self, entries: Mapping[FieldRef, float]) -> ValueTable:
         """The table with further entries at its end; those that it has already stay as they are."""
         new = {ref: value for ref, value in entries.items() if self.index(ref) is None}

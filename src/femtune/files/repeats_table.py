@@ -39,7 +39,7 @@ def read_repeats_table(path: Path) -> RepeatsTable:
     lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if len(lines) < 2:
         raise _error(path, None, "quantify.file/no-values")
-    separator = max(_SEPARATORS, key=lines[0][1].count)
+    separator = separator_of(lines[0][1])
     try:
         rows = list(csv.reader((line for _, line in lines), delimiter=separator))
     except csv.Error as error:
@@ -47,6 +47,11 @@ def read_repeats_table(path: Path) -> RepeatsTable:
     heads = tuple(cell.strip() for cell in rows[0])
     values = [_numbers(path, lines[i][0], rows[i], heads, separator) for i in range(1, len(rows))]
     return RepeatsTable(heads, np.array(values))
+
+
+def separator_of(heading: str) -> str:
+    """The character that separates the fields of a table: the most frequent one in its heading."""
+    return max(_SEPARATORS, key=heading.count)
 
 
 def _numbers(path: Path, line: int, cells: list[str], heads: tuple[str, ...], separator: str) -> list[float]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs
+from femtune.arrays import Complexes, Reals
+from femtune.errors import FemtuneError
+from femtune.identification.input_known import IdentifiedModes, InputKnown, identify_frfs, terms_outside
+from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import Equalised, FrfSet, equalise_damping, half_band_lines
-from femtune.modal.equalise import Band
+from femtune.modal.equalise import Band, poles_to_move
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +26,9 @@ class EqualisedTest:
     band_hz : of the identification and of the lines
     moved : the identified system with that ratio, and what its modes had before
     identified : the identification
+    left_out_hz : bands without lines
+    largest_order : of the models of the identification
+    redrawn : how the FRFs follow the measured ones; None where rigid-body modes were taken away first
     """
 
     frfs: FrfSet
@@ -30,6 +36,9 @@ class EqualisedTest:
     band_hz: Band
     moved: Equalised
     identified: IdentifiedModes
+    redrawn: RedrawnTest | None
+    left_out_hz: tuple[Band, ...] = ()
+    largest_order: int = 0
 
     @property
     def misfit(self) -> float:
@@ -58,9 +67,42 @@ def equalised_test(
     ------
     FemtuneError : ``system.equalise``, and as `identify_frfs`
     """
-    identified = identify_frfs(frfs, asked or InputKnown())
+    asked = asked or InputKnown()
+    try:
+        identified = identify_frfs(frfs, asked)
+    except FemtuneError as error:
+        if error.code != "identify.no-poles":
+            raise
+        raise FemtuneError("system.equalise/no-modes", order=asked.largest_order) from error
     used = identified.measured.freq_hz
     band = (float(used[0]), float(used[-1]))
     moved = equalise_damping(identified.system, damping_ratio, band, left_out_hz)
     lines = half_band_lines(band, damping_ratio, per_half_band, left_out_hz)
-    return EqualisedTest(moved.system.frf(lines), damping_ratio, band, moved, identified)
+    again = _Again(damping_ratio, asked, per_half_band, tuple(left_out_hz))
+    redrawn = None if asked.rigid is not None else _redrawn(identified, again, lines, band)
+    return EqualisedTest(
+        moved.system.frf(lines), damping_ratio, band, moved, identified, redrawn, again.left_out_hz, asked.largest_order
+    )
+
+
+@dataclass(frozen=True)
+class _Again:
+    """The options of `equalised_test`; called with other functions, it gives their equalised values."""
+
+    damping_ratio: float
+    asked: InputKnown
+    per_half_band: float
+    left_out_hz: tuple[Band, ...]
+
+    def __call__(self, frfs: FrfSet) -> Complexes:
+        found = equalised_test(frfs, self.damping_ratio, self.asked, self.per_half_band, self.left_out_hz)
+        return found.frfs.values
+
+
+def _redrawn(identified: IdentifiedModes, again: _Again, lines: Reals, band: Band) -> RedrawnTest:
+    fit, system = identified.fit, identified.system_fit
+    moved = poles_to_move(system.poles, band, again.left_out_hz)
+    terms = terms_outside(again.asked)
+    # of one layout in memory, so that a copy in another process gives the same numbers to the last bit
+    measured = replace(fit.measured, values=np.ascontiguousarray(fit.measured.values))
+    return RedrawnTest(measured, fit, system, terms, moved, again.damping_ratio, lines, again)

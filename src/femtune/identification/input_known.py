@@ -82,6 +82,7 @@ class IdentifiedModes:
     system : state-space model of the modes and residual modes
     table, candidates : every pole of every order and method, and their clusters with choice and reason
     fit : the modal model
+    system_fit : the fit of the system, without the rigid-body modes that were taken away first
     quality : of the system, function by function
     measured : the functions that were used
     notices : what a user should know
@@ -93,6 +94,7 @@ class IdentifiedModes:
     table: PoleTable
     candidates: tuple[Candidate, ...]
     fit: ModalFit
+    system_fit: SystemFit
     quality: FitQuality
     measured: FrfSet
     notices: tuple[Notice, ...]
@@ -130,14 +132,16 @@ def _identified(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None)
     band = asked.band_hz or (float(whole.freq_hz[0]), float(whole.freq_hz[-1]))
     candidates = choose(table, replace(asked.limits, band_hz=band), asked.rule)
     candidates = change_choice(candidates, asked.take, asked.drop)
-    fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, _terms(asked))
+    fit = fit_with_neighbours(elastic, chosen_poles(candidates, table).poles, errors, terms_outside(asked))
     of_system = _system(elastic, fit, band, asked)
     system = of_system.system if asked.rigid is None else with_rigid_body(of_system.system, asked.rigid)
     quality = fit_quality(system.frf(whole.freq_hz), whole)
     remarks = fit_remarks(fit, scaled_shapes(fit, driving_points(elastic)))
     phases = quadrature_notices(leading_shapes(fit), whole.responses.labels())
     notices = (*phases, *(r.notice for r in remarks), *_ends(fit, of_system, candidates))
-    return IdentifiedModes(as_modes(fit, asked.real), system, table, candidates, fit, quality, whole, notices, remarks)
+    return IdentifiedModes(
+        as_modes(fit, asked.real), system, table, candidates, fit, of_system, quality, whole, notices, remarks
+    )
 
 
 def _used(frfs: FrfSet, asked: InputKnown, sd: NDArray[np.float64] | None) -> tuple[FrfSet, NDArray[np.float64] | None]:
@@ -154,7 +158,7 @@ def _poles(frfs: FrfSet, method: str, order: int, sd: NDArray[np.float64] | None
     return plscf_poles(normal_equations(frfs, order // 2, sd), range(2, order // 2 + 1))
 
 
-def _terms(asked: InputKnown) -> tuple[str, ...]:
+def terms_outside(asked: InputKnown) -> tuple[str, ...]:
     """Without rigid-body motion below the band there is no mass left there; with it the term stands for that."""
     return OUT_OF_BAND if asked.rigid is None else ("upper",)
 

@@ -10,7 +10,7 @@ Automatic Control 41(7), section on B and D.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ class SystemFit:
     Parameters
     ----------
     system : the model
+    poles, shapes, participations : (m,) in the order in which they were given, (n, m) and (m, u) of the model
     converged : whether `gradient` is below 1e-4
     steps : evaluations of the errors; none where the problem is linear, as with one reference
     gradient : relative projected gradient: length of the errors' projection on the tangent space of the model, by the
@@ -47,6 +48,9 @@ class SystemFit:
     """
 
     system: StateSpace
+    poles: Complexes
+    shapes: Complexes
+    participations: Complexes
     converged: bool
     steps: int
     gradient: float
@@ -57,7 +61,13 @@ def fit_system(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     return system_fit(frfs, poles, direct, reciprocal).system
 
 
-def system_fit(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: bool = False) -> SystemFit:
+def system_fit(
+    frfs: FrfSet,
+    poles: Complexes,
+    direct: bool = True,
+    reciprocal: bool = False,
+    start: Complexes | None = None,
+) -> SystemFit:
     """A real state-space model of order 2m of least squares; all responses weigh the same.
 
     Parameters
@@ -67,6 +77,7 @@ def system_fit(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     poles : (m,) rad/s of the upper half plane that decay: those identified, and `residual_poles` for what lies outside
     direct : with a direct term D, which accelerance needs
     reciprocal : participations in proportion to the shapes at the driving points; D stays free
+    start : (m, u) participations near the solution, from which no other minimum is looked for; None if none are known
 
     Raises
     ------
@@ -81,13 +92,15 @@ def system_fit(frfs: FrfSet, poles: Complexes, direct: bool = True, reciprocal: 
     outside = np.flatnonzero((hertz < frfs.freq_hz.min()) | (hertz > frfs.freq_hz.max())).tolist()
     parts, steps, gradient, converged = _start(frfs, near, direct), 0, 0.0, True
     if len(frfs.references) > 1 or points:
+        if start is not None:
+            parts, outside = replace(parts, participations=start), []
         parts, found = _rank_one(frfs, near, parts, direct, points, outside)
         steps, gradient, converged = found.steps, found.gradient, found.converged
     A, B, C = _real_form(poles, parts)
     system = StateSpace(
         A, B, C, parts.direct, frfs.responses, frfs.references, frfs.kind, source=f"fit of {len(poles)} modes"
     )
-    return SystemFit(system, converged, steps, gradient)
+    return SystemFit(system, poles, parts.shapes, parts.participations, converged, steps, gradient)
 
 
 def stable_poles(poles: Complexes) -> Complexes:

@@ -77,14 +77,10 @@ def equalise_damping(
         raise FemtuneError("system.equalise/ratio", ratio=damping_ratio)
     poles, shapes, participations = system_modes(system)
     hertz, zeta = freq_and_damping(poles)
-    moved = (poles.imag > 0.0) & (zeta < OVERDAMPED) & _inside(hertz, band_hz)
-    for band in left_out_hz:
-        moved &= ~_inside(hertz, band)
-    upper = np.flatnonzero(moved)
+    upper = np.flatnonzero(poles_to_move(poles, band_hz, left_out_hz))
     pairs = [_conjugate_of(poles, int(j)) for j in upper]
     to = pole_of(hertz[upper], np.full(len(upper), damping_ratio))
-    k = KINDS.index(system.kind)
-    factor = _size(to, k) / _size(poles[upper], k)
+    factor = residue_factors(poles[upper], to, system.kind)
     # what stays is what is left of the system without the moved modes: nothing is asked of its own form
     stays = np.setdiff1d(np.arange(len(poles)), np.concatenate([upper, pairs]).astype(int))
     rest = _real_part(system, poles, stays)
@@ -97,6 +93,15 @@ def equalise_damping(
     )  # fmt: skip
 
 
+def poles_to_move(poles: Complexes, band_hz: Band, left_out_hz: Sequence[Band] = ()) -> NDArray[np.bool_]:
+    """(m,) which poles get the damping ratio, one of each conjugate pair."""
+    hertz, zeta = freq_and_damping(poles)
+    moved = (poles.imag > 0.0) & (zeta < OVERDAMPED) & _inside(hertz, band_hz)
+    for band in left_out_hz:
+        moved &= ~_inside(hertz, band)
+    return np.asarray(moved)
+
+
 def _inside(hertz: Reals, band: Band) -> NDArray[np.bool_]:
     return np.asarray((hertz >= band[0]) & (hertz <= band[1]))
 
@@ -105,8 +110,10 @@ def _conjugate_of(poles: Complexes, j: int) -> int:
     return int(np.argmin(np.abs(poles - poles[j].conj())))
 
 
-def _size(poles: Complexes, k: int) -> Complexes:
-    return np.asarray(poles**k / (2j * poles.imag))
+def residue_factors(poles: Complexes, to: Complexes, kind: str) -> Complexes:
+    """(m,) what residues of FRFs of a kind are multiplied by where poles are moved."""
+    k = KINDS.index(kind)
+    return np.asarray((to / poles) ** k * (poles.imag / to.imag))
 
 
 def _real_part(system: StateSpace, poles: Complexes, stays: NDArray[np.int64]) -> tuple[Reals, Reals, Reals]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 from femtune.arrays import Integers, Reals
@@ -27,6 +28,10 @@ SMALL = 1e-3
 
 # a multiple this much larger than the one that stands for a function takes its place
 CLEARLY = 10.0
+
+# part of a coefficient that combinations of functions may miss at the samples; what is no polynomial, such as shear
+# with residual bending flexibility, would need ever more functions
+SPANNED, NEARLY_SPANNED = 3e-13, 1e-11
 
 NOTHING = -1
 """The number of a coefficient that is zero whatever the parameters are."""
@@ -58,9 +63,33 @@ class CoefficientGroup:
             found = np.asarray(self.function(roles, facts).value)
         return np.broadcast_to(found, (count * len(self),)).reshape(count, len(self))
 
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """Equal for coefficients of one function of the same values."""
+        return (self.function, *self.roles, *self.facts)
+
     def jet(self, table: TableJet) -> Jet:
         """Jet of shape (m,) at a point of the parameters."""
         return self.function({r: table[p] for r, p in self.roles.items()}, self.facts)
+
+
+@dataclass(frozen=True, eq=False)
+class Spanned:
+    """Coefficients (m,) as combinations: `numbers` (k,) of functions, and their `factors` (k, m)."""
+
+    numbers: Integers
+    factors: Reals
+
+
+def _independent(columns: Reals) -> Integers:
+    """Columns (s, m) that span all of them, by pivoting, the largest first."""
+    _, R, order = la.qr(columns, mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    # pivots of a rest that is noise beside the largest one are left to the next round
+    return np.asarray(order[: len(size)][size > max(SPANNED, _CLEAR * size[:1].max(initial=0.0))])
+
+
+_CLEAR = 1e-6
 
 
 @dataclass(eq=False)
@@ -74,6 +103,7 @@ class CoefficientBook:
     _ratios: Reals = field(init=False)
     _keys: Reals = field(default_factory=lambda: np.zeros(0))
     _order: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    _spans: dict[object, list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = len(self.samples)
@@ -99,6 +129,29 @@ class CoefficientBook:
             found[new] = self._add(source, new, ratios[new], size[new])
         self._improve(source, found, size)
         return found, np.where(found == NOTHING, 0.0, size)
+
+    def spanned(self, source: CoefficientGroup) -> Spanned | None:
+        """Coefficients as combinations of few functions: what varies over elements by a few functions of position.
+
+        A thickness t·(1 + Σ a_j f_j) of each element gives t and t³, polynomials of the amplitudes with as many terms
+        as amplitudes allow, whatever the number of elements. None where samples cannot tell or it does not pay.
+        """
+        values = source.values(self.samples)
+        size = self._size(values)
+        ratios, span = values / size, self._spans.setdefault(source.kind, [])
+        while True:
+            basis = self._ratios[span].T
+            weights = la.lstsq(basis, ratios, lapack_driver="gelsy")[0] if span else np.zeros((0, len(size)))
+            off = ratios - basis @ weights
+            worst = float((np.abs(off).max(axis=0) / np.abs(ratios).max(axis=0)).max(initial=0.0))
+            new = [] if worst <= SPANNED else self.number(source.rows(_independent(off)))[0].tolist()
+            more = [n for n in dict.fromkeys(new) if n not in span]
+            if not more or len(span) + len(more) > len(self.samples) // 2:
+                break
+            span += more
+        if worst > NEARLY_SPANNED or 2 * len(span) > len(size):
+            return None
+        return Spanned(np.array(span, np.int64), weights * size)
 
     def _size(self, values: Reals) -> Reals:
         """(m,) what coefficients (s, m) are multiples by: their nominal values, so that functions are 1 there."""

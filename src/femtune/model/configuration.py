@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ class AddedMass:
     mass : in the mass unit of the study (PARAM WTMASS does not scale it)
     offset : (3,) from the grid point to its centre of gravity, basic frame
     inertia : (3, 3) about its centre of gravity, basic frame
+    of_test : whether it is a part of the test equipment whose effect on the modes is stated
     """
 
     node: int
@@ -30,6 +31,7 @@ class AddedMass:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     inertia: tuple[tuple[float, float, float], ...] = ((0.0,) * 3,) * 3
     label: str = ""
+    of_test: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,11 @@ class Configuration:
     supports_removed: tuple[tuple[int, str], ...] = ()
     masses: tuple[AddedMass, ...] = field(default_factory=tuple)
     weighed_mass: float | None = None
+
+    @property
+    def state(self) -> Configuration:
+        """What the matrices depend on: configurations with the same state differ in name and weighed mass only."""
+        return replace(self, name="", weighed_mass=None)
 
 
 def held_dofs(structure: Structure, configuration: Configuration) -> NDArray[np.int64]:
@@ -122,10 +129,16 @@ def mass_terms(nodes: NodeTable, masses: tuple[AddedMass, ...]) -> list[Term]:
     if not masses:
         return []
     at = np.array([nodes.position(m.node) for m in masses])
-    matrices = np.stack([_mass_matrix(m, nodes.frames[i]) for m, i in zip(masses, at)])
+    matrices = mass_matrices(nodes, masses)
     zeros = np.zeros(len(masses), np.int64)
     dofs = 6 * at[:, None] + np.arange(6)
     return [constant_term("mass", "added mass", zeros, dofs, matrices)]
+
+
+def mass_matrices(nodes: NodeTable, masses: tuple[AddedMass, ...]) -> NDArray[np.float64]:
+    """(a, 6, 6) matrices of added masses at their grid points, in the displacement frames of these."""
+    found = [_mass_matrix(m, nodes.frames[nodes.position(m.node)]) for m in masses]
+    return np.stack(found) if found else np.zeros((0, 6, 6))
 
 
 def _mass_matrix(added: AddedMass, frame: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,7 +25,7 @@ from femtune.model.linear.memory import require_memory
 from femtune.model.linear.symmetric import BothTriangles, SymmetricMatrix
 from femtune.model.parametric import ParametricModel
 from femtune.model.projection import SORTED, FreeElements, ProjectedTerm, free_elements, project, upper_of
-from femtune.model.terms import MatrixTerm, Term, TermFunction, TermLayout
+from femtune.model.terms import MatrixTerm, Term, TermFunction, TermLayout, combined
 from femtune.parameters.jet import Jet
 
 
@@ -313,31 +313,35 @@ def node_blocks(terms: Sequence[TermFunction], elimination: Elimination, n_grid:
     free, n = elimination.free, len(elimination.free)
     # the three DOFs of a block share a number, a scalar point's has its own; the last stands for no DOF
     group = np.append(np.where(free < n_grid, free // 3, n_grid + free), -1)
-    layouts: dict[TermLayout, list[FreeElements]] = {}
+    layouts: dict[TermLayout, list[tuple[Term, Reals]]] = {}
     found: list[Entries] = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for term in terms:
         c = term.coefficient(table).value if term.coefficient else np.ones(1)
         if isinstance(term, Term):
-            if term.layout not in layouts:
-                layouts[term.layout] = free_elements(term.layout, elimination.T)
-            found += [e for elements in layouts[term.layout] for e in _of_elements(elements, term, c, group)]
+            layouts.setdefault(term.layout, []).append((term, c))
         elif isinstance(term, MatrixTerm):
             found.append(_of_matrix(upper_of(term.upper, elimination.T), float(c[0]), group))
+    for layout, own in layouts.items():
+        found += [e for some in free_elements(layout, elimination.T) for e in _of_elements(some, own, group)]
     rows, cols, values = (np.concatenate(parts) for parts in zip(*found))
     upper = sp.csr_array((values, (rows, cols)), shape=(n, n))
     return sp.csr_array(upper + sp.triu(upper, 1).T)
 
 
-def _of_elements(elements: FreeElements, term: Term, c: Reals, group: Integers) -> Iterator[Entries]:
+def _of_elements(elements: FreeElements, terms: Sequence[tuple[Term, Reals]], group: Integers) -> Iterator[Entries]:
+    """Of terms of one layout, with their coefficients."""
+    whole = list(combined([(term.values, c[term.columns]) for term, c in terms]))
     for chunk in elements.chunks():
         groups = group[elements.dofs[chunk]]
         a, b = groups[:, elements.pairs[:, 0]], groups[:, elements.pairs[:, 1]]
         own = (a == b) & (a >= 0)
         used = np.flatnonzero(own.any(axis=0))
-        own = own[:, used]
-        rows, cols = (x[:, used][own] for x in elements.places(chunk))
-        scale = c[term.columns[elements.rows[chunk]]]
-        yield rows, cols, (elements.entries(term.values, chunk)[:, used] * scale[:, None])[own]
+        own, values = own[:, used], np.zeros((len(own), len(used)))
+        for own_values, factors in whole:
+            values += elements.entries(own_values, chunk)[:, used] * factors[elements.rows[chunk], None]
+        dofs, pairs = elements.dofs[chunk], elements.pairs[used]
+        first, second = (dofs[:, column][own] for column in pairs.T)
+        yield np.minimum(first, second), np.maximum(first, second), values[own]
 
 
 def _of_matrix(upper: sp.csr_array, c: float, group: Integers) -> Entries:
@@ -378,22 +382,26 @@ def configure(model: ParametricModel, configuration: Configuration) -> Configure
 
 
 def _forecast(terms: Sequence[TermFunction], T: sp.csr_array) -> int:
-    """Bytes that the projection takes at its peak: pattern, places of entries, sums of all terms, and room to sort.
+    """Bytes that the projection takes at its peak: places of entries, and sums of all terms or room to sort.
 
     About SHARED of the entries of a mesh's element matrices are left when those of neighbours are added.
     """
     own = [t for t in terms if isinstance(t, Term)]
     layouts = {id(t.layout): len(t.elements) * len(t.layout.pairs) for t in own}
     places = sum(layouts.values())
-    sums = sum(t.values.size for t in own) + sum(t.upper.nnz for t in terms if isinstance(t, MatrixTerm))
+    sums = sum(len(t.elements) * len(t.layout.pairs) for t in own) + sum(
+        t.upper.nnz for t in terms if isinstance(t, MatrixTerm)
+    )
     largest = max(layouts.values(), default=0)
-    return int(4 * places + SHARED * (12 * sums + 12 * largest) + 24 * min(places, SORTED) + 8 * T.shape[1])
+    sorting = 24 * min(places, max(SORTED, SHARED * places))
+    return int(5 * places + max(sorting, 12 * SHARED * (sums + largest)) + 8 * T.shape[1])
 
 
 def grid_matrix(model: ParametricModel, configuration: Configuration, matrix: MatrixKind) -> sp.csr_array:
     """(n_g, n_g) matrix of a configuration at nominal values, before any constraint: for mass and rigid-body checks."""
     added = mass_terms(model.structure.nodes, configuration.masses)
-    terms = [t for t in (*_active(model.terms, configuration), *added) if t.matrix == matrix]
+    terms = model.kept.mass if matrix == "mass" else [t for t in model.terms if t.matrix == matrix]
+    terms = [*_active(terms, configuration), *(t for t in added if t.matrix == matrix)]
     pattern, projected = project(terms, sp.csr_array(sp.eye_array(model.structure.nodes.n_dofs)))
     table, data = _nominal_table(model), np.zeros(len(pattern.indices))
     for p in projected:

@@ -12,7 +12,6 @@ from femtune.errors import FemtuneError
 from femtune.fem.elements import KINDS
 from femtune.fem.refine import CannotRefineError, refine
 from femtune.fem.structure import Structure
-from femtune.modal.assignment import linear_sum_assignment
 from femtune.model.configuration import held_dofs
 from femtune.model.configured import configure, grid_matrix
 from femtune.model.drilling import drilling_modes
@@ -20,6 +19,7 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.solution import EigenSolution
 from femtune.model.linear.sparse_products import column_major
 from femtune.model.parametric import parametric_model
+from femtune.model.resembling import resembling_hz
 from femtune.model.response.rigid import is_rigid
 from femtune.model.solvers.interface import SingularMatrixError
 from femtune.parameters import ParameterSet
@@ -30,13 +30,8 @@ USUAL_DOFS = 30_000
 """Refined models with more DOFs are solved on request only: up to here it takes one or two seconds."""
 RICHARDSON = 4.0 / 3.0
 """Error over change for convergence of second order in the size of the elements, which linear shells have."""
-_SAME = 0.5
 _DRILLING = 0.2
 """Share of drilling in the strain energy from which a mode has no frequency of a converged mesh."""
-_NEAR = 0.01
-"""Relative difference of eigenvalues that count as equal where shapes are matched: half a per cent of frequency."""
-_OWN = 1e-3
-"""Weight of a single shape where those of several nearly equal frequencies are equally alike."""
 _ZERO = 1e-3
 
 
@@ -138,19 +133,7 @@ def _refined_hz(pencil: Pencil, start: Reals, solution: EigenSolution) -> Reals:
     first = column_major(start)
     step = pencil.factorise(_shift(solution)).solve(column_major(pencil.mass @ first))
     step = column_major(step / np.linalg.norm(step, axis=0))
-    stiff, heavy = step.T @ (pencil.stiffness @ step), step.T @ (pencil.mass @ step)
-    values, vectors = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (heavy + heavy.T))
-    across = (first.T @ (pencil.mass @ step)) @ vectors
-    own = np.einsum("ij,ij->j", first, pencil.mass @ first)
-    single = (across**2 / own[:, None])[: solution.wanted]
-    # shapes of equal frequencies are any basis of their span: each counts with those of nearly the same frequency
-    near = np.abs(values[:, None] - values) <= _NEAR * np.abs(values)
-    likeness = single @ near
-    rows, columns = linear_sum_assignment(likeness + _OWN * single, maximize=True)
-    out = np.full(solution.wanted, np.nan)
-    good = likeness[rows, columns] >= _SAME
-    out[rows[good]] = np.sqrt(np.maximum(values[columns[good]], 0.0)) / (2.0 * np.pi)
-    return out
+    return resembling_hz(first[:, : solution.wanted], step, pencil.stiffness, pencil.mass)
 
 
 def _shift(solution: EigenSolution) -> float:

@@ -12,19 +12,23 @@ from numpy.typing import NDArray
 
 from femtune.errors import ErrorCollector, FemtuneError
 from femtune.fem import FieldRef, Structure
+from femtune.fem.distribution import varied_entries
 from femtune.fem.fields import MatrixKind
 from femtune.fem.generic import check_untouched
 from femtune.fem.offsets import check_spans, settled
 from femtune.fem.values import TableJet
 from femtune.model.imported.model import with_assembled
 from femtune.model.over_frequency import FrequencyTable
-from femtune.model.terms import CompiledTerms, TermFunction, compile_terms
+from femtune.model.terms import CompiledTerms, KeptTerms, TermFunction, compile_terms
 from femtune.parameters import ParameterSet
 from femtune.parameters.jet import Jet, constant
 
 # points of the parameters at which coefficients are compared, and how far around the nominal one they are
 SAMPLES = 6
 AROUND = 0.1
+# the same where values vary over elements: polynomials of amplitudes are told by more points, that are farther apart
+VARIED_SAMPLES = 400
+VARIED = 0.4
 
 
 @dataclass(frozen=True)
@@ -45,22 +49,49 @@ class ParametricModel:
     """K(p) = Σ a_i(p) K_i and M(p) = Σ b_i(p) M_i on all grid DOFs, with exact derivatives.
 
     `placed` holds, for each parameter, the positions of the value table that it sets and whether relatively; `used`
-    says for each kind of matrix which entries of the table (n,) it needs. `tables` multiply entries by functions of
-    frequency. `given` is the structure of which the model was made, before fields were split.
+    says for each kind of matrix which entries of the table (n,) it needs. `names` has the names in `parameters` of
+    those in `placed` and `assignments` that are called differently there. `tables` multiply entries by functions of
+    frequency. `given` is the structure of which the model was made, before fields were split; `kept` has the terms.
+    `shared` is the model whose matrices this one has, with its own parameters in their place; see `of_specimen`.
     """
 
     structure: Structure
     parameters: ParameterSet
     assignments: tuple[Assignment, ...]
     placed: tuple[tuple[str, int, bool], ...]
-    terms: tuple[TermFunction, ...] = field(repr=False)
+    kept: KeptTerms = field(repr=False)
     used: Mapping[MatrixKind, NDArray[np.bool_]] = field(default_factory=dict, repr=False)
     tables: tuple[FrequencyTable, ...] = ()
     given: Structure | None = field(default=None, repr=False)
+    names: Mapping[str, str] = field(default_factory=dict)
+    shared: ParametricModel | None = field(default=None, repr=False)
+
+    @property
+    def terms(self) -> tuple[TermFunction, ...]:
+        """The terms; those that were released are compiled again."""
+        return self.kept.every
+
+    def release_terms(self) -> None:
+        """Give the memory of the element matrices back; configurations that are made already do not need them."""
+        self.kept.release()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process makes the model again: the matrices are larger than the structure."""
+        if self.shared is not None:
+            return of_specimen, (self.shared, self.parameters, dict(self.names))
         return parametric_model, (self.given, self.parameters, self.assignments, self.tables)
+
+    @cached_property
+    def foreign(self) -> frozenset[str]:
+        """Parameters that belong to other specimens and have no effect on this model."""
+        if self.shared is None:
+            return frozenset()
+        own = {self.name_of(p.name) for p in self.shared.parameters.parameters}
+        return frozenset(p.name for p in self.parameters.parameters if p.name not in own)
+
+    def name_of(self, placed: str) -> str:
+        """Name in `parameters` of a parameter of `placed` or of an assignment."""
+        return self.names.get(placed, placed)
 
     def table(self, x: NDArray, factors: Sequence[float] = ()) -> TableJet:
         """The value table with derivatives by the normalised free parameters x.
@@ -70,7 +101,8 @@ class ParametricModel:
         jets = self.parameters.jets(x)
         nominal = self.structure.values.values
         assigned = [
-            (at, jets[name][None] * nominal[at] if relative else jets[name]) for name, relative, at in self._fields
+            (at, jets[self.name_of(name)][None] * nominal[at] if relative else jets[self.name_of(name)])
+            for name, relative, at in self._fields
         ]
         k = len(self.parameters.free)
         if factors:
@@ -164,18 +196,36 @@ def parametric_model(
     with errors.catch():
         _check_all_used(parameters, assignments)
     errors.raise_if_any()
-    bare = ParametricModel(structure, parameters, assignments, tuple(placed.values()), (), tables=tables)
+    bare = ParametricModel(
+        structure, parameters, assignments, tuple(placed.values()), KeptTerms((), tuple), tables=tables
+    )
     _check_tables(bare)
     tabled = [int(i) for at in bare.tabled for i in at]
     touched, samples = structure.values.dependents([*placed, *tabled]), _samples(bare)
     check_untouched(structure, touched)
     structure = settled(structure, samples)
     check_spans(structure, _at_bounds(bare))
-    compiled = with_assembled(compile_terms(structure, touched, samples), structure, touched)
+
+    def compiled_terms() -> CompiledTerms:
+        return with_assembled(compile_terms(structure, touched, samples), structure, touched)
+
+    compiled = compiled_terms()
+    kept = KeptTerms(compiled.terms, lambda: compiled_terms().terms)
     _check_effect(structure, parameters, dict(zip(placed, assignments)), compiled)
-    found = replace(bare, structure=structure, terms=compiled.terms, used=compiled.used, given=given)
+    found = replace(bare, structure=structure, kept=kept, used=compiled.used, given=given)
     _check_tables_act(found)
     return found
+
+
+def of_specimen(model: ParametricModel, parameters: ParameterSet, names: Mapping[str, str]) -> ParametricModel:
+    """The same matrices with the parameters of one of several specimens.
+
+    Parameters
+    ----------
+    parameters : those of all specimens; derivatives by what belongs to other specimens are zero
+    names : what a parameter of `model` is called there, where it has another name
+    """
+    return replace(model, parameters=parameters, names=dict(names), shared=model)
 
 
 def _own(structure: Structure, assignments: Sequence[Assignment], tables: Sequence[FrequencyTable]) -> list[FieldRef]:
@@ -218,8 +268,9 @@ def _samples(model: ParametricModel) -> NDArray[np.float64]:
     value is moved towards the nominal one, where all have.
     """
     random, n = np.random.default_rng(2026), len(model.parameters.free)
-    around = random.uniform(-AROUND, AROUND, (SAMPLES - 1, n))
-    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (SAMPLES - 1, len(model.tables)))
+    count, width = (VARIED_SAMPLES, VARIED) if varied_entries(model.structure.values) else (SAMPLES, AROUND)
+    around = random.uniform(-width, width, (count - 1, n))
+    tabled = random.uniform(1.0 - AROUND, 1.0 + AROUND, (count - 1, len(model.tables)))
     nominal = _sample(model, np.zeros(n))
     return np.array([nominal, *(_sample(model, x, tuple(f)) for x, f in zip(around, tabled))])
 

@@ -10,17 +10,17 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from femtune.arrays import Integers, Reals
+from femtune.arrays import Flags, Integers, Reals
 from femtune.model.coefficients import Coefficients
 from femtune.model.spread import Piece, spread_of
-from femtune.model.terms import MatrixTerm, Term, TermFunction, TermLayout, unpacked
+from femtune.model.terms import LowRankValues, MatrixTerm, Term, TermFunction, TermLayout, nowhere_zero, unpacked
 
 # ----------------------------------------------------------------------------------------------------
 # Pattern of the upper triangle that all matrices of a configuration share.
 
 
-# entries that are sorted at once
-SORTED = 8_000_000
+# entries that are sorted at once, at least; or as many as the pattern has so far
+SORTED = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def upper_pattern(n: int, entries: Iterable[tuple[Places, Places]], count: int) 
     waiting: list[tuple[Places, Places]] = []
     for chunk in entries:
         waiting.append(chunk)
-        if sum(len(rows) for rows, _ in waiting) >= SORTED:
+        if sum(len(rows) for rows, _ in waiting) >= max(SORTED, total.nnz):
             total, waiting = sp.csr_array(total + _flags(n, waiting)), []
     total = sp.csr_array(total + _flags(n, waiting)) if waiting else total
     total.sort_indices()
@@ -71,7 +71,7 @@ def _flags(n: int, chunks: list[tuple[Places, Places]]) -> sp.csr_array:
 
 
 # matrix entries that are handled at once
-AT_ONCE = 4_000_000
+AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +103,17 @@ class FreeElements:
         a, b = self.dofs[part][:, self.pairs[:, 0]], self.dofs[part][:, self.pairs[:, 1]]
         return np.minimum(a, b), np.maximum(a, b)
 
-    def entries(self, values: Reals, at: slice | Integers) -> Reals:
+    def entries(self, values: Reals | LowRankValues, at: slice | Integers) -> Reals:
         """(m, q) entries of some of the elements, from the layout's values."""
-        own = values[at] if len(self.rows) == len(values) else values[self.rows[at]]
+        own = values[self._of_layout(len(values), at)]
         if self.follow is None:
             return own
         T = self.follow[at]
         full = np.swapaxes(T, 1, 2) @ unpacked(own, self.source, T.shape[1]) @ T
         return full[:, self.pairs[:, 0], self.pairs[:, 1]]
+
+    def _of_layout(self, count: int, at: slice | Integers) -> slice | Integers:
+        return at if len(self.rows) == count else self.rows[at]
 
 
 def free_elements(layout: TermLayout, T: sp.csr_array) -> list[FreeElements]:
@@ -214,6 +217,7 @@ class _Projection:
     elements: dict[TermLayout, list[FreeElements]]
     matrices: dict[MatrixTerm, sp.csr_array]
     places: dict[FreeElements | MatrixTerm, Places] = field(default_factory=dict)
+    some: dict[FreeElements, list[Flags]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, terms: Sequence[TermFunction], T: sp.csr_array) -> _Projection:
@@ -237,29 +241,26 @@ class _Projection:
         """Rows and columns of all entries that are not zero in some term."""
         for layout, parts in self.elements.items():
             for elements in parts:
+                kept = self.some[elements] = []
+                terms = self.terms[layout]
+                values = nowhere_zero(terms) if elements.follow is None else [t.values for t in terms]
                 for chunk in elements.chunks():
                     rows, cols = elements.places(chunk)
-                    some = self._some(layout, elements, chunk, rows)
+                    some = np.any([elements.entries(v, chunk) != 0.0 for v in values], axis=0) & (rows >= 0)
+                    kept.append(some)
                     yield (rows.ravel(), cols.ravel()) if some.all() else (rows[some], cols[some])
         for matrix in self.matrices.values():
             coo = matrix.tocoo()
             yield coo.row.astype(np.int32), coo.col.astype(np.int32)
 
-    def _some(self, layout: TermLayout, elements: FreeElements, chunk: slice, rows: Places) -> NDArray[np.bool_]:
-        some = np.zeros(rows.shape, bool)
-        for term in self.terms[layout]:
-            some |= elements.entries(term.values, chunk) != 0.0
-        return np.asarray(some & (rows >= 0))
-
     def locate(self, pattern: Pattern) -> None:
         """Find the places of all entries in the pattern; −1 for those that go nowhere."""
-        for layout, parts in self.elements.items():
-            for elements in parts:
-                found = np.empty((len(elements.rows), len(elements.pairs)), np.int32)
-                for chunk in elements.chunks():
-                    rows, cols = elements.places(chunk)
-                    found[chunk] = pattern.find(rows, cols, self._some(layout, elements, chunk, rows))
-                self.places[elements] = found
+        for elements, kept in self.some.items():
+            found = np.empty((len(elements.rows), len(elements.pairs)), np.int32)
+            for chunk, some in zip(elements.chunks(), kept):
+                found[chunk] = pattern.find(*elements.places(chunk), some)
+            self.places[elements] = found
+        self.some.clear()
         for term, matrix in self.matrices.items():
             coo = matrix.tocoo()
             self.places[term] = pattern.find(coo.row, coo.col, np.ones(coo.nnz, bool))

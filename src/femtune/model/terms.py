@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import get_args
 
 import numpy as np
@@ -12,11 +12,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Flags, Integers, Reals
+from femtune.errors import FemtuneError
 from femtune.fem import Contribution, ElementBatch, Structure
+from femtune.fem.contribution import LowRank
+from femtune.fem.distribution import varied_entries
 from femtune.fem.elements import pieces
 from femtune.fem.fields import MatrixKind
 from femtune.fem.values import TableJet
 from femtune.model.coefficients import NOTHING, CoefficientBook, CoefficientGroup, Coefficients
+from femtune.model.linear import memory
 from femtune.model.linear.memory import require_memory
 from femtune.parameters.jet import Jet
 
@@ -49,6 +53,41 @@ class TermLayout:
 
 
 @dataclass(frozen=True, eq=False)
+class LowRankValues:
+    """Entries of symmetric matrices RᵀCR, computed where they are read.
+
+    Parameters
+    ----------
+    rows : (e, r, d) R of all elements of a batch that have some, which terms share
+    index : (m,) elements of the term among these
+    middle : (m, s) entries of C at `middle_pairs` (s, 2)
+    pairs : (q, 2) the entries that are read, as of the term's layout
+    """
+
+    rows: Reals
+    index: Integers
+    middle: Reals
+    middle_pairs: Integers
+    pairs: Integers
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, part: slice | Integers) -> Reals:
+        """(k, q) entries of some of the matrices."""
+        R = self.rows[self.index[part]]
+        full = np.swapaxes(R, 1, 2) @ (unpacked(self.middle[part], self.middle_pairs, R.shape[1]) @ R)
+        d = full.shape[1]
+        if len(self.pairs) == d * (d + 1) // 2:
+            return upper_entries(full)
+        return np.take(full.reshape(len(full), -1), self.pairs @ (d, 1), axis=1)
+
+    def keep(self, mask: Flags) -> LowRankValues:
+        """The elements where the mask is true."""
+        return replace(self, index=self.index[mask], middle=self.middle[mask])
+
+
+@dataclass(frozen=True, eq=False)
 class TermFunction:
     """What multiplies the matrices of a term.
 
@@ -73,12 +112,12 @@ class Term(TermFunction):
     Parameters
     ----------
     layout : elements, DOFs and entries
-    values : (m, q) entries of the symmetric element matrices at the layout's pairs
+    values : (m, q) entries of the symmetric element matrices at the layout's pairs, kept or computed
     columns : (m,) which coefficient an element uses
     """
 
     layout: TermLayout
-    values: Reals
+    values: Reals | LowRankValues
     columns: Integers
 
     @property
@@ -91,9 +130,17 @@ class Term(TermFunction):
         """(m, d) g-set DOFs, −1 for ground."""
         return self.layout.dofs
 
+    def arrays(self) -> Iterator[NDArray]:
+        """All that it is made of."""
+        yield from (self.layout.elements, self.layout.dofs, self.columns)
+        own = self.values
+        yield from (own.rows, own.index, own.middle) if isinstance(own, LowRankValues) else (own,)
+
     def keep(self, mask: Flags, layout: TermLayout) -> Term:
         """The elements where the mask is true; `layout` is the layout of these."""
-        return replace(self, layout=layout, values=self.values[mask], columns=self.columns[mask])
+        own = self.values
+        values = own.keep(mask) if isinstance(own, LowRankValues) else own[mask]
+        return replace(self, layout=layout, values=values, columns=self.columns[mask])
 
     def matrices(self, part: slice = slice(None)) -> Reals:
         """(m, d, d) full matrices of some of the elements."""
@@ -110,6 +157,43 @@ def unpacked(values: Reals, pairs: Integers, d: int) -> Reals:
     out[:, pairs[:, 0], pairs[:, 1]] = values
     out[:, pairs[:, 1], pairs[:, 0]] = values
     return out
+
+
+def upper_entries(matrices: Reals) -> Reals:
+    """(m, u) upper triangles of (m, d, d), row by row: quicker than to pick the entries one by one."""
+    d, first = matrices.shape[1], 0
+    out = np.empty((len(matrices), d * (d + 1) // 2))
+    for i in range(d):
+        out[:, first : first + d - i] = matrices[:, i, i:]
+        first += d - i
+    return out
+
+
+Values = Reals | LowRankValues
+
+
+def combined(parts: Sequence[tuple[Values, Reals]]) -> Iterator[tuple[Values, Reals]]:
+    """Values of terms of one layout with a factor (m,) of each element; those of low rank added to one."""
+    low: dict[int, list[tuple[LowRankValues, Reals]]] = {}
+    for values, factors in parts:
+        if isinstance(values, LowRankValues):
+            low.setdefault(id(values.rows), []).append((values, factors))
+        else:
+            yield values, factors
+    for group in low.values():
+        first = group[0][0]
+        r = first.rows.shape[1]
+        middle = sum(factors[:, None, None] * unpacked(v.middle, v.middle_pairs, r) for v, factors in group)
+        pairs = np.stack(np.triu_indices(r), axis=1)
+        yield replace(first, middle=upper_entries(np.asarray(middle)), middle_pairs=pairs), np.ones(len(first))
+
+
+def nowhere_zero(terms: Sequence[Term]) -> list[Values]:
+    """Values of which one is not zero wherever a term of a layout is not; for low rank |R|ᵀ Σ|C| |R|."""
+    own = (term.values for term in terms)
+    sizes = [replace(v, middle=np.abs(v.middle)) if isinstance(v, LowRankValues) else v for v in own]
+    found = (values for values, _ in combined([(v, np.ones(len(v))) for v in sizes]))
+    return [replace(v, rows=np.abs(v.rows)) if isinstance(v, LowRankValues) else v for v in found]
 
 
 def constant_term(matrix: MatrixKind, label: str, elements: Integers, dofs: Integers, matrices: Reals) -> Term:
@@ -141,7 +225,7 @@ EMPTY = -4
 
 @dataclass(eq=False)
 class _Open:
-    """Full sums of the piece that is being added: (p,) function of each element, EMPTY without; (p, d, d) its sum."""
+    """Sums of the piece that is being added: (p,) function of each element or EMPTY, and (p, u) upper triangles."""
 
     numbers: Integers
     sums: Reals
@@ -149,7 +233,7 @@ class _Open:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Packed sums of some elements: rows of the batch, functions, (d·d,) flags of entries, and (m, q) entries."""
+    """Packed sums of some elements: rows of the batch, functions, (u,) flags of entries, and (m, q) entries."""
 
     rows: Integers
     numbers: Integers
@@ -217,12 +301,13 @@ class TermSums:
     def add(self, at: Integers, numbers: Integers, factors: Reals, matrices: Reals) -> None:
         """Add factor times matrix to the sum of each element's function; `at` counts from the start of the span."""
         slots = self._slots(at, numbers)
+        entries = upper_entries(matrices)
         for s in np.unique(slots):
             mine = slots == s
             if mine.all():
-                _accumulate(self.opened[s], at, numbers, factors, matrices)
+                _accumulate(self.opened[s], at, numbers, factors, entries)
             else:
-                _accumulate(self.opened[s], at[mine], numbers[mine], factors[mine], matrices[mine])
+                _accumulate(self.opened[s], at[mine], numbers[mine], factors[mine], entries[mine])
 
     def _slots(self, at: Integers, numbers: Integers) -> Integers:
         """(m,) the slot that has an element's function already, else its first empty one."""
@@ -238,7 +323,7 @@ class TermSums:
         return slots
 
     def _open(self) -> None:
-        self.opened.append(_Open(np.full(self.size, EMPTY), np.zeros((self.size, self.d, self.d))))
+        self.opened.append(_Open(np.full(self.size, EMPTY), np.zeros((self.size, len(self._upper)))))
 
     def pack(self) -> None:
         """Put the piece's sums away."""
@@ -251,41 +336,44 @@ class TermSums:
         self.opened = []
 
     def _packed(self, opened: _Open) -> _Block | None:
-        flat = opened.sums.reshape(self.size, -1)[:, self._upper]
-        rows = np.flatnonzero((opened.numbers != EMPTY) & flat.any(axis=1))
+        flat = opened.sums
+        some = flat != 0.0
+        rows = np.flatnonzero((opened.numbers != EMPTY) & some.any(axis=1))
         if not rows.size:
             return None
-        used = np.asarray(flat.any(axis=0))
+        used = np.asarray(some.any(axis=0))
         values = flat if used.all() and len(rows) == len(flat) else flat[np.ix_(rows, used)]
         return _Block(self.start + rows, opened.numbers[rows], used, values)
 
-    def finish(self, layouts: list[TermLayout]) -> Iterator[tuple[TermLayout, Reals, Integers]]:
-        """Layout, values and functions of every slot that has elements; `layouts` of the batch are shared and grow."""
+    def finish(self) -> Iterator[_Found]:
+        """What every slot that has elements holds."""
         for slot in sorted(self.stored):
             stored = self.stored.pop(slot)
-            rows = np.concatenate(stored.rows)
             pairs = np.stack(np.divmod(self._upper[stored.used], self.d), axis=1)
-            yield self._layout(rows, pairs, layouts), stored.taken(), np.concatenate(stored.numbers)
-
-    def _layout(self, rows: Integers, pairs: Integers, layouts: list[TermLayout]) -> TermLayout:
-        ids, dofs = self.batch.ids[rows], self.batch.dofs
-        for known in layouts:
-            if np.array_equal(known.elements, ids) and np.array_equal(known.pairs, pairs):
-                return known
-        layouts.append(TermLayout(ids, dofs if len(rows) == len(dofs) else dofs[rows], pairs))
-        return layouts[-1]
+            yield _Found(np.concatenate(stored.rows), pairs, stored.taken(), np.concatenate(stored.numbers))
 
 
-def _accumulate(opened: _Open, at: Integers, numbers: Integers, factors: Reals, matrices: Reals) -> None:
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Rows of a batch (m,), pairs (q, 2) of entries, their sums (m, q), and the function (m,) of each."""
+
+    rows: Integers
+    pairs: Integers
+    values: Reals
+    numbers: Integers
+
+
+def _accumulate(opened: _Open, at: Integers, numbers: Integers, factors: Reals, entries: Reals) -> None:
+    """Add to the sums; `entries` are overwritten."""
     fresh = bool((opened.numbers[at] == EMPTY).all())
     opened.numbers[at] = numbers
-    scale = factors[:, None, None]
+    entries *= factors[:, None]
     if len(at) < len(opened.sums) or not np.array_equal(at, np.arange(len(at))):
-        opened.sums[at] += scale * matrices
+        opened.sums[at] += entries
     elif fresh:
-        np.multiply(matrices, scale, out=opened.sums)
+        opened.sums = entries
     else:
-        opened.sums += matrices * scale
+        opened.sums += entries
 
 
 @dataclass(frozen=True)
@@ -294,6 +382,31 @@ class CompiledTerms:
 
     terms: tuple[TermFunction, ...]
     used: Mapping[MatrixKind, Flags]
+
+
+class KeptTerms:
+    """The terms of a model; their memory can be given back, and they are compiled again where they are requested."""
+
+    def __init__(self, terms: Sequence[TermFunction], again: Callable[[], Sequence[TermFunction]]) -> None:
+        self._terms: tuple[TermFunction, ...] | None = tuple(terms)
+        self._mass = tuple(term for term in terms if term.matrix == "mass")
+        self._again = again
+
+    @property
+    def every(self) -> tuple[TermFunction, ...]:
+        """All of them."""
+        if self._terms is None:
+            self._terms = tuple(self._again())
+        return self._terms
+
+    @property
+    def mass(self) -> tuple[TermFunction, ...]:
+        """Those of the mass, which are kept: they are small, and weighing a model takes no others."""
+        return self._mass
+
+    def release(self) -> None:
+        """Give the memory of all but the mass back."""
+        self._terms = None
 
 
 def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> CompiledTerms:
@@ -310,20 +423,73 @@ def compile_terms(structure: Structure, touched: set[int], samples: Reals) -> Co
     ------
     FemtuneError : ``model.memory``, and what the elements refuse
     """
-    require_memory(_forecast(structure, touched), "model.memory/elements", elements=sum(map(len, structure.batches)))
     moving = np.zeros(len(structure.values.values), bool)
     moving[list(touched)] = True
-    book, used = CoefficientBook(samples), {kind: np.zeros(len(moving), bool) for kind in get_args(MatrixKind)}
+    needed = forecast(structure, moving, samples)
+    require_memory(needed, "model.memory/elements", elements=sum(map(len, structure.batches)))
+    book, used = CoefficientBook(samples), _used_by_none(structure)
+    varied = _varied(structure)
     terms: list[Term] = []
     for batch in structure.batches:
-        terms += _BatchTerms(structure, batch, moving, used, book).compile()
+        terms += _BatchTerms(structure, batch, moving, used, book, varied).compile()
     return CompiledTerms(tuple(terms), used)
 
 
-def _forecast(structure: Structure, touched: set[int]) -> int:
-    """Bytes of packed element matrices: a stiffness and a mass each, and one more where parameters move something."""
-    most = sum(8 * len(b) * b.dofs.shape[1] * (b.dofs.shape[1] + 1) // 2 for b in structure.batches)
-    return most * (2 if touched else 1)
+def _varied(structure: Structure) -> Flags:
+    """(n,) entries of the value table that vary over a region."""
+    varied = np.zeros(len(structure.values.values), bool)
+    varied[list(varied_entries(structure.values))] = True
+    return varied
+
+
+def _used_by_none(structure: Structure) -> dict[MatrixKind, Flags]:
+    return {kind: np.zeros(len(structure.values.values), bool) for kind in get_args(MatrixKind)}
+
+
+def _varied(structure: Structure) -> Flags:
+    """(n,) values of single elements that follow from the amplitudes of a distribution."""
+    out = np.zeros(len(structure.values.values), bool)
+    out[list(varied_entries(structure.values))] = True
+    return out
+
+
+# elements of one kind whose terms are made to know the memory of those of all
+SAMPLED = 48
+
+
+def forecast(structure: Structure, moving: Flags, samples: Reals) -> int:
+    """Bytes that the terms take: those of a few elements of every kind, times the number of elements.
+
+    Elements are of one kind where they are in one batch and parameters move the same of their values; `moving` (n,)
+    and `samples` as of `compile_terms`.
+    """
+    if sum(8 * len(b) * b.dofs.shape[1] ** 2 for b in structure.batches) < memory.NEGLIGIBLE_BYTES:
+        return 0
+    needed = 0.0
+    for batch in structure.batches:
+        moved = np.array([moving[at] for at in batch.roles.values()]).reshape(-1, len(batch))
+        _, kinds = _distinct([*moved.astype(float)]) if len(moved) else (None, np.zeros(len(batch), int))
+        for kind in range(kinds.max(initial=-1) + 1):
+            rows = np.flatnonzero(kinds == kind)
+            few = batch.some(rows[np.unique(np.linspace(0, len(rows) - 1, SAMPLED).astype(int))])
+            # the DOFs of a whole batch are the structure's own
+            whole = few.dofs if len(rows) == len(batch) else None
+            needed += len(rows) / len(few) * _bytes_of_terms(structure, few, moving, samples, whole)
+    return int(needed)
+
+
+def _bytes_of_terms(
+    structure: Structure, batch: ElementBatch, moving: Flags, samples: Reals, without: Integers | None
+) -> int:
+    alone = replace(structure, batches=(batch,))
+    try:
+        own = _used_by_none(structure), CoefficientBook(samples), _varied(structure)
+        terms = _BatchTerms(alone, batch, moving, *own).compile()
+    except FemtuneError:
+        # what is wrong with an element is said when all are looked at
+        return 0
+    arrays = {id(a): a for term in terms for a in term.arrays()}
+    return sum(a.nbytes for a in arrays.values() if a is not without)
 
 
 @dataclass(eq=False)
@@ -335,38 +501,68 @@ class _BatchTerms:
     moving: Flags
     used: Mapping[MatrixKind, Flags]
     book: CoefficientBook
+    varied: Flags
     sums: dict[MatrixKind, TermSums] = field(default_factory=dict)
+    middles: dict[MatrixKind, TermSums] = field(default_factory=dict)
+    low_rank: Reals = field(default_factory=lambda: np.zeros(0))
+    layouts: list[TermLayout] = field(default_factory=list)
 
     def compile(self) -> list[Term]:
         """All terms, those that have elements."""
         for parts in pieces(self.batch, self.structure):
             if parts:
                 self._add_piece(parts)
-        layouts: list[TermLayout] = []
-        return [self._term(kind, *found) for kind in list(self.sums) for found in self.sums.pop(kind).finish(layouts)]
+        terms = [self._term(kind, f) for kind in list(self.sums) for f in self.sums.pop(kind).finish()]
+        low_rank = [(kind, f) for kind in list(self.middles) for f in self.middles.pop(kind).finish()]
+        return terms + list(self._low_rank_terms(low_rank))
 
     def _add_piece(self, parts: list[Contribution]) -> None:
         start = min((int(p.at.min()) for p in parts if len(p.at)), default=0)
         stop = max((int(p.at.max()) + 1 for p in parts if len(p.at)), default=0)
         for part in parts:
             self._add(part, start, stop)
-        for sums in self.sums.values():
+        for sums in (*self.sums.values(), *self.middles.values()):
             sums.pack()
 
     def _add(self, part: Contribution, start: int, stop: int) -> None:
-        numbers, factors = self._coefficients(part)
-        some = np.flatnonzero(numbers != NOTHING)
+        for numbers, factors in self._coefficients(part):
+            self._add_with(part, numbers, factors, (start, stop))
+
+    def _add_with(self, part: Contribution, numbers: Integers, factors: Reals, span: tuple[int, int]) -> None:
+        full = numbers != NOTHING
+        if isinstance(part.stored, LowRank):
+            # what is constant joins the other constants of its element
+            moves = full & (numbers != CONSTANT)
+            if moves.any():
+                self._keep_rows(part.at, part.stored.rows)
+            self._put(self.middles, part, part.stored.middle, moves, (numbers, factors), span)
+            full = full & ~moves
+        if full.any():
+            self._put(self.sums, part, part.matrices, full, (numbers, factors), span)
+
+    def _put(
+        self, kinds: dict[MatrixKind, TermSums], part: Contribution, matrices: Reals, which: Flags,
+        coefficients: tuple[Integers, Reals], span: tuple[int, int],
+    ) -> None:  # fmt: skip
+        """Add the matrices of some elements to the sums of their kind."""
+        some = np.flatnonzero(which)
         if not some.size:
             return
-        if part.matrix not in self.sums:
-            self.sums[part.matrix] = TermSums(self.batch)
-        matrices = part.matrices if len(some) == len(part.at) else part.matrices[some]
-        sums = self.sums[part.matrix]
-        sums.span(start, stop, part.matrices.shape[1])
-        sums.add(part.at[some] - start, numbers[some], factors[some], matrices)
+        sums = kinds.setdefault(part.matrix, TermSums(self.batch))
+        sums.span(*span, matrices.shape[1])
+        own = matrices if which.all() else matrices[some]
+        sums.add(part.at[some] - span[0], coefficients[0][some], coefficients[1][some], own)
 
-    def _coefficients(self, part: Contribution) -> tuple[Integers, Reals]:
-        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor."""
+    def _keep_rows(self, at: Integers, rows: Reals) -> None:
+        if not self.low_rank.size:
+            self.low_rank = np.empty((len(self.batch), *rows.shape[1:]))
+        self.low_rank[at] = rows
+
+    def _coefficients(self, part: Contribution) -> Iterator[tuple[Integers, Reals]]:
+        """(m,) number of the coefficient function of each element, CONSTANT or NOTHING; and (m,) its factor.
+
+        Elements whose coefficients are combinations of several functions come once for each of these.
+        """
         at = np.stack([self.batch.roles[role][part.at] for role in part.roles], axis=1)
         first, kinds = _distinct([*at.T, *part.facts.values()])
         at, facts = at[first], {name: fact[first] for name, fact in part.facts.items()}
@@ -378,9 +574,18 @@ class _BatchTerms:
         if still.size:
             factors[still] = source.rows(still).values(self.structure.values.values[None])[0]
             numbers[still[factors[still] == 0.0]] = NOTHING
+        varied = free[self.varied[at[free]].any(axis=1)] if self.varied.any() else free[:0]
+        spanned = self.book.spanned(source.rows(varied)) if varied.size else None
+        if spanned is not None:
+            numbers[varied] = NOTHING
+            free = np.setdiff1d(free, varied)
         if free.size:
             numbers[free], factors[free] = self.book.number(source.rows(free))
-        return numbers[kinds], factors[kinds]
+        yield numbers[kinds], factors[kinds]
+        for number, weights in () if spanned is None else zip(spanned.numbers, spanned.factors):
+            own, sizes = np.full(len(first), NOTHING), np.zeros(len(first))
+            own[varied], sizes[varied] = np.where(weights == 0.0, NOTHING, number), weights
+            yield own[kinds], sizes[kinds]
 
     def _lossless(self, part: Contribution, chosen: Integers) -> Flags:
         """True where a loss factor is zero and no parameter moves it, so that its stiffness may move as it likes."""
@@ -389,7 +594,30 @@ class _BatchTerms:
         loss = self.batch.roles[part.loss][part.at[chosen]]
         return np.asarray((self.structure.values.values[loss] == 0.0) & ~self.moving[loss])
 
-    def _term(self, kind: MatrixKind, layout: TermLayout, values: Reals, numbers: Integers) -> Term:
+    def _term(self, kind: MatrixKind, found: _Found) -> Term:
+        return self._named(kind, found.numbers, self._layout(found.rows, found.pairs), found.values)
+
+    def _low_rank_terms(self, every: list[tuple[MatrixKind, _Found]]) -> Iterator[Term]:
+        has = np.unique(np.concatenate([np.zeros(0, np.int64), *(found.rows for _, found in every)]))
+        shared = self.low_rank if len(has) == len(self.batch) else self.low_rank[has]
+        for kind, found in every:
+            index = np.searchsorted(has, found.rows)
+            moved = (shared[index] != 0.0).any(axis=1).astype(np.float32)
+            layout = self._layout(found.rows, np.argwhere(np.triu(moved.T @ moved) > 0.0), wider=True)
+            values = LowRankValues(shared, index, found.values, found.pairs, layout.pairs)
+            yield self._named(kind, found.numbers, layout, values)
+
+    def _layout(self, rows: Integers, pairs: Integers, wider: bool = False) -> TermLayout:
+        """One that is known, if need be with more pairs, or a new one."""
+        ids, dofs = self.batch.ids[rows], self.batch.dofs
+        for known in self.layouts:
+            fits = np.array_equal(known.pairs, pairs) or (wider and _covers(known.pairs, pairs))
+            if fits and np.array_equal(known.elements, ids):
+                return known
+        self.layouts.append(TermLayout(ids, dofs if len(rows) == len(dofs) else dofs[rows], pairs))
+        return self.layouts[-1]
+
+    def _named(self, kind: MatrixKind, numbers: Integers, layout: TermLayout, values: Reals | LowRankValues) -> Term:
         own, columns = np.unique(numbers, return_inverse=True)
         constant = own[0] == CONSTANT
         label = f"{self.batch.kind} {'constant' if constant else kind}"
@@ -397,13 +625,27 @@ class _BatchTerms:
         return Term(kind, label, len(own), coefficient, layout, values, columns)
 
 
+def _covers(pairs: Integers, others: Integers) -> bool:
+    """True where all other pairs are among some."""
+    return set(map(tuple, others.tolist())) <= set(map(tuple, pairs.tolist()))
+
+
 def _distinct(columns: list[NDArray]) -> tuple[Integers, Integers]:
     """First of the rows that are alike in all columns, for each kind of row; and the kind of each row."""
-    kinds = np.zeros(len(columns[0]), np.int64)
-    for column in {id(c): c for c in columns}.values():
-        for part in np.atleast_2d(column.T):
-            if len(part) and (part != part[0]).any():
-                _, found = np.unique(part, return_inverse=True)
-                _, kinds = np.unique(kinds * (found.max(initial=0) + 1) + found, return_inverse=True)
-    _, first = np.unique(kinds, return_index=True)
-    return first, kinds
+    parts = [part for column in {id(c): c for c in columns}.values() for part in np.atleast_2d(column.T)]
+    parts = [part for part in parts if (part != part[:1]).any()]
+    key = np.zeros(len(columns[0]), np.uint64)
+    for part, odd in zip(parts, _odd_numbers(len(parts))):
+        key = (key + np.asarray(part, dtype=part.dtype if part.itemsize == 8 else float).view(np.uint64)) * odd
+        key ^= key >> np.uint64(32)
+    _, first, kinds = np.unique(key, return_index=True, return_inverse=True)
+    if any((part != part[first][kinds]).any() for part in parts):
+        # two rows that differ have one key
+        _, first, kinds = np.unique(np.stack(parts, axis=1), axis=0, return_index=True, return_inverse=True)
+    return first, kinds.ravel()
+
+
+@lru_cache
+def _odd_numbers(count: int) -> NDArray[np.uint64]:
+    """(count,) random multipliers of a hash."""
+    return np.random.default_rng(8).integers(1 << 62, size=count, dtype=np.uint64) * np.uint64(2) + np.uint64(1)

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from femtune.reporting.document import Document, Paragraph, Section
 from femtune.reporting.html import section_texts
-from femtune.reporting.short_form import plan_verdict, responses_verdict, short_form, sturm_verdict, verdict
+from femtune.reporting.short_form import (
+    candidates_verdict,
+    plan_verdict,
+    responses_verdict,
+    screen_verdict,
+    search_verdict,
+    short_form,
+    sturm_verdict,
+    verdict,
+)
 from femtune.reporting.source import ReportSource
 
 if TYPE_CHECKING:
@@ -56,6 +65,33 @@ def build_plan_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Doc
     sentence, level = plan_verdict(results.plan)
     sections = tuple(_section(text, source) for text in section_texts("plan"))
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Test plan")
+
+
+def build_screen_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """A screening as data: effects, modes, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.screen is not None
+    sentence, level = screen_verdict(results.screen)
+    sections = tuple(_section(text, source) for text in section_texts("screen"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Screening of parameters")
+
+
+def build_search_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """A search of the whole box as data: parameters, convergence, surrogate, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.search is not None
+    sentence, level = search_verdict(results.search)
+    sections = tuple(_section(text, source) for text in section_texts("search"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Global search")
+
+
+def build_candidates_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> Document:
+    """Candidate models as data: criteria, parameters, distances, provenance."""
+    source = ReportSource(results, arrays)
+    assert results.candidates is not None
+    sentence, level = candidates_verdict(results.candidates)
+    sections = tuple(_section(text, source) for text in section_texts("candidates"))
+    return Document(results.study.title, sentence, level, _facts(results), sections, genre="Candidate models")
 
 
 def _titled(text: SectionText, imported: bool) -> SectionText:

@@ -24,6 +24,7 @@ from femtune.reporting.sections.parameters import (
     interval_remarks,
     physical_values,
 )
+from femtune.reporting.sections.specimens import specimen_blocks
 from femtune.reporting.sections.summary import summary
 from femtune.reporting.sections.validation import untested_reasons, validation_verdicts
 from femtune.reporting.source import versions
@@ -31,10 +32,13 @@ from femtune.reporting.source import versions
 if TYPE_CHECKING:
     from femtune.reporting.document import Block, Level
     from femtune.reporting.source import ReportSource, Scores
+    from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults, ModePairRecord
+    from femtune.results.global_search import GlobalSearchResults
     from femtune.results.model import ModelModes
     from femtune.results.plan import PlanResults
     from femtune.results.response import ResponseResults
+    from femtune.results.screen import ScreenResults
     from femtune.results.update import ParameterFacts, UpdateResults
 
 _MODES, _PARAMETERS, _LINES = 12, 24, 6
@@ -46,10 +50,16 @@ def short_form(source: ReportSource) -> tuple[Section, ...]:
         ("summary", "Summary", summary(source)),
         ("modes", "Modes", _modes(source)),
         ("parameters", "Parameters", _parameters(source)),
+        ("specimens", "Specimens", _specimens(source)),
         ("validation", "Validation", _validation(source)),
         ("open", "What was not determined or tested", [*_undetermined(source), *_not_tested(source)]),
     )
     return tuple(Section(name, title, tuple(blocks)) for name, title, blocks in parts if blocks)
+
+
+def _specimens(source: ReportSource) -> list[Block]:
+    found = source.results.specimens
+    return [] if found is None else specimen_blocks(found)
 
 
 def _validation(source: ReportSource) -> list[Block]:
@@ -150,10 +160,13 @@ def _undetermined(source: ReportSource) -> list[Block]:
         return [Paragraph("The identifiability of the parameters was not tested.")]
     weak, found = len(selection.weakly_determined), selection.undetermined
     tail = f"; {counted(weak, 'combination')} {'is' if weak == 1 else 'are'} weakly determined" if weak else ""
+    update = source.results.update
+    fisher = None if update is None else update.fisher
+    known = [] if fisher is None else [Listing(fisher.sentences)]
     if not found:
-        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}.")]
+        return [Paragraph(f"The data leave no combination of parameters undetermined{tail}."), *known]
     lines = _some([c.sentence for c in found], "combination")
-    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines))]
+    return [Heading(f"Undetermined by the data{tail}"), Listing(tuple(lines)), *known]
 
 
 def _not_tested(source: ReportSource) -> list[Block]:
@@ -246,6 +259,24 @@ def plan_verdict(plan: PlanResults) -> tuple[str, Level]:
     level: Level = "warning" if any(a.level != "info" for a in plan.alerts) else "info"
     modes, channels = counted(len(plan.modes), "target mode"), counted(plan.chosen.channels, "measured direction")
     return f"{channels} for {modes}; the largest AutoMAC is {unit_fraction(plan.chosen.auto_mac)}.", level
+
+
+def screen_verdict(found: ScreenResults) -> tuple[str, Level]:
+    """The first sentence of a screening."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{found.design}, {counted(found.runs, 'run')}. {found.sentences[0]}", level
+
+
+def search_verdict(found: GlobalSearchResults) -> tuple[str, Level]:
+    """What the search came to."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return found.sentences[-1], level
+
+
+def candidates_verdict(found: CandidatesResults) -> tuple[str, Level]:
+    """The first sentence of the comparison."""
+    level: Level = "warning" if any(a.level != "info" for a in found.alerts) else "info"
+    return f"{counted(len(found.candidates), 'model')} compared. {found.sentences[0]}", level
 
 
 def agreement(scores: Scores) -> str:

@@ -65,6 +65,10 @@ class Asked(Protocol):
         """Errors in the positions and directions of the sensors of the modes; None where the study states none."""
         ...
 
+    def in_band(self, low_hz: float, high_hz: float) -> Asked:
+        """The table with `from_hz` and `to_hz` limited to a band."""
+        ...
+
     def where(self, *keys: str | int) -> Where:
         """Place of the table, or of one of its keys."""
         ...

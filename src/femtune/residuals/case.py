@@ -89,6 +89,10 @@ class Residual(ABC):
         """What of it is of the kinds of some keys; None where nothing is."""
         return self if self.key in keys else None
 
+    def in_band(self, low_hz: float, high_hz: float) -> Residual:
+        """What of it lies in a band; itself where it has no lines. Modes beyond the band are left out by the case."""
+        return self
+
     def block(
         self,
         configuration: str,

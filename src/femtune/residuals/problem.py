@@ -205,7 +205,8 @@ class UpdateProblem:
 
 
 def _to_send(case: ComparedCase) -> ComparedCase:
-    return replace(case, residuals=tuple(settled(r) for r in case.residuals))
+    full = None if case.full is None else _to_send(case.full)
+    return replace(case, residuals=tuple(settled(r) for r in case.residuals), full=full)
 
 
 def _paired_again(state: CaseState) -> CaseState:

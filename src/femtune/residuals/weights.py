@@ -4,16 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike
 
-from femtune.arrays import Integers, Reals
+from femtune.arrays import Complexes, Integers, Reals
 from femtune.errors import FemtuneError
+
+if TYPE_CHECKING:
+    from femtune.identification.redrawn import RedrawnTest
 
 # ----------------------------------------------------------------------------------------------------
 # ResidualBlock: what one comparison adds to r(p).
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedValues:
+    """Values of a block that come from an identified test.
+
+    Parameters
+    ----------
+    test : the test
+    at : positions (responses, references, lines) of the complex values in its equalised FRFs
+    sd : (n,) σ of real and imaginary part of each, or of its logarithm
+    form : how residuals are made of them
+    """
+
+    test: RedrawnTest
+    at: tuple[Integers, Integers, Integers]
+    sd: Reals
+    form: Literal["linear", "log-magnitude", "log-complex"]
+
+    def change(self, functions: Complexes) -> Reals:
+        """Change of the residuals, in their order, with other equalised FRFs of the test."""
+        new, old = functions[self.at], self.test.equalised[self.at]
+        moved = (old - new if self.form == "linear" else np.log(old / new)) / self.sd
+        return moved.real if self.form == "log-magnitude" else np.concatenate([moved.real, moved.imag])
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +54,14 @@ class LineSamples:
     entry : (n,) number of the measured complex value; its real and imaginary parts have the same number
     log_sd : (n,) σ of the logarithm, if the values are real (first) and imaginary parts of logarithms of ratios; None
         for values that are linear in the measured ones
+    identified : how the values follow the measured ones, if they are those of an identified test; None if they were
+        measured themselves
     """
 
     freq_hz: Reals
     entry: Integers
     log_sd: Reals | None = None
+    identified: IdentifiedValues | None = None
 
 
 @dataclass(frozen=True)

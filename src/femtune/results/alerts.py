@@ -61,7 +61,6 @@ def alerts_of(study: Study, results: Results, others: Iterable[Alert] = ()) -> t
         *_of_residuals(study),
         *_of_truncation(results),
         *_of_frfs_alone(study, results),
-        *_of_bootstrap(study, results),
         *(told for r in results.responses for told in r.alerts),
         *(alert_of(n) for n in study.built.notices if n.level != "info"),
         *(alert_of(n) for n in study.notices),
@@ -95,12 +94,6 @@ def _of_frfs_alone(study: Study, results: Results) -> Iterable[Alert]:
         missing = responses_not_tested(study, bool(found.frfs), results.responses)
         if missing:
             yield alert("info", "update.frfs-alone", missing="; ".join(missing))
-
-
-def _of_bootstrap(study: Study, results: Results) -> Iterable[Alert]:
-    """Lines of an identified test are computed: they do not scatter as those that were measured."""
-    if results.bootstrap is not None and study.file.equalise is not None:
-        yield alert("warning", "bootstrap.equalised")
 
 
 def _of_update(results: Results) -> Iterable[Alert]:

@@ -57,6 +57,8 @@ class BootstrapResults(Record):
     """Seed of the random numbers."""
     drawn_from: int
     """Number of frequency lines or values that are drawn from; of residuals for noise."""
+    identified: bool = False
+    """Whether what is drawn are the measured FRFs behind those of an identified test, which are compared."""
     jacobian: Literal["shared", "own"]
     """Derivatives of the steps: those at the result of the update, or those of each point."""
     own_jacobian: int
@@ -108,6 +110,7 @@ def bootstrap_results(
         converged=len(found.samples),
         seed=found.rules.seed,
         drawn_from=found.groups,
+        identified=found.identified,
         jacobian=found.rules.jacobian,
         own_jacobian=sum(r.own for r in found.runs),
         largest_difference=found.difference,
@@ -122,7 +125,7 @@ def bootstrap_results(
         correlation_key=keys["correlation"],
         sentences=found.sentences,
         remarks=tuple(n.what for n in remarks),
-        citations=citations(("efron1993", "hesterberg2015")),
+        citations=citations(("efron1993", "hesterberg2015", *(["wu1986"] if found.identified else []))),
     )
 
 

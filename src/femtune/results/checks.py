@@ -11,7 +11,8 @@ from femtune.errors import FemtuneError
 from femtune.fem.checks import mass_properties
 from femtune.model import EigenSolution, grid_matrix
 from femtune.model.mesh_error import MOST_DOFS, USUAL_DOFS, MeshChange, mass_change, mesh_change, too_large
-from femtune.results.base import Record, VerdictWord
+from femtune.results.base import Alert, Record, VerdictWord
+from femtune.results.neutral_axis import of_neutral_axis, of_unknown_neutral_axis
 from femtune.results.solved import nominal, solve
 
 if TYPE_CHECKING:
@@ -107,18 +108,24 @@ def _lumping(study: Study, case: StudyCase, solution: EigenSolution) -> ModelChe
     return _tested(case, LUMPING, limit, value, sentence)
 
 
-def mesh_checks(study: Study) -> Iterator[ModelCheck]:
-    """The check of the mesh for each configuration, whose modes are solved for it where the model is small enough."""
-    reason = mesh_not_checked(study)
+def checks_of_modes(study: Study) -> tuple[list[ModelCheck], list[Alert]]:
+    """What the modes of each configuration tell of its mesh and of the mass of beams, if the model is small enough."""
+    reason, limit = mesh_not_checked(study), 100.0 * study.file.checks.mesh_error
+    checks: list[ModelCheck] = []
+    told: list[Alert] = []
     for case in study.cases:
-        limit = 100.0 * study.file.checks.mesh_error
-        if reason:
-            yield _untested(case, MESH, limit, reason)
-            continue
-        try:
-            yield mesh_check(study, case, solve(study, case, nominal(study)))
-        except FemtuneError as error:
-            yield _untested(case, MESH, limit, f"the modes could not be computed ({error.code})")
+        problem = reason
+        if not reason:
+            try:
+                solution = solve(study, case, nominal(study))
+                checks.append(mesh_check(study, case, solution))
+                told += of_neutral_axis(case.name, solution)
+            except FemtuneError as error:
+                problem = f"the modes could not be computed ({error.code})"
+        if problem:
+            checks.append(_untested(case, MESH, limit, problem))
+            told += of_unknown_neutral_axis(case.name, case.configured.at(nominal(study)))
+    return checks, told
 
 
 def mesh_not_checked(study: Study) -> str:

@@ -14,9 +14,13 @@ from femtune.validation.criteria import (
     MAX_LEVEL,
     MEAN_LEVEL,
     OF_FRFS,
+    OF_VIBRATION,
     OFF_DIAGONAL,
     RESONANCE,
+    RMS,
     SHAPE,
+    SWEEP_AMPLITUDE,
+    SWEEP_FREQUENCY,
 )
 
 if TYPE_CHECKING:
@@ -34,6 +38,9 @@ _QUANTITIES = {
     "frf_mean_db": MEAN_LEVEL,
     "frf_max_db": MAX_LEVEL,
     "resonance_error": RESONANCE,
+    "sweep_frequency": SWEEP_FREQUENCY,
+    "sweep_amplitude": SWEEP_AMPLITUDE,
+    "random_rms": RMS,
 }
 
 
@@ -45,7 +52,12 @@ def criteria_profile(study: Study) -> CriteriaProfile:
 
 def of_whole_tests(study: Study) -> tuple[Criterion, ...]:
     """Criteria for the modes of a complete test; those for held-out sensors and for FRFs are separate."""
-    return tuple(c for c in criteria_profile(study).criteria if c.quantity not in (SHAPE, *OF_FRFS))
+    return tuple(c for c in criteria_profile(study).criteria if c.quantity not in (SHAPE, *OF_FRFS, *OF_VIBRATION))
+
+
+def of_vibration(study: Study) -> tuple[Criterion, ...]:
+    """Criteria for vibration tests."""
+    return tuple(c for c in criteria_profile(study).criteria if c.quantity in OF_VIBRATION)
 
 
 def of_frfs(study: Study) -> tuple[Criterion, ...]:

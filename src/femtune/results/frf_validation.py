@@ -17,12 +17,14 @@ from femtune.errors import FemtuneError
 from femtune.files.study_file import ResponseTable
 from femtune.files.study_file.residual import FrfResidualEntry
 from femtune.files.study_file.stage import RESONANCES
+from femtune.model import damping_by_mode
 from femtune.residuals.frf.antiresonance import AntiresonanceResidual
 from femtune.residuals.frf.model_way import AtFirstState
 from femtune.residuals.frf.residual import FrfResidual
 from femtune.results.base import Record
 from femtune.results.correlation import array_prefix
 from femtune.results.criteria import of_frfs
+from femtune.results.mapped_damping import identified_residuals, measured_damping
 from femtune.validation.frfs import PredictedFrfs
 
 if TYPE_CHECKING:
@@ -163,7 +165,8 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
     left = replace(case, test=replace(case.test, frfs=replace(frfs, values=values)))
     table = _table(study, case)
     request = response_request(study, left, table)
-    if request.measured is None:
+    measured = request.measured
+    if measured is None:
         return UnusedFrfs(case, None, "none of the FRFs that were not used has a place in the model")
     point = case.configured.at(x)
 
@@ -172,10 +175,14 @@ def _unused(study: Study, case: StudyCase, x: Reals) -> UnusedFrfs:
         with errors_at_deck(study.built.deck):
             return study.solver.modes(point, *request.modes)
 
+    for residual, test in () if case.used is None else identified_residuals(case.used.residuals):
+        # the update had one damping ratio; measured FRFs are compared with the measured one of each mode
+        ratios = measured_damping(residual, test, modes()).ratios
+        request = replace(request, damping=damping_by_mode(ratios.tolist()))
     model = solved_frfs(study, request, point, modes)
-    lines = np.searchsorted(request.measured.freq_hz, request.freq_hz)
+    lines = np.searchsorted(measured.freq_hz, request.freq_hz)
     labels = (request.outputs.labels.labels(), request.inputs.labels.labels())
-    return UnusedFrfs(case, PredictedFrfs(*labels, request.freq_hz, model, request.measured.values[:, :, lines]))
+    return UnusedFrfs(case, PredictedFrfs(*labels, request.freq_hz, model, measured.values[:, :, lines]))
 
 
 def _used(study: Study, case: StudyCase) -> NDArray[np.bool_]:
@@ -208,7 +215,7 @@ def _table(study: Study, case: StudyCase) -> ResponseTable:
     assert case.test is not None
     assert case.test.frfs is not None
     entries = _entries(study)
-    own = [e for e in entries if e.configuration in (None, case.name)] or entries
+    own = [e for e in entries if e.is_in(case.name, several=False, used=True)] or entries
     given = study.file.validation
     keys: dict[str, object] = {"kind": case.test.frfs.kind}
     if own:

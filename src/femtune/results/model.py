@@ -24,10 +24,12 @@ from femtune.files.nastran.inventory import READ
 from femtune.model import grid_matrix
 from femtune.model.configuration import held_dofs
 from femtune.model.drilling import drilling_modes
+from femtune.model.mass_effect import effect_of_masses
 from femtune.model.response import effective_mass
 from femtune.model.response.rigid import is_rigid
 from femtune.results.base import Alert, ModelVersion, Record, Vector3, VerdictWord, alert
 from femtune.results.checks import ModelCheck, mass_checks
+from femtune.results.neutral_axis import of_neutral_axis
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
@@ -144,8 +146,8 @@ class ModelConfiguration(Record):
     """Constraints by origin: grid points (PS), SPC set, configuration; each DOF is counted once."""
     held_dofs: tuple[HeldDof, ...]
     """DOFs constrained by AUTOSPC."""
-    mass: float
-    """Mass of the model, in the study's unit of mass."""
+    mass: float | None
+    """Mass of the model, in the study's unit of mass; None for a model of runs, which does not tell it."""
     centre_of_gravity: Vector3 | None
     """In the basic system, in the study's unit of length; None where the points have no coordinates."""
     inertia: tuple[Vector3, Vector3, Vector3] | None
@@ -330,6 +332,40 @@ class EffectiveMasses(Record):
     """Six numbers for each mode of ModelModes.freq_hz, as parts of the total (no unit); None where the total is 0."""
 
 
+class TestMassMode(Record):
+    """Effect of the masses of the test equipment on an elastic mode."""
+
+    __test__ = False
+
+    number: int
+    """Number of the mode, from 1."""
+    share_percent: float
+    """Part of the modal mass that these masses have, in %."""
+    shift_percent: float
+    """Change of the frequency by these masses in %, by the Rayleigh quotient."""
+    node: int
+    """Grid point of the mass with the largest part."""
+    label: str
+    """Its label."""
+    largest_percent: float
+    """This part of the modal mass in %."""
+
+
+class TestMassEffect(Record):
+    """Effect of the masses of sensors and stingers, from the modes with them."""
+
+    __test__ = False
+
+    count: int
+    """Number of masses."""
+    mass: float
+    """Their sum."""
+    modes: tuple[TestMassMode, ...]
+    """The elastic modes."""
+    exchanged: tuple[tuple[int, int], ...]
+    """Pairs of modes whose order is another one without these masses, by the same estimate."""
+
+
 class ModelModes(Record):
     """Solved modes of one configuration at one model version."""
 
@@ -354,8 +390,11 @@ class ModelModes(Record):
     solver: str = ""
     """Eigen-solver and sparse solver that found them: "block Lanczos, sparse factors by PARDISO"; "" in results of
     before it was kept."""
+    test_masses: TestMassEffect | None = None
+    """Effect of the masses of the test equipment; None if the configuration has no `masses_file`."""
     alerts: tuple[Alert, ...] = ()
-    """Remarks on these modes: which of them depend on the drilling stiffness of shells."""
+    """Remarks on these modes: which of them depend on the drilling stiffness of shells, or on the place of the mass of
+    beams with an offset neutral axis."""
     mesh: ModelCheck | None = None
     """Errors of the frequencies due to the mesh, from the step modes; None in a run, which has them in
     SelectionResults."""
@@ -529,6 +568,7 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
     structure, configuration = study.model.structure, case.configured.configuration
     mass = mass_properties(structure.nodes, grid_matrix(study.model, configuration, "mass"))
     weighed = configuration.weighed_mass
+    placed = structure.nodes.has_coordinates and study.file.runs is None
     return ModelConfiguration(
         configuration=configuration.name,
         grids=len(structure.nodes.ids) + len(structure.nodes.scalar_points),
@@ -538,9 +578,9 @@ def _configuration(study: Study, case: StudyCase) -> ModelConfiguration:
         held_dofs=tuple(
             HeldDof(dof=str(d), reason="no stiffness from any element (AUTOSPC)") for d in case.configured.held_singular
         ),
-        mass=mass.mass,
-        centre_of_gravity=_vector(mass.centre) if structure.nodes.has_coordinates else None,
-        inertia=_matrix(mass.central_inertia) if structure.nodes.has_coordinates else None,
+        mass=None if study.file.runs is not None else mass.mass,
+        centre_of_gravity=_vector(mass.centre) if placed else None,
+        inertia=_matrix(mass.central_inertia) if placed else None,
         weighed_mass=weighed,
         mass_difference_percent=None if weighed is None else 100.0 * (mass.mass / weighed - 1.0),
         rigid_body_check=_rigid_body_check(study, configuration, mass),
@@ -603,8 +643,10 @@ def _overlay(configuration: Configuration) -> Iterable[str]:
 
 def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProperties) -> RigidBodyCheck:
     structure = study.model.structure
+    if study.file.runs is not None:
+        return _not_checked("runs of another solver have no stiffness of the structure")
     if not structure.nodes.has_coordinates:
-        return _without_coordinates()
+        return _not_checked("the grid points of the model have no coordinates")
     stiffness = grid_matrix(study.model, configuration, "stiffness")
     checks = rigid_motion_checks(structure.nodes, stiffness, mass.centre)
     grounded = not all(c.passed for c in checks)
@@ -624,10 +666,9 @@ def _rigid_body_check(study: Study, configuration: Configuration, mass: MassProp
     )
 
 
-def _without_coordinates() -> RigidBodyCheck:
-    """Rigid-body motions are not known without coordinates."""
+def _not_checked(sentence: str) -> RigidBodyCheck:
+    """Rigid-body motions are not known, for instance without coordinates."""
     none = (0.0,) * 6
-    sentence = "the grid points of the model have no coordinates"
     return RigidBodyCheck(
         strain_energies=none, relative_energies=none, grounded=False, verdict="not tested", sentence=sentence,
         worst_dofs=(), grounding_elements=(),
@@ -733,6 +774,7 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
     below = int((solution.eigenvalues < solution.sturm_shift).sum())
     shift_hz = float(np.sqrt(max(solution.sturm_shift, 0.0)) / (2.0 * np.pi))
     untested = _AT_OWN_FREQUENCY if solution.point.depends_on_frequency else _NOT_TESTED
+    effect = _test_masses(solution)
     sentence = f"the Sturm count is {solution.sturm_count} eigenvalues below {shift_hz:.6g} Hz; {below} were found"
     return ModelModes(
         configuration=name,
@@ -745,7 +787,13 @@ def model_modes(name: str, version: ModelVersion, solution: EigenSolution) -> Mo
         sturm_sentence="; ".join([sentence if counted else untested, *_by_whom(solution)]),
         effective_masses=_effective_masses(solution),
         solver=solution.method,
-        alerts=(*_of_slow_modes(solution), *_of_drilling(name, solution)),
+        test_masses=effect,
+        alerts=(
+            *_of_slow_modes(solution),
+            *_of_drilling(name, solution),
+            *of_neutral_axis(name, solution),
+            *_of_test_masses(name, effect),
+        ),
     )
 
 
@@ -753,6 +801,47 @@ def _of_slow_modes(solution: EigenSolution) -> Iterable[Alert]:
     """That the lowest elastic mode is that of no structure, as with coordinates and sections in different units."""
     elastic = solution.freq_hz[_rigid_body_modes(solution) :]
     return () if not len(elastic) else map(alert_of, slow_modes(solution.point.configured.model.structure, elastic[0]))
+
+
+def _test_masses(solution: EigenSolution) -> TestMassEffect | None:
+    masses = [m for m in solution.point.configured.configuration.masses if m.of_test]
+    if not masses:
+        return None
+    found, hz = effect_of_masses(solution, masses), solution.freq_hz
+    modes = []
+    for j in range(_rigid_body_modes(solution), solution.wanted):
+        largest = int(np.argmax(found.shares[:, j]))
+        modes.append(
+            TestMassMode(
+                number=j + 1,
+                share_percent=100.0 * float(found.shares[:, j].sum()),
+                shift_percent=100.0 * float(hz[j] / found.freq_hz[j] - 1.0),
+                node=masses[largest].node,
+                label=masses[largest].label,
+                largest_percent=100.0 * float(found.shares[largest, j]),
+            )
+        )
+    without = found.freq_hz[_rigid_body_modes(solution) :]
+    first = _rigid_body_modes(solution) + 1
+    pairs = [(i, j) for j in range(len(without)) for i in range(j) if without[i] > without[j]]
+    return TestMassEffect(
+        count=len(masses),
+        mass=float(sum(m.mass for m in masses)),
+        modes=tuple(modes),
+        exchanged=tuple((first + i, first + j) for i, j in pairs),
+    )
+
+
+def _of_test_masses(name: str, effect: TestMassEffect | None) -> Iterable[Alert]:
+    """What the test equipment does to the frequencies, and whether it exchanges modes."""
+    if effect is None or not effect.modes:
+        return
+    worst = max(effect.modes, key=lambda m: -m.shift_percent)
+    facts = {"configuration": name, "count": effect.count, "shift": worst.shift_percent, "mode": worst.number}
+    yield alert("info", "model.test-masses", **facts, node=worst.node)
+    if effect.exchanged:
+        modes = ", ".join(f"{i} and {j}" for i, j in effect.exchanged[:_MOST_DRILLING])
+        yield alert("warning", "model.test-masses/exchanged", configuration=name, modes=modes)
 
 
 _MOST_DRILLING = 6

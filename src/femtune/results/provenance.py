@@ -97,15 +97,15 @@ def call(word: str, source: Path | str | StudyFile) -> str:
 
 
 def input_paths(study: Study) -> tuple[Path, ...]:
-    """Decks with their INCLUDEs, tests, and their standard deviations."""
+    """Decks with their INCLUDEs, tests, their standard deviations, and tables of masses."""
     paths = [Path(f.file) for f in study.built.deck.files]
     for case in study.cases:
         # a test that was given as an object may be of no file
         name = case.entry.test
         if name is not None and (name not in study.file.given.tests or study.file.path_of(name).is_file()):
             paths.append(study.file.path_of(name))
-        if case.entry.deviations is not None:
-            paths.append(study.file.path_of(case.entry.deviations))
+        more = (case.entry.deviations, case.entry.masses_file)
+        paths += [study.file.path_of(name) for name in more if name is not None]
     return tuple(dict.fromkeys(paths))
 
 

@@ -11,13 +11,18 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from femtune.results.base import Alert, CitationRecord, Provenance, Record, StudyFacts, descriptions
 from femtune.results.bootstrap import BootstrapResults
+from femtune.results.candidates import CandidatesResults
 from femtune.results.correlation import CorrelationResults
+from femtune.results.global_search import GlobalSearchResults
 from femtune.results.journal import JournalResults
+from femtune.results.mapped_damping import MappedDamping
 from femtune.results.model import ModelFacts, ModelModes, SensorResults
 from femtune.results.plan import PlanResults
 from femtune.results.quantify import QuantifyResults
 from femtune.results.response import ResponseResults
+from femtune.results.screen import ScreenResults
 from femtune.results.shapes import ModeShapes
+from femtune.results.specimens import SpecimenResults
 from femtune.results.update import ParameterFacts, SelectionResults, UpdateResults, WriteBackResults
 from femtune.results.validation import ValidationResults
 
@@ -52,6 +57,12 @@ class Results(Record):
     """Frequency responses, complex modes and static displacements, by configuration and model version."""
     plan: PlanResults | None = None
     """A planned test; None if not run. `femtune run` makes none."""
+    screen: ScreenResults | None = None
+    """Effects of the parameters by designed runs; None if not run. `femtune run` makes none."""
+    search: GlobalSearchResults | None = None
+    """A search of the whole box; None if not run. `femtune run` makes none."""
+    candidates: CandidatesResults | None = None
+    """Comparison of candidate models; None if not run. `femtune run` makes none."""
     selection: SelectionResults | None = None
     """Identifiability; None if not run."""
     update: UpdateResults | None = None
@@ -60,6 +71,10 @@ class Results(Record):
     """Variability of the parameters from repeated tests; None if the study has no [quantify]."""
     bootstrap: BootstrapResults | None = None
     """Spread of the parameters by a bootstrap of the FRFs; None if the study has no [bootstrap]."""
+    specimens: SpecimenResults | None = None
+    """Nominally identical specimens, calibrated jointly and separately; None if the study has none."""
+    mapped_damping: tuple[MappedDamping, ...] = ()
+    """Measured damping on the modes of the updated model, by configuration; empty without [equalise]."""
     write_back: WriteBackResults | None = None
     """The updated deck; None if none was written."""
     validation: ValidationResults | None = None
@@ -82,8 +97,11 @@ class Results(Record):
         """Keys in arrays.npz that these results refer to."""
         frfs = (response.frfs for response in self.responses)
         lines = self.plan.frequency_lines if self.plan is not None else None
-        single = [r for r in (self.plan, lines, self.selection, self.quantify, self.bootstrap, *frfs) if r is not None]
-        owners: list[Record] = [*self.correlations, *self.mode_shapes, *single]
+        steps = (
+            self.plan, lines, self.screen, self.search, self.candidates, self.selection, self.quantify, self.bootstrap,
+        )  # fmt: skip
+        single = [r for r in (*steps, *frfs) if r is not None]
+        owners: list[Record] = [*self.correlations, *self.mode_shapes, *self.mapped_damping, *single]
         found = (value for owner in owners for name, value in owner if name.endswith("_key"))
         return tuple(key for key in found if key is not None)
 

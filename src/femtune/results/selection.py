@@ -239,7 +239,7 @@ def _elements(study: Study, parameter: str) -> tuple[int, ...]:
     """Elements that a parameter affects."""
     structure, found = study.model.structure, set()
     for name, position, _ in study.model.placed:
-        if name == parameter:
+        if name == study.in_study(parameter):
             found |= {int(n) for n in structure.users(position)}
     return tuple(sorted(found))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.assembly.stages import stage_cases
+from femtune.assembly.stages import stage_cases, used_in_stage
 from femtune.files.study_file.stage import RESONANCES
 from femtune.residuals import pair_case, solve_case
 from femtune.residuals.kinds import kinds
@@ -94,6 +94,30 @@ class StageLeftOut(Record):
     """The reason."""
 
 
+class StageFixed(Record):
+    """A free parameter of the study that a stage did not update."""
+
+    name: str
+    """Name."""
+    value: float
+    """Its value during the stage."""
+
+
+class StageByHand(Record):
+    """A value that the study sets by hand before a stage."""
+
+    parameter: str
+    """Name."""
+    before: float
+    """Value at the end of earlier stages, in the unit of the parameter."""
+    value: float
+    """Value that was set."""
+    sd: float
+    """Its standard deviation."""
+    reason: str
+    """The reason stated in the study."""
+
+
 class StageResults(Record):
     """One stage of a bottom-up study."""
 
@@ -109,6 +133,12 @@ class StageResults(Record):
     """The outcome of the best run, in a sentence."""
     comparisons: int
     """Number of values that were compared."""
+    band_hz: tuple[float, float | None] | None = None
+    """Lowest and highest frequency that it compared, Hz, the second None without limit; None for all frequencies."""
+    by_hand: tuple[StageByHand, ...] = ()
+    """Values that were set by hand before it."""
+    fixed: tuple[StageFixed, ...] = ()
+    """Free parameters of the study that it did not update, with the values that they had."""
     parameters: tuple[StageParameter, ...]
     """Its parameters."""
     runs: tuple[StageRun, ...]
@@ -140,8 +170,15 @@ def _stage(study: Study, entry: StageEntry, found: StageResult) -> StageResults:
         ok=found.best.status.ok,
         message=found.best.status.value,
         comparisons=len(found.best.after.residuals),
-        parameters=tuple(_parameter(found, name) for name in entry.parameters),
-        runs=tuple(_runs(entry, found)),
+        band_hz=_band(entry),
+        by_hand=tuple(_by_hand(found)),
+        fixed=tuple(
+            StageFixed(name=p.name, value=found.belief.values[p.name])
+            for p in found.belief.parameters.free
+            if p.name not in found.stage.parameters
+        ),
+        parameters=tuple(_parameter(found, name) for name in found.stage.parameters),
+        runs=tuple(_runs(found)),
         misfit=tuple(
             StageMisfit(kind=kind, size=m.size, larger_than_noise=m.large) for kind, m in found.misfit.items()
         ),
@@ -159,6 +196,21 @@ def _reduction(found: StageResult) -> ReductionResults | None:
     return None if rules is None or reduced is None else reduction_results(reduced, rules)
 
 
+def _band(entry: StageEntry) -> tuple[float, float | None] | None:
+    return None if entry.band_hz is None else (entry.from_hz, entry.to_hz)
+
+
+def _by_hand(found: StageResult) -> Iterable[StageByHand]:
+    for one in found.stage.by_hand:
+        yield StageByHand(
+            parameter=one.parameter,
+            before=found.earlier.values[one.parameter],
+            value=found.start.values[one.parameter],
+            sd=found.start.sd[one.parameter],
+            reason=one.reason,
+        )
+
+
 def _parameter(found: StageResult, name: str) -> StageParameter:
     own = found.best.sd[name]
     return StageParameter(
@@ -170,17 +222,18 @@ def _parameter(found: StageResult, name: str) -> StageParameter:
     )
 
 
-def _runs(entry: StageEntry, found: StageResult) -> Iterable[StageRun]:
+def _runs(found: StageResult) -> Iterable[StageRun]:
     finished = iter(zip(found.runs, found.agreed))
-    for seed in range(len(entry.seeds) + 1):
+    names = found.stage.parameters
+    for seed in range(len(found.stage.seeds) + 1):
         if seed in found.refused:
-            yield _refused(entry, found, seed)
+            yield _refused(found, seed)
             continue
         run, agrees = next(finished)
         yield StageRun(
             seed=seed,
-            start=_values(entry, run, run.history[0].x),
-            values=_values(entry, run, run.x),
+            start=_values(names, run, run.history[0].x),
+            values=_values(names, run, run.x),
             objective=run.objective,
             iterations=len(run.history) - 1,
             status=run.status.name,
@@ -189,16 +242,16 @@ def _runs(entry: StageEntry, found: StageResult) -> Iterable[StageRun]:
         )
 
 
-def _refused(entry: StageEntry, found: StageResult, seed: int) -> StageRun:
-    values = {**found.start.values, **entry.seeds[seed - 1]}
-    start = tuple(values[name] for name in entry.parameters)
+def _refused(found: StageResult, seed: int) -> StageRun:
+    values = {**found.start.values, **found.stage.seeds[seed - 1]}
+    start = tuple(values[name] for name in found.stage.parameters)
     return StageRun(seed=seed, start=start, values=start, objective=None, iterations=0, status="",
                     message=f"the update could not start here: {found.refused[seed]}", agrees=False)  # fmt: skip
 
 
-def _values(entry: StageEntry, run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:
+def _values(names: Iterable[str], run: UpdateResult, x: NDArray[np.float64]) -> tuple[float, ...]:
     values = run.parameters.values(x)
-    return tuple(values[name] for name in entry.parameters)
+    return tuple(values[name] for name in names)
 
 
 def _left_out(study: Study, entry: StageEntry, x: NDArray[np.float64]) -> Iterable[StageLeftOut]:
@@ -207,7 +260,7 @@ def _left_out(study: Study, entry: StageEntry, x: NDArray[np.float64]) -> Iterab
     if RESONANCES not in keys and not any(kinds()[key].of_modes for key in keys):
         return
     for case in stage_cases(study, entry):
-        used = case.used
+        used = used_in_stage(case, entry)
         if used is not None and len(used.test):
             for mode in pair_case(used, solve_case(used, x)).unpaired_test:
                 label = used.test.labels[mode.test]

@@ -25,12 +25,15 @@ from femtune.results.tables import Rows, rows_of, text_of
 if TYPE_CHECKING:
     from femtune.modal import ModeSet
     from femtune.results.base import Alert, ModelVersion
+    from femtune.results.candidates import CandidatesResults
     from femtune.results.correlation import CorrelationResults
+    from femtune.results.global_search import GlobalSearchResults
     from femtune.results.model import ModelFacts, ModelModes
     from femtune.results.plan import PlanResults
     from femtune.results.quantify import QuantifyResults
     from femtune.results.response import FrfResults, ResponseResults
     from femtune.results.results import Results
+    from femtune.results.screen import ScreenResults
     from femtune.results.update import SelectionResults
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -150,7 +153,8 @@ class InfoResult(StepResult):
         used = sum(c.count for c in self.record.cards_read)
         ignored = sum(c.count for c in self.record.cards_ignored)
         each = [
-            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, mass {c.mass:.6g}, "
+            f"{c.configuration}: {c.grids} points, {c.free_dofs} free DOFs, "
+            f"mass {'not known' if c.mass is None else f'{c.mass:.6g}'}, "
             f"rigid-body check: {c.rigid_body_check.verdict}"
             for c in self.record.configurations
         ]
@@ -304,6 +308,131 @@ class PlanResult(StepResult):
 
     def _table(self) -> Rows:
         return self.sensors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScreenResult(StepResult):
+    """Effects of the parameters on the natural frequencies, by designed runs.
+
+    `record` is that of results.json, ``screen``; `results` has it with the facts of the study, `arrays` the arrays by
+    key, `files` the files that were written, `report` the page, None without one.
+    """
+
+    record: ScreenResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+    report: Path | None = None
+
+    @property
+    def effects(self) -> Rows:
+        """Effect of each parameter on each mode: `contribution`, `f_value`, `p_value`, `range_hz`."""
+        columns = ("parameter", "configuration", "mode", "contribution", "f_value", "p_value", "range_hz")
+        return rows_of(self.record.effects, *columns)
+
+    @property
+    def modes(self) -> Rows:
+        """The modes: initial and mean frequency, what main effects leave, smallest MAC of the followed shape."""
+        columns = ("configuration", "mode", "freq_hz", "mean_hz", "error_contribution", "least_mac")
+        return rows_of(self.record.modes, *columns)
+
+    @property
+    def runs(self) -> NDArray[np.float64]:
+        """(runs, parameters + modes) values of the free parameters, and frequencies in Hz; NaN where a run failed."""
+        return self.arrays[self.record.table_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{self.record.design}, {self.record.runs} runs", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.effects
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchResult(StepResult):
+    """The minimum of the squared residuals within the bounds, by a search of the whole box.
+
+    `record` is that of results.json, ``search``; `results` has it with the facts of the study, `arrays` the arrays by
+    key, `report` the page, None without one.
+    """
+
+    record: GlobalSearchResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    report: Path | None = None
+
+    @property
+    def parameters(self) -> Rows:
+        """The free parameters: `initial`, `found` by the search, and `value` after least squares on the model."""
+        return rows_of(
+            self.record.parameters, "name", "unit", "lower", "upper", "initial", "found", "value", "at_bound"
+        )
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values after least squares on the model, by name."""
+        return {p.name: p.value for p in self.record.parameters}
+
+    @property
+    def seeds(self) -> Rows:
+        """The searches: `evaluations`, `chi2` at the end, whether it is the `same` minimum."""
+        return rows_of(self.record.seeds, "seed", "evaluations", "chi2", "same", "converged")
+
+    @property
+    def history(self) -> NDArray[np.float64]:
+        """(points, 3) convergence of the searches: seed, evaluations, smallest χ² so far."""
+        return self.arrays[self.record.history_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{self.record.method} on the {self.record.on}", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.parameters
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CandidatesResult(StepResult):
+    """Candidate models, each updated from the same test, and their comparison.
+
+    `record` is that of results.json, ``candidates``; `results` has it with the facts of the study, `arrays` the arrays
+    by key, `report` the page, None without one.
+    """
+
+    record: CandidatesResults
+    results: Results
+    arrays: Arrays
+    remarks: tuple[str, ...] = ()
+    report: Path | None = None
+
+    @property
+    def candidates(self) -> Rows:
+        """Models with their criteria; see `CandidateResults` in the schema of the results."""
+        columns = (
+            "name", "status", "rank", "error_percent", "prediction_percent", "bic", "bic_weight", "log_evidence",
+            "probability", "worst_residual", "worst_label", "admissible", "cluster", "starts_at_best",
+        )  # fmt: skip
+        return rows_of(self.record.candidates, *columns)
+
+    @property
+    def values(self) -> dict[str, dict[str, float]]:
+        """By candidate that was solved, the values of all parameters at its optimum."""
+        return {c.name: {v.parameter: v.value for v in c.values} for c in self.record.solved}
+
+    @property
+    def distances(self) -> NDArray[np.float64]:
+        """(m, m) root mean square difference of the parameters of the solved candidates, relative to initial values."""
+        return self.arrays[self.record.distances_key]
+
+    def _sentences(self) -> list[str]:
+        alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
+        return [f"{len(self.record.candidates)} models", *self.record.sentences, *alerts, *self.remarks]
+
+    def _table(self) -> Rows:
+        return self.candidates
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -790,8 +919,16 @@ class RunResult(StepResult):
         return Rows() if found is None else rows_of(found.parameters, *columns)
 
     @property
+    def specimens(self) -> Rows:
+        """One line per parameter and specimen: joint and separate values; no rows if the study has no specimens."""
+        found = self.results.specimens
+        columns = ("specimen", "value", "sd", "separate_value", "separate_sd")
+        records = () if found is None else found.parameters
+        return Rows.of([{"parameter": p.name, **row} for p in records for row in rows_of(p.values, *columns)])
+
+    @property
     def deck(self) -> Path | None:
-        """The updated deck; None if none was written."""
+        """The updated deck; None if none was written. Of specimens that of the first one."""
         written = self.results.write_back
         return None if written is None or not written.files else self.folder / written.files[0]
 

@@ -22,6 +22,7 @@ from femtune.modal import freq_and_damping
 from femtune.residuals.frequency import FrequencyResidual
 from femtune.results.base import CitationRecord, Record
 from femtune.results.checks import ModelCheck
+from femtune.results.fisher import FisherResults
 from femtune.results.reduction import ReductionResults
 from femtune.results.search import (
     CertificateResults,
@@ -156,6 +157,8 @@ class SelectionResults(Record):
     """Identifiability, in sentences."""
     measures: SelectionMeasures | None = None
     """Collinearity, information, order and energies; None if not computed."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the initial values; None without residuals of measured FRFs."""
 
 
 class PairingEvent(Record):
@@ -393,6 +396,8 @@ class UpdateResults(Record):
     """The starts of a multi-start update; None for a single start."""
     reduction: ReductionResults | None = None
     """Reduced models of the update; None if it used the full model."""
+    fisher: FisherResults | None = None
+    """Fisher information of the FRFs at the result; None without residuals of measured FRFs."""
     frf_truncation: tuple[FrfTruncation, ...] = ()
     """Error of the FRFs of residuals by truncation of the modes, at start and end; empty without FRF residuals."""
     iteration: int | None = None
@@ -503,7 +508,7 @@ _NO_VALUE = "its expression is not finite at the updated parameters"
 
 def derived_results(study: Study, result: UpdateResult) -> Iterable[DerivedResult]:
     """The derived quantities of a study after an update; an expression without a value there says so."""
-    for quantity in quantities(study.file):
+    for quantity in quantities(study):
         before, after = (_known(quantity, result.parameters, x) for x in (np.zeros(len(result.x)), result.x))
         sd = np.nan if after is None else result.spread(after.grad)
         sampled = partial(quantity.at_samples, result.parameters)
@@ -579,7 +584,7 @@ def parameter_facts(study: Study) -> tuple[ParameterFacts, ...]:
     values = study.parameters.values(np.zeros(len(study.parameters.free)))
     out = []
     for p in study.parameters.parameters:
-        free, mine = p.free, [a for a in study.model.assignments if a.parameter == p.name]
+        free, mine = p.free, [a for a in study.model.assignments if a.parameter == study.in_study(p.name)]
         out.append(
             ParameterFacts(
                 name=p.name,
@@ -622,8 +627,8 @@ def selection_results(
         singular_values=tuple(float(s) for s in result.singular_values),
         rank=result.rank,
         rank_threshold=NO_EFFECT,
-        undetermined=tuple(_combination(result, c) for c in result.undetermined),
-        weakly_determined=tuple(_combination(result, c) for c in result.weak),
+        undetermined=tuple(combination_record(result, c) for c in result.undetermined),
+        weakly_determined=tuple(combination_record(result, c) for c in result.weak),
         correlation_key="selection/correlation",
         parameters=tuple(
             IdentifiabilityResults(parameter=name, sd_ratio=float(ratio), verdict=verdict(float(ratio)))
@@ -646,7 +651,7 @@ def _sensitivities(evaluation: Evaluation) -> Iterable[Sensitivity]:
             )
 
 
-def _combination(result: Identifiability, c: Combination) -> CombinationRecord:
+def combination_record(result: Identifiability, c: Combination) -> CombinationRecord:
     shares = tuple(
         Share(parameter=name, coefficient=float(a)) for name, a in zip(result.names, c.coefficients) if abs(a) >= 1e-3
     )
@@ -776,7 +781,7 @@ def _physical(study: Study, name: str, value: float, start: float, found: Margin
     table = study.model.structure.values
     for owner, i, relative in study.model.placed:
         ref = table.refs[i]
-        if owner != name or not relative or ref.card in WITHOUT_CARD:
+        if owner != study.in_study(name) or not relative or ref.card in WITHOUT_CARD:
             continue
         own = float(table.values[i])
         ends = None if found is None else sorted(own * end for end in found.interval)

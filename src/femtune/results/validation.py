@@ -22,6 +22,7 @@ from femtune.results.frf_validation import (
     predicted_frfs,
     predicted_resonances,
 )
+from femtune.results.vibration import VibrationResults, vibration_verdicts
 from femtune.updating.covariance import parameter_covariance
 from femtune.validation import (
     assess,
@@ -30,7 +31,7 @@ from femtune.validation import (
     held_out_sensors,
     not_tested,
 )
-from femtune.validation.criteria import FREQUENCY, OF_FRFS, SELF, SHAPE
+from femtune.validation.criteria import FREQUENCY, OF_FRFS, OF_VIBRATION, SELF, SHAPE
 from femtune.validation.frfs import assess_frfs
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ class ValidationVerdict(Record):
     """Name of the configuration."""
     data: str
     """Kind of data: "held-out modes", "beyond the frequencies used", "held-out sensors", "unused FRFs", "modified
-    structure", "other boundary conditions" or "another test"."""
+    structure", "other boundary conditions", "another test" or "vibration test"."""
     criterion: str
     """Quantity and standard: "frequency error, NASA-STD-5002"."""
     required: float
@@ -153,6 +154,8 @@ class ValidationResults(Record):
     """Resonance peaks of these FRFs."""
     curves: tuple[PredictedCurves, ...] = ()
     """These FRFs line by line, by configuration."""
+    vibrations: tuple[VibrationResults, ...] = ()
+    """Sine sweeps and random vibration tests, beside the updated model."""
     deviations: FrfDeviations | None = None
     """Deviation δ of the FRFs before and after the update; None if the update uses no FRFs."""
 
@@ -287,7 +290,7 @@ def scatter_of_test(study: Study, case: StudyCase, test: int) -> float | None:
         return float(known[test] / case.modal.test.freq_hz[test])
     entries = [c.entry for c in study.file.comparisons if isinstance(c.entry, FrequencyResidualEntry)]
     # of residuals of frequencies in this configuration, else in the others, the largest one
-    own = [e for e in entries if e.configuration in (None, case.name)]
+    own = [e for e in entries if e.is_in(case.name, several=False, used=True)]
     return max((e.sd_of_frequency for e in own or entries if e.sd_of_frequency is not None), default=None)
 
 
@@ -306,6 +309,7 @@ _MASS = (
     "stiffnesses, and neither the residuals nor the standard deviations show it"
 )
 _NOTHING = "prediction of data that the update did not use: no configurations or modes were held out"
+_VIBRATION = "vibration test"
 _UNUSED = "this configuration was not used in the update"
 
 
@@ -325,12 +329,15 @@ def validation(
     after: ModelRecords,
     predicted: Predictions | None = None,
     frfs: Sequence[UnusedFrfs] = (),
+    vibrations: Sequence[VibrationResults] = (),
 ) -> ValidationResults:
     """Predictions of modes and FRFs that the update did not use, verdicts on them, and what was not tested."""
     asked, scopes = criteria_profile(study), list(scopes_of(study))
     shapes = {s: _sensors(s, after) for s in scopes if s.sensors}
     verdicts = [v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s))]
     verdicts += [v for one in frfs for v in _frf_verdicts(study, one)]
+    shaken = ((one, v) for one in vibrations for v in vibration_verdicts(study, one))
+    verdicts += [_verdict(one.configuration, _VIBRATION, v) for one, v in shaken]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
         not_tested=tuple(_not_tested(study, scopes, after, frfs)),
@@ -338,6 +345,7 @@ def validation(
         verdicts=tuple(verdicts),
         frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
         resonances=tuple(r for one in frfs for r in predicted_resonances(one)),
+        vibrations=tuple(vibrations),
         curves=tuple(c for one in frfs for c in one.curves(_frf_data(study, one.case))),
         held_out_sensors=tuple(f"{s.case.name}: {name}" for s, found in shapes.items() for name in found.sensors),
         shapes=tuple(shape for s, found in shapes.items() for shape in _shapes(s, found)),
@@ -403,7 +411,7 @@ def _verdicts(
 ) -> Iterable[ValidationVerdict]:
     # held-out sensors say nothing of frequencies, and without them there is no error at them
     skipped = (FREQUENCY, SELF) if scope.sensors else (SHAPE,)
-    criteria = [c for c in asked.criteria if c.quantity not in (*skipped, *OF_FRFS)]
+    criteria = [c for c in asked.criteria if c.quantity not in (*skipped, *OF_FRFS, *OF_VIBRATION)]
     c = after.raw[scope.case.name]
     misses = [] if predicted is None else predicted.misses(study, scope.case, c)
     found = assess(c, criteria, scope.tests, misses, sensors)

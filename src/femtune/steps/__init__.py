@@ -11,9 +11,10 @@ from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
     from femtune.steps.files import read_deck, read_matrices, read_test, write_deck, write_test
+    from femtune.steps.of_experiments import screen, search
     from femtune.steps.of_model import info, modes, plan, respond, simulate
     from femtune.steps.of_record import identify
-    from femtune.steps.of_run import bootstrap, read_results, run, update, validate
+    from femtune.steps.of_run import bootstrap, candidates, read_results, run, update, validate
     from femtune.steps.of_study import correlate, quantify, select
     from femtune.steps.pages import report
 else:
@@ -21,6 +22,7 @@ else:
 
 __all__ = [
     "bootstrap",
+    "candidates",
     "correlate",
     "identify",
     "info",
@@ -34,6 +36,8 @@ __all__ = [
     "report",
     "respond",
     "run",
+    "screen",
+    "search",
     "select",
     "simulate",
     "update",

@@ -11,7 +11,7 @@ from femtune.assembly.described import source_of, units_word
 from femtune.assembly.progress import silent
 from femtune.assembly.study import load_study
 from femtune.errors import FemtuneError
-from femtune.results.checks import mesh_checks
+from femtune.results.checks import checks_of_modes
 from femtune.results.model import alert_of, model_facts
 from femtune.results.step_results import InfoResult
 from femtune.steps.pages import checked_page, with_page
@@ -52,9 +52,10 @@ def info(source: Path | str | Study | Model, *, progress: Progress = silent) -> 
     progress.step("mass and rigid-body check", 0, None)
     facts = model_facts(study)
     progress.step("errors due to the mesh", 0, None)
-    checks = (*facts.checks, *mesh_checks(study))
-    notices = (*map(alert_of, study.notices), *facts.notices)
-    return InfoResult(facts.model_copy(update={"checks": checks, "notices": notices}))
+    checks, told = checks_of_modes(study)
+    checks = [*facts.checks, *checks]
+    notices = (*map(alert_of, study.notices), *facts.notices, *told)
+    return InfoResult(facts.model_copy(update={"checks": tuple(checks), "notices": notices}))
 
 
 @checked

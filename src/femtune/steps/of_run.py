@@ -1,4 +1,4 @@
-"""Steps that write a run folder: update, validate, run, and reading such a folder."""
+"""Steps that write a run folder: update, candidates, validate, run, and reading such a folder."""
 
 from __future__ import annotations
 
@@ -7,20 +7,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import NDArray
+
 from femtune.arguments import checked
 from femtune.assembly.described import StudySource, Test, source_of
 from femtune.assembly.progress import silent
 from femtune.assembly.study import read_study
 from femtune.files.study_file import BootstrapTable
 from femtune.results import folder as run_folder
-from femtune.results.provenance import Stopwatch, call, inputs_of
-from femtune.results.step_results import RunResult
-from femtune.steps.pages import report
+from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
+from femtune.results.results import Results
+from femtune.results.step_results import CandidatesResult, RunResult
+from femtune.steps.pages import checked_page, report, with_page
 from femtune.study.bootstrap import forget_bootstrap
+from femtune.study.executor import check_executor
 from femtune.study.run import Run
 from femtune.study.run_lock import locked
 from femtune.study.select import check_parameters
-from femtune.study.solutions import keeping
+from femtune.study.solutions import keeping, warnings_of
 from femtune.study.starts import forget_starts
 from femtune.study.write_back import check_inputs_safe
 
@@ -163,6 +167,71 @@ def bootstrap(
 
 
 @checked
+def candidates(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    output: Path | str | None = None,
+    report: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **tables: Any,
+) -> CandidatesResult:
+    """Update several sets of parameters from the same test, and compare these candidate models.
+
+    Runs of an earlier, interrupted comparison are read from the run folder.
+
+    Parameters
+    ----------
+    source, test, parameters, residuals, output, fresh, progress, tables : as for `update`; the sets are those of
+        ``candidate`` (a list of tables) and ``candidates`` (subsets of the free parameters)
+    report : HTML page to write, with tables and a picture
+
+    Raises
+    ------
+    FemtuneError : ``candidates.*``, and as `update`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> sd = [ft.FrequencyResidual(sd=0.005)]
+    >>> found = ft.candidates(model, test, parameters=free, residuals=sd, candidates={"subsets": "all"})
+    >>> [(row.name, row.rank, row.admissible) for row in found.candidates]
+    [('initial values', 0, False), ('S1', 1, False), ('S2', 1, False), ('S1.2', 2, True)]
+    """
+    # what the other steps do without
+    from femtune.study.candidates import candidate_citations, compare_candidates, forget_candidates  # noqa: PLC0415
+
+    given = source_of(source, test=test, parameters=parameters, residuals=residuals, **tables)
+    watch = Stopwatch(call("candidates", given))
+    page = checked_page(report)
+    with watch.step("read"):
+        study = read_study(given, progress)
+        study.problem()
+        check_parameters(study)
+        inputs = inputs_of(study)
+    folder = _folder(study, output)
+    arrays: dict[str, NDArray[Any]] = {}
+    with locked(folder):
+        if fresh:
+            forget_candidates(folder)
+        with watch.step("candidates"):
+            record = compare_candidates(study, folder, study.file.study.journal, arrays, progress)
+    results = Results(
+        provenance=provenance(inputs, watch), study=study_facts(study), candidates=record,
+        citations=candidate_citations(),
+    )  # fmt: skip
+    result = CandidatesResult(record, results, arrays, tuple(warnings_of(study)))
+    return with_page(result, page, progress)
+
+
+@checked
 def run(
     source: StudySource,
     test: Test = None,
@@ -212,11 +281,12 @@ def _run(
     """The run of a study; `word` is the function recorded in the provenance."""
     watch = Stopwatch(call(word, source))
     with watch.step("read"):
-        study = read_study(source, progress)
+        study = read_study(source, progress, fresh=fresh)
         if word == "bootstrap" and study.file.bootstrap is None:
             study = replace(study, file=study.file.model_copy(update={"bootstrap": BootstrapTable()}))
         study.problem()
         check_parameters(study)
+        check_executor(study)
         inputs = inputs_of(study)
     folder = _folder(study, output)
     with locked(folder):

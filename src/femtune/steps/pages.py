@@ -11,7 +11,15 @@ from femtune.assembly.described import Study
 from femtune.assembly.progress import silent
 from femtune.errors import FemtuneError
 from femtune.files.study_file import read_study_file
-from femtune.results.step_results import ModesResult, PlanResult, RespondResult, RunResult
+from femtune.results.step_results import (
+    CandidatesResult,
+    ModesResult,
+    PlanResult,
+    RespondResult,
+    RunResult,
+    ScreenResult,
+    SearchResult,
+)
 
 if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
@@ -19,7 +27,7 @@ if TYPE_CHECKING:
     from femtune.study.identification import IdentifyResult
 
 REPORT_FILE = "report.html"
-R = TypeVar("R", ModesResult, PlanResult, RespondResult)
+R = TypeVar("R", CandidatesResult, ModesResult, PlanResult, RespondResult, ScreenResult, SearchResult)
 
 
 def checked_page(path: Path | str | None) -> Path | None:
@@ -40,7 +48,17 @@ def with_page(result: R, page: Path | None, progress: Progress) -> R:
 
 @checked
 def report(
-    source: Path | str | Study | RunResult | ModesResult | PlanResult | RespondResult | IdentifyResult,
+    source: Path
+    | str
+    | Study
+    | RunResult
+    | ModesResult
+    | PlanResult
+    | CandidatesResult
+    | ScreenResult
+    | SearchResult
+    | RespondResult
+    | IdentifyResult,
     path: Path | str | None = None,
     *,
     progress: Progress = silent,
@@ -49,8 +67,8 @@ def report(
 
     Parameters
     ----------
-    source : what `run`, `update`, `validate`, `modes`, `plan`, `respond` or `identify` returned; or a run folder, or
-        the study whose run folder is meant
+    source : what `run`, `update`, `validate`, `modes`, `plan`, `screen`, `search`, `candidates`, `respond` or
+        `identify` returned; or a run folder, or the study whose run folder is meant
     path : HTML file to write; ``report.html`` in the folder of the result by default
     progress : receives progress reports
 
@@ -90,7 +108,16 @@ def _read(source: Path | str | Study) -> RunResult:
     return RunResult(folder, *read_results(folder))
 
 
-def document_of(result: RunResult | ModesResult | PlanResult | RespondResult | IdentifyResult) -> Document:
+def document_of(
+    result: RunResult
+    | ModesResult
+    | PlanResult
+    | CandidatesResult
+    | ScreenResult
+    | SearchResult
+    | RespondResult
+    | IdentifyResult,
+) -> Document:
     """The page of a result as data."""
     from femtune import reporting  # noqa: PLC0415
 
@@ -100,6 +127,12 @@ def document_of(result: RunResult | ModesResult | PlanResult | RespondResult | I
         return reporting.build_modes_page(result.results, result.arrays)
     if isinstance(result, PlanResult):
         return reporting.build_plan_page(result.results, result.arrays)
+    if isinstance(result, CandidatesResult):
+        return reporting.build_candidates_page(result.results, result.arrays)
+    if isinstance(result, SearchResult):
+        return reporting.build_search_page(result.results, result.arrays)
+    if isinstance(result, ScreenResult):
+        return reporting.build_screen_page(result.results, result.arrays)
     if isinstance(result, RespondResult):
         return reporting.build_responses_page(result.results, result.arrays)
     return reporting.build_identification_page(result)

@@ -112,7 +112,8 @@ def _key(work: Bootstrap) -> str:
     rules, at = work.rules, work.at
     lower, upper = work.problem.parameters.bounds
     facts = (rules.method, rules.seed, rules.jacobian, rules.tolerance, rules.most_steps, work.size)
-    return digest(*facts, at.x, at.residuals, at.jacobian, lower, upper, *work.side.rows(at.x), work.moving)
+    measured = [test.measured.values for test in work.identified]
+    return digest(*facts, *measured, at.x, at.residuals, at.jacobian, lower, upper, *work.side.rows(at.x), work.moving)
 
 
 def _line(number: int, run: BootstrapRun) -> dict[str, object]:

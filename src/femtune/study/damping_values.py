@@ -33,8 +33,11 @@ def write_damping(study: Study, update: UpdateResults, folder: Path) -> Path | N
     """
     path = folder / CATALOGUE_FILE
     results = {p.name: p for p in update.parameters}
-    found = ((p, _entry(study, p, results.get(p.name))) for p in study.file.parameter)
-    entries = [replace(entry, source=_source(study, update, p.name)) for p, entry in found if entry is not None]
+    own = ((name, p) for p in study.file.parameter for name in study.expand((p.name,)))
+    found = ((name, _entry(study, p, results.get(name))) for name, p in own)
+    entries = [
+        replace(entry, name=name, source=_source(study, update, name)) for name, entry in found if entry is not None
+    ]
     try:
         if not entries:
             path.unlink(missing_ok=True)

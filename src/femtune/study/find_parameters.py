@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.residuals import Evaluation
+    from femtune.results.base import Alert
     from femtune.results.reduction import ReductionResults
-    from femtune.updating import Iteration, MultiStart, StageResult, UpdateResult
+    from femtune.updating import Iteration, MultiStart, ReducedSearch, StageResult, UpdateResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +32,18 @@ class FoundParameters:
     reduction : how the reduced models did, where the study asks for them
     starts : the starts, where the study asks for several
     stages : the stages of a bottom-up study
+    study : the study on the model at the result, where the model has moved
+    alerts : what is said of the runs of an external solver
+    search : the reduced models at the end, from which another update may go on
     """
 
     result: UpdateResult
     reduction: ReductionResults | None = None
     starts: MultiStart | None = None
     stages: tuple[StageResult, ...] = ()
+    study: Study | None = None
+    alerts: tuple[Alert, ...] = ()
+    search: ReducedSearch | None = None
 
 
 def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progress) -> FoundParameters:
@@ -60,15 +67,21 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
     def tell_of_stage(stage: str, seed: int, iteration: Iteration) -> None:
         tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
 
+    if study.file.solver is not None:
+        from femtune.study.external import find_on_solver  # noqa: PLC0415  few studies have a solver
+
+        moved = find_on_solver(study, method, tell, at, progress)
+        return FoundParameters(moved.result, study=moved.study, alerts=moved.alerts)
     if study.file.stage:
         told = TrainingProgress(progress, 0 if reduction is None else reduction.full_solutions)
         result, stages = bottom_up(study, at, tell_of_stage, told)
         return FoundParameters(result, stages=stages)
     if table.starts > 1:
-        starts, facts = find_from_starts(study, method, folder, at, progress)
+        starts, facts, search = find_from_starts(study, method, folder, at, progress)
         for iteration in starts.best.history:
             history.add(iteration)
-        return FoundParameters(starts.best, facts, starts)
+        return FoundParameters(starts.best, facts, starts, search=search)
     if reduction is not None:
-        return FoundParameters(*find_on_reduced(study, method, tell, at, progress))
+        result, facts, search = find_on_reduced(study, method, tell, at, progress)
+        return FoundParameters(result, facts, search=search)
     return FoundParameters(update(study.problem(), method, tell, at))

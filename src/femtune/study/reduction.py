@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from femtune.assembly.study import Study
     from femtune.model.reduce import Trained
     from femtune.residuals import Evaluation
-    from femtune.updating import Iteration, SensitivityMethod, UpdateResult
+    from femtune.updating import Iteration, ReducedSearch, SensitivityMethod, UpdateResult
 
 
 @dataclass(eq=False)
@@ -87,11 +87,11 @@ def find_on_reduced(
     report: Callable[[Iteration], None],
     at: Evaluation,
     progress: Progress,
-) -> tuple[UpdateResult, ReductionResults]:
-    """The parameters, and how the reduced models did."""
+) -> tuple[UpdateResult, ReductionResults, ReducedSearch | None]:
+    """The parameters, how the reduced models did, and these models."""
     rules, problem = reduction_rules(study), study.problem()
     assert rules is not None
     told = TrainingProgress(progress, rules.full_solutions)
     told.begin(case.name for case in problem.cases)
     found = update_reduced(problem, method, rules, report, at, told)
-    return found.result, reduction_results(found, rules)
+    return found.result, reduction_results(found, rules), found.search

@@ -10,23 +10,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femtune.assembly.study import on_deck
+from femtune.assembly.study import on_decks
 from femtune.errors import FemtuneError
 from femtune.results.alerts import alerts_of
 from femtune.results.base import Alert, alert
+from femtune.results.fisher import FisherResults, fisher_results
 from femtune.results.folder import RESULTS_FILE, write_results
 from femtune.results.frf_deviation import frf_deviations
 from femtune.results.frf_validation import unused_frfs
+from femtune.results.mapped_damping import MappedDamping, mapped_damping
 from femtune.results.model import alert_of, model_facts, sensor_results
 from femtune.results.provenance import provenance, study_facts
 from femtune.results.results import Results
 from femtune.results.solved import solutions_of
+from femtune.results.specimens import Compared, specimen_results
 from femtune.results.stages import stage_results
 from femtune.results.step_results import RunResult
 from femtune.results.truncation import frf_truncations
 from femtune.results.update import parameter_facts, update_results, what_ran
 from femtune.results.validation import Sensitivities, predictions, validation
 from femtune.results.versions import as_written, model_records, start
+from femtune.results.vibration import VibrationTests
 from femtune.study.bootstrap import bootstrap_at
 from femtune.study.damping_values import write_damping
 from femtune.study.expanded_files import EXPANDED_FILE, write_expanded_files
@@ -35,6 +39,7 @@ from femtune.study.quantify import quantify_at, repeats_of
 from femtune.study.respond import FRFS_FILE, responses_at, uff_paths, write_frf_files
 from femtune.study.select import select_at
 from femtune.study.solutions import journal_results
+from femtune.study.specimens import calibrate_each
 from femtune.study.write_back import check_written, write_back
 
 if TYPE_CHECKING:
@@ -48,9 +53,11 @@ if TYPE_CHECKING:
     from femtune.results.frf_validation import UnusedFrfs
     from femtune.results.provenance import Inputs, Stopwatch
     from femtune.results.quantify import QuantifyResults
+    from femtune.results.specimens import SpecimenResults
     from femtune.results.truncation import FrfTruncation
     from femtune.results.update import SelectionResults
     from femtune.results.versions import ModelRecords
+    from femtune.results.vibration import VibrationResults
     from femtune.study.find_parameters import FoundParameters
     from femtune.study.write_back import WriteBack
 
@@ -75,12 +82,16 @@ class Known:
     before, after : the model's modes, correlations and responses at the start and at the end of the update
     selection : which parameters the data determine
     parameters : the update
+    fisher : information of the FRFs at its result
+    mapped_damping : measured damping on the modes of the updated model
     sensitivities : those of the frequencies that the updated model predicts
     truncation : errors of the FRFs of residuals, at start and end of the update
     unused_frfs : measured FRFs that the update did not use, beside those of the updated model
     deviations : those of the FRFs at the start and the end of the update
+    vibration_tests, vibrations : sweeps and random vibration tests as measured, and beside the updated model
     quantify : covariance of the parameters from the repeats
     bootstrap : spread of the parameters by a bootstrap of the FRFs
+    specimens : nominally identical specimens beside each other
     written, study_as_written, error_as_written, as_written : the updated deck, the study on it, its weighted mean
         error, and what it gives; None where the model has no deck
     arrays : arrays of the records, by key
@@ -93,13 +104,18 @@ class Known:
     before: ModelRecords = _LATER
     selection: SelectionResults = _LATER
     parameters: FoundParameters = _LATER
+    fisher: FisherResults | None = None
+    mapped_damping: tuple[MappedDamping, ...] = ()
     after: ModelRecords = _LATER
     sensitivities: Sensitivities = _LATER
     truncation: tuple[FrfTruncation, ...] = ()
     unused_frfs: tuple[UnusedFrfs, ...] = ()
     deviations: FrfDeviations | None = None
+    vibration_tests: VibrationTests = _LATER
+    vibrations: tuple[VibrationResults, ...] = ()
     quantify: QuantifyResults | None = None
     bootstrap: BootstrapResults | None = None
+    specimens: SpecimenResults | None = None
     written: WriteBack | None = None
     study_as_written: Study = _LATER
     as_written: ModelRecords | None = None
@@ -145,13 +161,13 @@ class Run:
         """
         of_deck = not self.study.file.imported
         known = self._done(UNTIL_UPDATED, Known())
-        self._keep(known, alert("problem", "run.unfinished") if of_deck else _no_deck())
+        self._keep(known, alert("problem", "run.unfinished") if of_deck else _no_deck(self.study))
         try:
             known = self._done((*ONCE_UPDATED, *(ON_WRITTEN_DECK if of_deck else WITHOUT_DECK)), known)
         except FemtuneError as problem:
             problem.values["results so far"] = str(self.folder / RESULTS_FILE)
             raise
-        results = self._keep(known, *(() if of_deck else (_no_deck(),)))
+        results = self._keep(known, *(() if of_deck else (_no_deck(self.study),)))
         return RunResult(self.folder, results, known.arrays)
 
     def _done(self, steps: Iterable[Step], known: Known) -> Known:
@@ -188,7 +204,12 @@ class Run:
         values = {} if written is None else written.written
         update = update_results(
             self.study, found.result, values, known.error_as_written, found.reduction, found.starts
-        ).model_copy(update={"stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation})
+        ).model_copy(
+            update={
+                "stages": stage_results(self.study, found.stages), "frf_truncation": known.truncation,
+                "fisher": known.fisher,
+            }
+        )  # fmt: skip
         predicted = predictions(self.study, found.result, known.sensitivities)
         parts = {
             "provenance": provenance(self.inputs, self.watch, (m for v in versions for m in v.modes)),
@@ -200,10 +221,12 @@ class Run:
             "update": update,
             "quantify": known.quantify,
             "bootstrap": known.bootstrap,
+            "specimens": known.specimens,
+            "mapped_damping": known.mapped_damping,
             "write_back": None if written is None else written.record,
-            "validation": validation(self.study, versions[0], versions[-1], predicted, known.unused_frfs).model_copy(
-                update={"deviations": known.deviations}
-            ),
+            "validation": validation(
+                self.study, versions[0], versions[-1], predicted, known.unused_frfs, known.vibrations
+            ).model_copy(update={"deviations": known.deviations}),
             "journal": journal_results(self.journal),
         }
         return known.facts.model_copy(update=parts)
@@ -226,7 +249,7 @@ def _model(run: Run, known: Known, arrays: Arrays) -> Outcome:
         parameters=parameter_facts(study),
         citations=what_ran(study),
     )
-    return {"facts": facts, "repeats": repeats}
+    return {"facts": facts, "repeats": repeats, "vibration_tests": VibrationTests.of(study)}
 
 
 def _correlate(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -247,7 +270,10 @@ def _select(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 
 def _update(run: Run, known: Known, arrays: Arrays) -> Outcome:
-    return {"parameters": find_parameters(run.study, run.folder, known.start, run.progress)}
+    found = find_parameters(run.study, run.folder, known.start, run.progress)
+    study = found.study or run.study
+    known_after = fisher_results(study, found.result.after, "after", found.result.active)
+    return {"parameters": found, "fisher": known_after, "alerts": (*known.alerts, *found.alerts)}
 
 
 def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -256,9 +282,14 @@ def _truncation(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"truncation": (*before, *frf_truncations(known.parameters.result.after, "after", run.progress))}
 
 
+def _mapped_damping(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"mapped_damping": mapped_damping(known.start, known.parameters.result.after, arrays)}
+
+
 def _correlate_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
     at, sensitivities = known.parameters.result.after, Sensitivities()
-    records = model_records(run.study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
+    study = known.parameters.study or run.study
+    records = model_records(study, "after", at.x, solutions_of(at), arrays, run.progress, sensitivities.add)
     return {"after": records, "sensitivities": sensitivities}
 
 
@@ -271,10 +302,15 @@ def _unused_frfs(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"unused_frfs": found, "deviations": deviations}
 
 
+def _vibrations(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    return {"vibrations": known.vibration_tests.beside(run.study, known.parameters.result.x)}
+
+
 def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if known.repeats is None:
         return {}
-    return {"quantify": quantify_at(run.study, known.repeats, known.parameters.result.x, arrays, run.progress)}
+    study, x = known.parameters.study or run.study, known.parameters.result.x
+    return {"quantify": quantify_at(study, known.repeats, x, arrays, run.progress)}
 
 
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -283,11 +319,18 @@ def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
     return {"bootstrap": bootstrap_at(run.study, known.parameters.result, run.folder, arrays, run.progress)}
 
 
+def _specimens(run: Run, known: Known, arrays: Arrays) -> Outcome:
+    separate = calibrate_each(run.study, known.parameters, run.progress)
+    compared = Compared(known.before.correlations, known.after.correlations, known.before.modes, known.after.modes)
+    return {"specimens": specimen_results(run.study, known.parameters.result, separate, compared)}
+
+
 def _write_back(run: Run, known: Known, arrays: Arrays) -> Outcome:
     run.progress.step("writing the updated deck", 0, None)
     written = write_back(run.study, known.parameters.result, run.folder, run.wide)
-    check_written(written.built, run.study)
-    return {"written": written, "study_as_written": on_deck(run.study, written.built)}
+    for built in written.built.values():
+        check_written(built, run.study)
+    return {"written": written, "study_as_written": on_decks(run.study, written.built)}
 
 
 def _correlate_as_written(run: Run, known: Known, arrays: Arrays) -> Outcome:
@@ -314,7 +357,7 @@ def _respond_after(run: Run, known: Known, arrays: Arrays) -> Outcome:
 
 def _write_expanded(run: Run, known: Known, arrays: Arrays) -> Outcome:
     """The test shapes expanded to the model at its last version."""
-    study, records = run.study, known.as_written or known.after
+    study, records = known.parameters.study or run.study, known.as_written or known.after
     write_expanded_files(study, records.correlations, known.arrays, uff_paths(run.folder / EXPANDED_FILE, study))
     return {}
 
@@ -328,9 +371,12 @@ UNTIL_UPDATED = (
     Step("update", _update),
     Step("truncation", _truncation, optional="error of the FRFs by truncation of the modes"),
     Step("correlate after", _correlate_after),
+    Step("measured damping", _mapped_damping, optional="measured damping on the modes of the updated model"),
     Step("unused FRFs", _unused_frfs),
+    Step("vibration tests", _vibrations),
 )
 ONCE_UPDATED = (
+    Step("specimens", _specimens, optional="comparison of the specimens"),
     Step("quantify", _quantify, optional="variability of the parameters"),
     Step("bootstrap", _bootstrap, optional="bootstrap"),
 )
@@ -344,5 +390,7 @@ WITHOUT_DECK = (WRITE_EXPANDED, Step("respond", _respond_after))
 """A model of matrices has no deck that could be written: the run ends with the responses at the updated values."""
 
 
-def _no_deck() -> Alert:
-    return alert("info", "write.no-deck/run")
+def _no_deck(study: Study) -> Alert:
+    if study.file.solver is not None:
+        return alert("info", "write.no-deck/solver")
+    return alert("info", "write.no-deck/run" if study.file.runs is None else "write.no-deck/runs")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femtune.errors import FemtuneError
 from femtune.results.checks import model_checks
+from femtune.results.fisher import fisher_results
 from femtune.results.selection import selection_measures
 from femtune.results.solved import solutions_of
 from femtune.results.update import selection_results
@@ -41,7 +42,8 @@ def select_at(study: Study, at: Evaluation, arrays: dict[str, NDArray], progress
     found = selection_results(study, known, at, arrays)
     progress.step("measures of the parameters", 0, None)
     near, remarks = _distances(study, at)
-    more = {"measures": selection_measures(study, known, at, near, remarks)}
+    measures = selection_measures(study, known, at, near, remarks)
+    more = {"measures": measures, "fisher": fisher_results(study, at, "before")}
     return found.model_copy(update={"model_checks": model_checks(study, solutions_of(at), progress), **more})
 
 

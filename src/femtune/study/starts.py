@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from femtune.updating import (
         Iteration,
         MultiStart,
+        ReducedSearch,
         SensitivityMethod,
     )
 
@@ -117,8 +118,8 @@ def _start(line: Mapping[str, object]) -> StartResult:
 
 def find_from_starts(
     study: Study, method: SensitivityMethod, folder: Path, at: Evaluation, progress: Progress
-) -> tuple[MultiStart, ReductionResults | None]:
-    """The parameters from many starts, and how reduced models did where there are some."""
+) -> tuple[MultiStart, ReductionResults | None, ReducedSearch | None]:
+    """The parameters from many starts, how reduced models did where there are some, and these models."""
     table, rules, problem = study.file.update, start_rules(study.file.update), study.problem()
     starts = Starts(folder, _key(study, at))
     starts.begin(study.file.study.journal)
@@ -129,14 +130,15 @@ def find_from_starts(
             problem, method, rules, nominal=at, known=starts.known, report=tell, executor=executor_of(study),
             sampled=starts.samples, report_sample=_sample_teller(starts, progress, rules.samples),
         )  # fmt: skip
-        return found, None
+        return found, None, None
     told = TrainingProgress(progress, limits.full_solutions)
     told.begin(case.name for case in problem.cases)
     reduced = multi_start_reduced(
         problem, method, limits, rules, equation_error=table.first == "equation-error", nominal=at,
-        known=starts.known, report=tell, told=told,
+        known=starts.known, report=tell, executor=executor_of(study, reduced=True), sampled=starts.samples,
+        report_sample=_sample_teller(starts, progress, rules.samples), told=told,
     )  # fmt: skip
-    return reduced.starts, reduction_results(reduced.update, limits)
+    return reduced.starts, reduction_results(reduced.update, limits), reduced.update.search
 
 
 def _teller(starts: Starts, progress: Progress, count: int) -> Callable[[StartResult], None]:

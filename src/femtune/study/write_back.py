@@ -13,7 +13,8 @@ import numpy as np
 from femtune.assembly.parameters import with_updated_ratios
 from femtune.errors import FemtuneError, Where
 from femtune.fem import MODAL
-from femtune.fem.fields import FACTORS
+from femtune.fem.distribution import varied_entries
+from femtune.fem.fields import AMPLITUDE, FACTORS
 from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.field_refs import OF_MATRICES, WITHOUT_CARD
@@ -40,11 +41,11 @@ _OF_NO_CARD = (MODAL, *WITHOUT_CARD)
 
 @dataclass(frozen=True, eq=False)
 class WriteBack:
-    """What was written, and the written deck read again."""
+    """What was written, and the written deck read again, of each specimen; None is that of a study without them."""
 
     record: WriteBackResults
     written: dict[str, tuple[WrittenValue, ...]]
-    built: BuiltModel
+    built: dict[str | None, BuiltModel]
 
 
 def check_inputs_safe(study: Study, folder: Path) -> None:
@@ -54,7 +55,8 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
     ------
     FemtuneError : ``write.overwrites-input``
     """
-    check_overwrites(study.built.deck, folder, NAME)
+    for place in (folder,) if study.specimens is None else (folder / name for name in study.specimens.names):
+        check_overwrites(study.built.deck, place, NAME)
     inputs = {os.path.realpath(path) for path in (study.file.path, *input_paths(study))}
     frfs = uff_paths(Path(FRFS_FILE), study) if study.file.response is not None else []
     shapes = uff_paths(Path(EXPANDED_FILE), study) if study.file.correlate.expand != "none" else []
@@ -64,12 +66,30 @@ def check_inputs_safe(study: Study, folder: Path) -> None:
 
 
 def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> WriteBack:
-    """Write the updated deck into a folder and read it again.
+    """Write the updated deck into a folder and read it again; of specimens each one's into a folder of its own.
 
     Raises
     ------
     FemtuneError : ``run.unwritable`` and the codes ``write.*``
     """
+    if study.specimens is None:
+        return _write_deck(study, result, folder, folder, wide)
+    found: dict[str | None, WriteBack] = {
+        name: _write_deck(study.of_specimen(name), result, folder, folder / name, wide)
+        for name in study.specimens.names
+    }
+    records = [one.record for one in found.values()]
+    # what a common parameter changes is the same in all decks, and is listed once
+    together = {
+        name: tuple(dict.fromkeys(value for record in records for value in getattr(record, name)))
+        for name in WriteBackResults.model_fields
+    }
+    written = {name: values for one in found.values() for name, values in one.written.items()}
+    built = {name: deck for name, one in found.items() for deck in one.built.values()}
+    return WriteBack(WriteBackResults(**together), written, built)
+
+
+def _write_deck(study: Study, result: UpdateResult, run: Path, folder: Path, wide: bool) -> WriteBack:
     values = study.model.field_values(result.x)
     values = {**values, **study.model.structure.values.following(values, study.built.fields)}
     regions = _regions(study)
@@ -80,8 +100,8 @@ def write_back(study: Study, result: UpdateResult, folder: Path, wide: bool) -> 
     deck = write_deck(plan.edited, folder, NAME)
     rebuilt = build_structure(read_deck(deck.main), bool(study.file.study.allow_ignored))
     rebuilt = with_updated_ratios(rebuilt, values)
-    record = _record(study, plan, deck, folder, values, blocked)
-    return WriteBack(record, _written(study, plan), rebuilt)
+    record = _record(study, plan, deck, run, values, blocked)
+    return WriteBack(record, _written(study, plan), {None: rebuilt})
 
 
 def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
@@ -91,13 +111,22 @@ def _shared_fields(values: Mapping[FieldRef, float]) -> dict[FieldRef, float]:
 
 
 def _regions(study: Study) -> dict[str, Iterable[int]]:
-    return {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+    own = {a.parameter: a.elements for a in study.model.assignments if a.elements is not None}
+    varied = [region for _, region in _varied(study)]
+    return {**own, **{region: (int(region.split()[-1]),) for region in varied}}
+
+
+def _varied(study: Study) -> Iterator[tuple[FieldRef, str]]:
+    """Values of single elements in distributions, with the name of the region that the element is."""
+    table = study.model.structure.values
+    yield from ((table.refs[i], table.refs[i].region) for i in sorted(varied_entries(table)))
 
 
 def _placed(study: Study) -> Iterator[tuple[str, FieldRef]]:
     """Each field with the parameter that sets it, or that sets what it follows from."""
     table = study.model.structure.values
-    for name, i, _ in study.model.placed:
+    for placed, i, _ in study.model.placed:
+        name = study.model.name_of(placed)
         yield name, table.refs[i]
         yield from ((name, ref) for ref in table.followers([table.refs[i]], study.built.fields))
 
@@ -119,7 +148,10 @@ def _record(
     blocked: Mapping[FieldRef, float],
 ) -> WriteBackResults:
     owners = {ref: name for name, ref in _placed(study)}
-    lost = (*_without_card(values, owners), *(_shared(ref, owners[ref]) for ref in blocked))
+    varied = {ref for ref, _ in _varied(study)}
+    shared = (_shared(ref, owners[ref]) for ref in blocked if ref not in varied)
+    split = study.file.write.split
+    lost = (*_without_card(values, owners, split), *shared)
     return WriteBackResults(
         files=tuple(str(p.relative_to(folder)) for p in deck.files),
         edits=tuple(edits(study, plan, values, owners)),
@@ -147,14 +179,19 @@ def _of_modes(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) 
             yield f"{owners[ref]}: the damping ratio {value:.6g} of {modes} is not on any card; enter it in TABDMP1"
 
 
-def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str]) -> Iterable[str]:
-    """What no card of a deck can hold."""
+def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, str], split: bool) -> Iterable[str]:
+    """What no card of a deck can hold; distributions where elements get no cards of their own (`split`)."""
     for ref, value in values.items():
         if ref.card in FACTORS:
             matrices = {"stiffness": "stiffness", "mass": "mass", "viscous": "viscous damping"}[FACTORS[ref.card]]
             yield (
                 f"{owners[ref]}: no card holds a factor of the {matrices} of elements; multiply their "
                 f"materials and properties by the updated factor {value:.7g}"
+            )
+        if ref.card == AMPLITUDE and not split:
+            yield (
+                f"{owners[ref]}: {ref} = {value:.6g} was not written; split = true in [write] gives each element of "
+                "the distribution a separate card"
             )
         if ref.card == "GENERIC":
             yield f"{owners[ref]}: no card holds {ref}, so the updated value {value:.7g} was not written"
@@ -163,7 +200,7 @@ def _without_card(values: Mapping[FieldRef, float], owners: Mapping[FieldRef, st
 def _no_fields(study: Study) -> Iterable[str]:
     used = {name for name, _ in _placed(study)}
     for p in study.parameters.parameters:
-        if p.name not in used:
+        if p.name not in used and p.name not in study.model.foreign:
             yield f"{p.name} has no field in the deck: {_use(p, study)}"
 
 

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         statistics_of_repeats,
     )
     from femtune.uncertainty.robust import RobustMoments, robust_moments
+    from femtune.uncertainty.specimens import CommonTest, Spread, adjusted, common_test, spread_of
     from femtune.uncertainty.stochastic import (
         CloudResult,
         CloudRules,
@@ -73,6 +74,7 @@ __all__ = [
     "CloudResult",
     "CloudRules",
     "CloudStep",
+    "CommonTest",
     "Counted",
     "EigenvalueOutputs",
     "Fit",
@@ -93,13 +95,16 @@ __all__ = [
     "RepeatChecks",
     "RobustMoments",
     "ShapeOutputs",
+    "Spread",
     "StochasticResult",
     "StochasticRules",
     "StochasticStatus",
+    "adjusted",
     "bootstrap_of",
     "bootstrap_result",
     "check_held_out",
     "check_repeats",
+    "common_test",
     "correlation_of",
     "covariance_distance",
     "definite_signs",
@@ -117,6 +122,7 @@ __all__ = [
     "quadratic_model",
     "robust_moments",
     "shape_outputs",
+    "spread_of",
     "statistics_of_repeats",
     "stochastic_update",
     "unexplained",

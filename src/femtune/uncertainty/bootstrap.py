@@ -4,6 +4,9 @@ Each run starts from the optimum of all data and takes Gauss-Newton steps on its
 single entries, drawn with replacement from the measured ones; or on all of them with noise of the stated standard
 deviations added to the functions of the model at the optimum (a parametric bootstrap).
 
+Where the residuals compare FRFs of an identified test, the lines, entries or noise are those of the measured FRFs
+behind it; what they change in the identified FRFs is added to the residuals, see `femtune.identification.redrawn`.
+
 Sources: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapters 6, 9 and 13; for the limits of the
 intervals, T. C. Hesterberg, What Teachers Should Know About the Bootstrap, The American Statistician 69, 2015.
 """
@@ -20,8 +23,10 @@ from scipy.special import ndtr, stdtrit
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
+from femtune.identification.redrawn import RedrawnTest
 from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, ResidualBlock, UpdateProblem
+from femtune.residuals.identified import drawn_changes, identified_tests
 from femtune.selection import determined
 from femtune.updating.regularisation import SideConstraint
 from femtune.updating.search import LocalModel
@@ -32,6 +37,9 @@ Shared = Literal["shared", "own"]
 _FEWEST_LINES = 3
 _HALVINGS = 8
 _CONTRACTS = 0.5
+_PILOTS = 200
+"""Draws for the linearised spread where the FRFs are those of an identified test."""
+_PILOT_SEED = 1 << 62
 _SHARE = 0.05
 """A free parameter is undetermined if more than this part of it is in combinations that the data leave open."""
 
@@ -46,7 +54,8 @@ class BootstrapRules:
         the functions; "noise": the functions at the optimum with noise of the stated standard deviations
     runs, seed : number of runs; run i draws from its own generator, by the seed and i
     jacobian : "shared": steps with the derivatives at the optimum, with those of the point only where these do not
-        converge; "own": always with those of the point
+        converge, and one Gauss-Newton step of the identification of an identified test; "own": always with those of
+        the point, and with another identification
     tolerance : a run ends with the first step below this part of the standard deviation, in every parameter
     most_steps : runs that need more have not converged
     checked : number of runs of "shared" that are repeated with "own" derivatives, for the largest difference
@@ -180,6 +189,11 @@ class Bootstrap:
         """The same run with derivatives at every point."""
         return self._run(number, True)
 
+    @cached_property
+    def identified(self) -> tuple[RedrawnTest, ...]:
+        """Identified tests whose FRFs are compared."""
+        return identified_tests(self.at.weighted)
+
     def optimum(self) -> BootstrapRun:
         """The run on all data as they are: the optimum near the point that the derivatives belong to."""
         n = len(self.at.residuals)
@@ -187,12 +201,17 @@ class Bootstrap:
 
     @cached_property
     def drawn(self) -> Drawn | None:
-        """What is drawn; None for noise (errors of `drawn_groups`)."""
-        return None if self.rules.method == "noise" else drawn_groups(self.at.weighted, self.rules.method)
+        """What is drawn of the residuals; None for noise and for identified tests (errors of `drawn_groups`)."""
+        if self.rules.method == "noise":
+            return None
+        found = drawn_groups(self.at.weighted, self.rules.method)
+        return None if self.identified else found
 
     @cached_property
     def groups(self) -> int:
         """Number of lines or entries that are drawn from; of residuals for noise."""
+        if self.identified:
+            return sum(test.drawn_from(self.rules.method) for test in self.identified)
         return len(self.at.residuals) if self.drawn is None else len(self.drawn.stratum)
 
     @cached_property
@@ -211,11 +230,15 @@ class Bootstrap:
     def linear_covariance(self) -> Reals:
         """(k, k) covariance of the first steps: H⁻¹ (Σ s sᵀ) H⁻¹ with the gradients s of what is drawn together.
 
-        For noise H⁻¹ JᵀJ H⁻¹ with the size of the noise. H = JᵀJ, with the rows of the side constraint.
+        For noise H⁻¹ JᵀJ H⁻¹ with the size of the noise. H = JᵀJ, with the rows of the side constraint. For identified
+        tests from two hundred draws.
         """
         J = self._scaled(self.at.jacobian)
         inverse = np.linalg.pinv(J.T @ J + self._side_matrix, hermitian=True)
-        if self.drawn is None:
+        if self.identified:
+            steps = np.array([self._pilot(i) @ J for i in range(_PILOTS)])
+            middle = np.atleast_2d(np.cov(steps.T))
+        elif self.drawn is None:
             middle = self.size**2 * (J.T @ J)
         else:
             sums = np.zeros((len(self.drawn.stratum), J.shape[1]))
@@ -252,16 +275,33 @@ class Bootstrap:
             names = [p.name for p, f in zip(self.problem.parameters.free, self.free) if f]
             raise FemtuneError("bootstrap.undetermined", parameters=", ".join(n for n, o in zip(names, open_) if o))
 
-    def _data(self, number: int) -> tuple[Reals, Reals]:
+    def _pilot(self, number: int) -> Reals:
+        """(n,) change of the residuals in one draw beside those of the runs."""
+        return self._changes(np.random.default_rng([self.rules.seed, _PILOT_SEED, number]), False)
+
+    def _changes(self, rng: np.random.Generator, own: bool) -> Reals:
+        """(n,) change of the residuals with one draw of the measured FRFs of identified tests, and with other noise."""
+        changes = drawn_changes(self.at.weighted, self.rules.method, rng, complete=own)
+        pairs = zip(self.at.weighted, changes)
+        return np.concatenate([noise_of(b, rng, self.size) if c is None else c for b, c in pairs])
+
+    def _data(self, number: int, own: bool = False) -> tuple[Reals, Reals]:
         """(n,) roots of the weights of the residuals of a run, and what is added to them."""
         rng = np.random.default_rng([self.rules.seed, number])
+        if self.identified:
+            added = self._changes(rng, own)
+            return np.ones(len(added)), added - self.at.residuals if self.rules.method == "noise" else added
         if self.drawn is not None:
             return np.sqrt(self.drawn.counts(rng))[self.drawn.group], np.zeros(len(self.at.residuals))
         noise = np.concatenate([noise_of(b, rng, self.size) for b in self.at.weighted])
         return np.ones(len(noise)), noise - self.at.residuals
 
     def _run(self, number: int, own: bool) -> BootstrapRun:
-        return self._walked(*self._data(number), own)
+        try:
+            data = self._data(number, own)
+        except FemtuneError as error:
+            return BootstrapRun(self.at.x, False, 0, 0, own, error.what)
+        return self._walked(*data, own)
 
     def _walked(self, root: Reals, added: Reals, own: bool) -> BootstrapRun:
         walk = _Walk(self, root, added, self.at, own)
@@ -396,6 +436,7 @@ class BootstrapResult:
     runs : in the order of their numbers
     check : the first of them again, with derivatives at every point
     groups : number of lines or entries that were drawn from
+    identified : whether these are the measured ones behind FRFs of an identified test
     """
 
     parameters: ParameterSet
@@ -407,6 +448,7 @@ class BootstrapResult:
     groups: int
     linear_covariance: Reals
     fisher_covariance: Reals
+    identified: bool = False
 
     @cached_property
     def samples(self) -> Reals:
@@ -483,6 +525,12 @@ class BootstrapResult:
 
 
 _BIASED, _UNLIKE, _SAME, _STILL = 0.5, 1.3, 0.1, 1e-12
+_APART = 1.0
+"""Difference of runs by another identification, in standard deviations, above which its choices matter."""
+_WHY_UNLIKE = (
+    "which trusts the stated standard deviations of the FRFs: these do not describe the residuals",
+    "which takes the errors of the compared lines as independent; those of an identified test are not",
+)
 _WHAT = {
     "lines": "frequency lines drawn with replacement",
     "entries": "single FRF values drawn with replacement",
@@ -497,14 +545,20 @@ def _spread(found: BootstrapResult) -> list[str]:
     known = [p for p in moved if np.isfinite(p.cov)]
     what = _WHAT[found.rules.method]
     out = [f"{len(found.samples)} bootstrap runs: {what}."]
+    if found.identified:
+        out.append("What is drawn are the measured FRFs; each run identifies the test again and equalises its damping.")
     if known:
         worst = max(known, key=lambda p: p.cov)
         out.append(f"The largest coefficient of variation is {100 * worst.cov:.2g} % ({worst.name}).")
     ratio = [p.sd / p.fisher_sd for p in moved if p.fisher_sd > 0.0]
-    if ratio and not 1.0 / _UNLIKE < (middle := float(np.median(ratio))) < _UNLIKE and found.rules.method != "noise":
+    if (
+        ratio
+        and not 1.0 / _UNLIKE < (middle := float(np.median(ratio))) < _UNLIKE
+        and (found.rules.method != "noise" or found.identified)
+    ):
         out.append(
-            f"The standard deviations are {middle:.2g} times those by the inverse Fisher information (median), which "
-            "trusts the stated standard deviations of the FRFs: these do not describe the residuals."
+            f"The standard deviations are {middle:.2g} times those by the inverse Fisher information (median), "
+            f"{_WHY_UNLIKE[found.identified]}."
         )
     return out
 
@@ -526,6 +580,13 @@ def _method(found: BootstrapResult) -> list[str]:
     if found.difference is None:
         return []
     verdict = "agree" if found.difference <= _SAME else "do not agree"
+    if found.identified:
+        said = (
+            f"{len(found.check)} runs with another identification, which chooses the modes again, differ from those "
+            f"with one step of the identification by at most {found.difference:.2g} σ."
+        )
+        why = "The choice of modes depends on the noise, which the standard deviations do not contain."
+        return [said, why] if found.difference > _APART else [said]
     return [
         f"{len(found.check)} runs with derivatives at every point {verdict} with those with shared derivatives: the "
         f"largest difference is {found.difference:.2g} σ."
@@ -551,7 +612,7 @@ def bootstrap_result(work: Bootstrap, runs: Sequence[BootstrapRun], check: Seque
     """The statistics of runs (error ``bootstrap.no-runs`` where fewer than three converged)."""
     found = BootstrapResult(
         work.problem.parameters, work.rules, work.at.x, work.moving, tuple(runs), tuple(check), work.groups,
-        work.linear_covariance, work.fisher_covariance,
+        work.linear_covariance, work.fisher_covariance, bool(work.identified),
     )  # fmt: skip
     if len(found.samples) < _FEWEST_LINES:
         reason = next((r.problem for r in runs if r.problem), "the steps did not become small")

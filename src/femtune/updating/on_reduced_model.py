@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
+from femtune.executor import Executor
 from femtune.model import EigenSolution, ModelPoint
 from femtune.model.reduce import (
     Components,
@@ -39,7 +41,7 @@ from femtune.updating.sensitivity_method import (
     moving_parameters,
     update,
 )
-from femtune.updating.starts import DEFAULT_RULES, MultiStart, StartResult, StartRules, follow_up, multi_start
+from femtune.updating.starts import DEFAULT_RULES, MultiStart, Sample, StartResult, StartRules, follow_up, multi_start
 
 SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
@@ -245,6 +247,16 @@ class ReducedSearch:
     estimates: list[Trained]
     history: list[Iteration]
 
+    def part(self, problem: UpdateProblem) -> ReducedSearch:
+        """The reduced models of those cases that another problem has too, by their names."""
+        positions = {case.name: i for i, case in enumerate(problem.cases)}
+        at = [k for k, i in enumerate(self.reduced) if self.problem.cases[i].name in positions]
+        own = [positions[self.problem.cases[self.reduced[k]].name] for k in at]
+        functions, trainers, trained, estimates = (
+            [of[k] for k in at] for of in (self.functions, self.trainers, self.trained, self.estimates)
+        )
+        return ReducedSearch(problem, self.rules, own, functions, trainers, trained, estimates, [])  # type: ignore[arg-type]
+
     def reduced_problem(self) -> UpdateProblem:
         cases = list(self.problem.cases)
         for i, trained, functions in zip(self.reduced, self.trained, self.functions):
@@ -430,9 +442,12 @@ def train(
     told: Told,
     active: Sequence[str] | None = None,
 ) -> ReducedSearch:
-    """Reduced models of all cases, trained from the states of `before` on the box of the parameters that move."""
+    """Reduced models of all cases, trained from the states of `before` on the box of the parameters that move.
+
+    Cases of one state of the structure, such as those of nominally identical specimens, share one training.
+    """
     trainers: list[Trainer | ComponentTrainer] = []
-    trained, moving = [], np.zeros(len(before.x), bool)
+    trained, moving = list[Trained](), np.zeros(len(before.x), bool)
     moving[moving_parameters(problem, active)] = True
     by_case = [_served(state, rules) for state in before.states]
     which = [i for i, case in enumerate(problem.cases) if case.on_modes or by_case[i]]
@@ -446,14 +461,29 @@ def train(
         wanted = tuple(wanted_of(state, r) for r in frfs)
         rows = sp.csr_array(sp.vstack([case.sensors, *port_rows(wanted)], format="csr"))
         known = _most_modes(state, frfs)
-        common = (rows, partial(_solve, case, known), *hears, before.x, moving)
+        common = (rows, partial(_solve, case, known), *hears, before.x, moving & _acting(case))
         division = _division(case, rules)
         if division is None or rules.components is None:
             trainers.append(Trainer(case.configured, asked, *common, wanted))
         else:
             trainers.append(ComponentTrainer(case.configured, asked, rules.components, division, *common))
-        trained.append(trainers[-1].train(trainers[-1].start()))
+        trained.append(_shared(trainers, trained) or trainers[-1].train(trainers[-1].start()))
     return ReducedSearch(problem, rules, which, functions, trainers, trained, trained, [])
+
+
+def _acting(case: ComparedCase) -> NDArray[np.bool_]:
+    """(k,) parameters that have an effect in a case: none of other specimens."""
+    model = case.configured.model
+    return np.array([p.name not in model.foreign for p in model.parameters.free], bool)
+
+
+def _shared(trainers: Sequence[Trainer | ComponentTrainer], trained: Sequence[Trained]) -> Trained | None:
+    """What an earlier training gives for the last trainer; None where none is of the same matrices and points."""
+    last = trainers[-1]
+    for other, found in zip(trainers, trained):
+        if isinstance(last, Trainer) and isinstance(other, Trainer) and last.served_by(other):
+            return last.taken_from(other, found)
+    return None
 
 
 def _division(case: ComparedCase, rules: ReductionRules) -> Division | None:
@@ -590,6 +620,9 @@ def multi_start_reduced(
     active: Sequence[str] | None = None,
     known: Mapping[tuple[int, int], StartResult] | None = None,
     report: Callable[[StartResult], None] | None = None,
+    executor: Executor | None = None,
+    sampled: Mapping[int, Sample] | None = None,
+    report_sample: Callable[[Sample], None] | None = None,
     told: Told = NOBODY,
 ) -> ReducedStarts:
     """`multi_start` on reduced models, which the full models certify at the best end.
@@ -601,7 +634,7 @@ def multi_start_reduced(
     Parameters
     ----------
     equation_error : whether starts first go through `equation_error_phases`; hops are judged by the equation error then
-    nominal, points, active, known, report : as for `multi_start`
+    nominal, points, active, known, report, executor, sampled, report_sample : as for `multi_start`
     told : as for `update_reduced`
 
     Raises
@@ -615,13 +648,17 @@ def multi_start_reduced(
     method = replace(method, regularisation=side)
     run = _Run(problem, method, reduction, search, told, active, [])
     reduced = run.search.reduced_problem()
+    options: dict[str, Any] = {
+        "points": points, "active": active, "known": known, "report": report, "executor": executor, "sampled": sampled,
+        "report_sample": report_sample,
+    }  # fmt: skip
     if equation_error and any(len(case.test) for case in problem.cases):
         *first, last = equation_error_phases(reduced)
-        found = multi_start(last, NO_SIDE, rules, first=first, points=points, active=active, known=known, report=report)
+        found = multi_start(last, NO_SIDE, rules, first=first, **options)
         found = run.certify(found, lambda p: equation_error_phases(p)[-1], NO_SIDE)
         found = follow_up(found, run.search.reduced_problem(), method, side, active)
     else:
-        found = multi_start(reduced, method, rules, points=points, active=active, known=known, report=report)
+        found = multi_start(reduced, method, rules, **options)
     found = run.certify(found, lambda p: p, method)
     full = run.search.assess(found.best.x, run.states, run.better)
     best = on_full_model(problem, method, before, full, found.best, found.best.history)

@@ -20,6 +20,7 @@ from femtune.parameters import ParameterSet
 from femtune.residuals import Evaluation, UpdateProblem
 from femtune.updating.on_reduced_model import NOBODY, ReducedUpdate, ReductionRules, Told, update_reduced
 from femtune.updating.prior import Prior
+from femtune.updating.regularisation import position
 from femtune.updating.remembered import remembering
 from femtune.updating.result import Iteration, UpdateResult
 from femtune.updating.sensitivity_method import SensitivityMethod, update
@@ -43,12 +44,14 @@ class Belief:
     x : (k,) normalised values
     covariance : (k, k) of x
     found : (k,) parameters that were updated; the others have the values of the study
+    given : (k,) parameters that were set by hand since
     """
 
     parameters: ParameterSet
     x: Reals
     covariance: Reals
     found: NDArray[np.bool_]
+    given: NDArray[np.bool_] | None = None
 
     @property
     def sd(self) -> dict[str, float]:
@@ -62,12 +65,56 @@ class Belief:
         return self.parameters.values(self.x)
 
     def prior(self) -> Prior:
-        """The updated parameters as prior of the next update; other parameters keep their priors."""
-        at = np.flatnonzero(self.found)
+        """What was updated or set by hand as prior of the next update; other parameters keep their priors."""
+        at = np.flatnonzero(self.found if self.given is None else self.found | self.given)
         scale = self.parameters.scale[at]
         names = tuple(self.parameters.free[i].name for i in at)
         covariance = self.covariance[np.ix_(at, at)] * np.outer(scale, scale)
         return Prior(names, self.parameters.denormalise(self.x)[at], covariance)
+
+
+@dataclass(frozen=True)
+class SetByHand:
+    """A parameter that gets a value before a stage: the value itself, or what is added to the present one.
+
+    Parameters
+    ----------
+    sd : standard deviation of the value; None: that of the parameter's prior
+    reason : why, for the report
+    """
+
+    parameter: str
+    value: float | None = None
+    add: float | None = None
+    sd: float | None = None
+    reason: str = ""
+
+
+def set_by_hand(belief: Belief, values: Sequence[SetByHand]) -> Belief:
+    """The belief with values set by hand: what the data of earlier stages said of these parameters is given up.
+
+    Raises
+    ------
+    FemtuneError : ``update.unknown-parameter``, ``study.stage`` for a value outside the bounds
+    """
+    x, covariance, found = belief.x.copy(), belief.covariance.copy(), belief.found.copy()
+    given = np.zeros(len(x), bool) if belief.given is None else belief.given.copy()
+    for one in values:
+        i = position(belief.parameters, one.parameter)
+        p = belief.parameters.free[i]
+        now = float(belief.parameters.denormalise(x)[i])
+        value = now + (one.add or 0.0) if one.value is None else one.value
+        if not p.lower <= value <= p.upper:
+            raise FemtuneError(
+                "study.stage/by-hand-outside-bounds",
+                values={p.name: value, "lower": p.lower, "upper": p.upper},
+                name=p.name,
+            )
+        x[i] = (value - belief.parameters.nominal[i]) / belief.parameters.scale[i]
+        covariance[i], covariance[:, i] = 0.0, 0.0
+        covariance[i, i] = ((p.sd if one.sd is None else one.sd) / belief.parameters.scale[i]) ** 2
+        found[i], given[i] = False, True
+    return Belief(belief.parameters, x, covariance, found, given)
 
 
 def first_belief(parameters: ParameterSet) -> Belief:
@@ -116,7 +163,8 @@ def learned(before: Belief, result: UpdateResult) -> Learned:
     misfit = _misfit(result, J, gain, old + gain @ gain.T)
     noise = gain * [misfit[kind].size if misfit[kind].large else 1.0 for kind in result.after.kinds]
     covariance = old + noise @ noise.T
-    after = Belief(before.parameters, result.x, 0.5 * (covariance + covariance.T), before.found | moved)
+    given = None if before.given is None else before.given & ~moved
+    after = Belief(before.parameters, result.x, 0.5 * (covariance + covariance.T), before.found | moved, given)
     return Learned(after, misfit)
 
 
@@ -171,6 +219,7 @@ class Stage:
     prior : whether that belief is the prior
     seeds : further initial values of moving parameters by name, in their units; every one is run to its end
     reduction : with it, the updates search on reduced models, which are trained once and certified at every end
+    by_hand : values that parameters get before it
     """
 
     name: str
@@ -180,6 +229,7 @@ class Stage:
     prior: bool = True
     seeds: tuple[Mapping[str, float], ...] = ()
     reduction: ReductionRules | None = None
+    by_hand: tuple[SetByHand, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -207,7 +257,8 @@ class StageResult:
     best : the update with the smallest objective
     runs : the updates from the belief and from every seed, in their order
     refused : why no update could start from a seed, by its number from 1
-    start, belief : before and after
+    earlier : what earlier stages found
+    start, belief : before and after, the first with the values that are set by hand
     misfit : by kind, residuals beside what noise and uncertain parameters explain
     reduced : how the reduced models of the best run did; None without reduced models
     """
@@ -215,6 +266,7 @@ class StageResult:
     stage: Stage
     best: UpdateResult
     runs: tuple[UpdateResult, ...]
+    earlier: Belief
     start: Belief
     belief: Belief
     misfit: Mapping[str, Misfit]
@@ -262,6 +314,7 @@ def run_stages(
 
 def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> StageResult:
     """One stage, from the results of earlier stages and from every seed."""
+    earlier, start = start, set_by_hand(start, stage.by_hand)
     problem = remembering(stage.problem(start.x))
     method = replace(stage.method, regularisation=start.prior()) if stage.prior else stage.method
     runs: list[UpdateResult] = []
@@ -288,7 +341,7 @@ def run_stage(stage: Stage, start: Belief, tell: Tell, told: Told = NOBODY) -> S
         runs.append(own.result)
     i = min(range(len(runs)), key=lambda i: (not runs[i].status.ok, runs[i].objective))
     found = learned(start, runs[i])
-    return StageResult(stage, runs[i], tuple(runs), start, found.belief, found.misfit, refused, reduced[i])
+    return StageResult(stage, runs[i], tuple(runs), earlier, start, found.belief, found.misfit, refused, reduced[i])
 
 
 def _starts(stage: Stage, start: Belief) -> list[Reals]:

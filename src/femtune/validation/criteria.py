@@ -110,12 +110,17 @@ MEAN_LEVEL, MAX_LEVEL = "level error of an FRF, mean over the lines", "level err
 RESONANCE = "resonance frequency error in the FRFs"
 OF_FRFS = (FRAC, FDAC, MEAN_LEVEL, MAX_LEVEL, RESONANCE)
 """Quantities that are measured on FRFs."""
+SWEEP_FREQUENCY, SWEEP_AMPLITUDE = "resonance frequency error in a sweep", "error of the largest response in a sweep"
+RMS = "RMS error in random vibration"
+OF_VIBRATION = (SWEEP_FREQUENCY, SWEEP_AMPLITUDE, RMS)
+"""Quantities that are measured in vibration tests."""
 OWN = "own criterion"
 
-IN_PERCENT = (FREQUENCY, SHAPE, RESONANCE)
+IN_PERCENT = (FREQUENCY, SHAPE, RESONANCE, *OF_VIBRATION)
 IN_DECIBELS = (MEAN_LEVEL, MAX_LEVEL)
 _AT_MOST = {FREQUENCY: True, MAC: False, SHAPE: True, DIAGONAL: False, OFF_DIAGONAL: True, SELF: True,
-            FRAC: False, FDAC: False, MEAN_LEVEL: True, MAX_LEVEL: True, RESONANCE: True}  # fmt: skip
+            FRAC: False, FDAC: False, MEAN_LEVEL: True, MAX_LEVEL: True, RESONANCE: True,
+            **dict.fromkeys(OF_VIBRATION, True)}  # fmt: skip
 
 CRITERIA = (
     Criterion("NASA-STD-5002", FREQUENCY, 0.05, True),

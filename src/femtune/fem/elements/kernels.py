@@ -85,16 +85,11 @@ def pieces(batch: ElementBatch, structure: Structure) -> Iterator[list[Contribut
     if by_pieces is not None:
         return (_with_losses(parts, batch) for parts in by_pieces(batch, structure))
     starts = range(0, len(batch), PIECE)
-    return (_piece(_part(batch, slice(start, start + PIECE)), structure, start) for start in starts)
+    return (_piece(batch.some(slice(start, start + PIECE)), structure, start) for start in starts)
 
 
 def _piece(batch: ElementBatch, structure: Structure, start: int) -> list[Contribution]:
     return [replace(part, at=part.at + start) for part in contributions(batch, structure)]
-
-
-def _part(batch: ElementBatch, rows: slice) -> ElementBatch:
-    roles, facts = ({name: a[rows] for name, a in arrays.items()} for arrays in (batch.roles, batch.facts))
-    return replace(batch, ids=batch.ids[rows], nodes=batch.nodes[rows], dofs=batch.dofs[rows], roles=roles, facts=facts)
 
 
 def _with_losses(parts: list[Contribution], batch: ElementBatch) -> list[Contribution]:

@@ -352,7 +352,7 @@ def _polynomial(kernel: Kernel, batch: ElementBatch, structure: Structure) -> It
 
 def _power(part: Contribution, matrices: Reals, *names: str) -> Iterator[Contribution]:
     if matrices.any():
-        yield times(replace(part, matrices=matrices, label=f"{part.label}-{'-'.join(names)}"), *names)
+        yield times(replace(part, stored=matrices, label=f"{part.label}-{'-'.join(names)}"), *names)
 
 
 def _turns(batch: ElementBatch, structure: Structure) -> dict[str, Reals]:

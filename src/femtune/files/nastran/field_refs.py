@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from femtune.errors import FemtuneError, Where, did_you_mean
-from femtune.fem.fields import FACTORS, FieldRef
+from femtune.fem.fields import AMPLITUDE, FACTORS, FieldRef
 from femtune.fem.structure import MODAL, mode_ratio_field
 from femtune.files.nastran.build import BuiltModel
 from femtune.files.nastran.card import records_of
@@ -28,7 +28,7 @@ _FOLLOWING = {
 BARS = ("CBAR", "CBEAM")
 OF_MATRICES = ("MATRIX", "VARIABLE")
 """``MATRIX FRAME`` is the factor of a matrix that no element made, ``VARIABLE T`` what sets of matrices depend on."""
-WITHOUT_CARD = (*OF_MATRICES, *FACTORS, "GENERIC")
+WITHOUT_CARD = (*OF_MATRICES, *FACTORS, "GENERIC", AMPLITUDE)
 """What a study may move although no card of a deck holds it."""
 
 

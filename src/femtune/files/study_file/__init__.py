@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 from femtune._lazy import lazy_names
 
 if TYPE_CHECKING:
+    from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
     from femtune.files.study_file.component import ComponentEntry
     from femtune.files.study_file.configuration import (
+        MEASURED,
         ConfigurationEntry,
         LeaveOutEntry,
         MassEntry,
@@ -17,9 +19,18 @@ if TYPE_CHECKING:
         switched_off,
     )
     from femtune.files.study_file.derived import DerivedEntry
+    from femtune.files.study_file.distribution import DistributionEntry
+    from femtune.files.study_file.experiments import ScreenTable, SearchTable
     from femtune.files.study_file.kinds import element_list
     from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
-    from femtune.files.study_file.options import with_expansion, with_modes, with_plan, with_response
+    from femtune.files.study_file.options import (
+        with_expansion,
+        with_modes,
+        with_plan,
+        with_response,
+        with_screen,
+        with_search,
+    )
     from femtune.files.study_file.over_frequency import FrequencyTableEntry
     from femtune.files.study_file.parameter import NearTable, ParameterEntry, RegionTable
     from femtune.files.study_file.plan import PlanTable, SuspensionEntry
@@ -27,7 +38,9 @@ if TYPE_CHECKING:
     from femtune.files.study_file.reading import frozen, is_deck, read_study_file, study_from_data, study_from_text
     from femtune.files.study_file.residual import Comparison, ResidualsTable
     from femtune.files.study_file.response import LoadEntry, ResponseTable
-    from femtune.files.study_file.stage import StageEntry
+    from femtune.files.study_file.runs import RunsModelTable
+    from femtune.files.study_file.solver import SolverTable
+    from femtune.files.study_file.stage import ByHandEntry, StageEntry
     from femtune.files.study_file.step_tables import (
         BootstrapTable,
         CorrelateTable,
@@ -46,17 +59,23 @@ if TYPE_CHECKING:
     )
     from femtune.files.study_file.study import Given, StudyFile
     from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+    from femtune.files.study_file.vibration import VibrationEntry
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "MEASURED",
     "BootstrapTable",
+    "ByHandEntry",
+    "CandidateEntry",
+    "CandidatesTable",
     "ChecksTable",
     "Comparison",
     "ComponentEntry",
     "ConfigurationEntry",
     "CorrelateTable",
     "DerivedEntry",
+    "DistributionEntry",
     "EqualiseTable",
     "FrequencyTableEntry",
     "GenericEntry",
@@ -80,11 +99,15 @@ __all__ = [
     "ResidualsTable",
     "ResponseTable",
     "RigidFloorEntry",
+    "RunsModelTable",
+    "ScreenTable",
+    "SearchTable",
     "SelectTable",
     "SensorEntry",
     "SensorTerm",
     "SensorsTable",
     "SingleTest",
+    "SolverTable",
     "StageEntry",
     "StudyFile",
     "StudyTable",
@@ -93,6 +116,7 @@ __all__ = [
     "UpdateTable",
     "ValidateTable",
     "VariableEntry",
+    "VibrationEntry",
     "WriteTable",
     "element_list",
     "frozen",
@@ -106,4 +130,6 @@ __all__ = [
     "with_modes",
     "with_plan",
     "with_response",
+    "with_screen",
+    "with_search",
 ]

@@ -13,6 +13,7 @@ from femtune.files.study_file.kinds import (
     Number,
     Positive,
     Rotation,
+    SpecimenName,
     Support,
     Text,
     TomlTable,
@@ -72,10 +73,15 @@ class TestKeys(TomlTable):
     pairs: tuple[PairEntry, ...] = ()
 
 
-class SingleTest(TestKeys):
-    """[test]: the only test of a study without [[configuration]]."""
+MEASURED = "freq_hz of [test]"
+"""Name of the test that consists of the frequencies in the study."""
 
-    file: Text
+
+class SingleTest(TestKeys):
+    """[test]: the only test of a study without [[configuration]]; a file, or frequencies without shapes."""
+
+    file: Text | None = None
+    freq_hz: Annotated[tuple[Positive, ...], Field(max_length=1000)] = ()
     units: Units | None = None
 
 
@@ -83,6 +89,7 @@ class ConfigurationEntry(TestKeys):
     """[[configuration]]: changes of the deck, and the test of this configuration."""
 
     name: Text
+    specimen: SpecimenName | None = None
     test: Text | None = None
     test_units: Units | None = None
     elements_off: ElementsOff = ()
@@ -93,6 +100,7 @@ class ConfigurationEntry(TestKeys):
     supports_added: tuple[Support, ...] = ()
     supports_removed: tuple[Support, ...] = ()
     masses: tuple[MassEntry, ...] = ()
+    masses_file: Text | None = None
     weighed_mass: Positive | None = None
     use: Literal["update", "validation"] = "update"
 
@@ -112,4 +120,4 @@ def only_configuration(test: SingleTest | None, name: str) -> ConfigurationEntry
     if test is None:
         return ConfigurationEntry(name=name)
     shared = {name: getattr(test, name) for name in TestKeys.model_fields}
-    return ConfigurationEntry(name=name, test=test.file, test_units=test.units, **shared)
+    return ConfigurationEntry(name=name, test=test.file or MEASURED, test_units=test.units, **shared)

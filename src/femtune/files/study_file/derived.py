@@ -8,8 +8,8 @@ from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import Expression, Text, TomlTable
+from femtune.files.study_file.parameter import expression_names
 from femtune.files.study_file.source import StudyLines, named_twice, tables
-from femtune.parameters import parse_expression
 
 Data = dict[str, Any]
 
@@ -33,7 +33,7 @@ def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
             yield source.error((*place, "name"), "parameter.name/derived", {}, name=name)
         if name in parameters:
             yield source.error((*place, "name"), "parameter.duplicate/derived", {}, name=name)
-        for used in _names_in(entry.get("expression")):
+        for used in expression_names(entry.get("expression")):
             if used not in parameters:
                 hint = did_you_mean(used, parameters)
                 yield source.error(
@@ -43,11 +43,3 @@ def derived_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
                     hint=hint,
                     name=used,
                 )
-
-
-def _names_in(expression: object) -> tuple[str, ...]:
-    """Names in a valid expression; errors of other expressions have a separate message."""
-    try:
-        return parse_expression(expression).names if isinstance(expression, str) else ()
-    except FemtuneError:
-        return ()

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
 from femtune.errors import FemtuneError, Where
-from femtune.fem.fields import FACTORS, FieldRef, factor_ref, generic_ref
+from femtune.fem.fields import FACTORS, FieldRef, amplitude_ref, factor_ref, generic_ref
 from femtune.files.nastran.catalogue import CATALOGUE
 from femtune.files.nastran.lists import IntegerList, read_list
 from femtune.parameters import parse_expression
@@ -25,6 +25,7 @@ _LARGEST_WEIGHT = 1e12
 _COMPONENTS = re.compile(r"0|(?!.*(.).*\1)[1-6]{1,6}")
 _GROUP = r"[A-Z][A-Z0-9]{0,15}"
 _GENERIC = re.compile(rf"GENERIC +({_GROUP}) +([KS][0-9]+(?:-[0-9]+)?)")
+_AMPLITUDE = re.compile(rf"DISTRIBUTION +({_GROUP}) +F([1-9][0-9]?)")
 _FIELD = re.compile(r"([A-Z][A-Z0-9]{0,7})(?: +([0-9]{1,18}))? +([A-Z][A-Z0-9]{0,15})")
 
 
@@ -130,7 +131,8 @@ def _bad_support(text: str) -> FemtuneError:
 def field_reference(text: str) -> FieldRef:
     """``PBAR 1 I1`` -> the field I1 of PBAR 1; ``PBAR I1``, number 0, -> that of every PBAR.
 
-    ``STIFFNESS`` is the factor of element matrices, ``GENERIC JOINT K1`` an eigenvalue of a group.
+    ``STIFFNESS`` is the factor of element matrices, ``GENERIC JOINT K1`` an eigenvalue of a group, and
+    ``DISTRIBUTION THIN F2`` the amplitude of a function.
 
     Raises
     ------
@@ -141,6 +143,9 @@ def field_reference(text: str) -> FieldRef:
     generic = _GENERIC.fullmatch(text.strip())
     if generic is not None:
         return generic_ref(generic[1], generic[2])
+    amplitude = _AMPLITUDE.fullmatch(text.strip())
+    if amplitude is not None:
+        return amplitude_ref(amplitude[1], int(amplitude[2]))
     match = _FIELD.fullmatch(text.strip())
     if match is None or (match[2] is not None and int(match[2]) == 0):
         raise FemtuneError("study.field", hint=_form_of_field(text))
@@ -176,6 +181,13 @@ def _weight(value: object) -> None:
         raise FemtuneError("study.value/weight", largest=_LARGEST_WEIGHT)
 
 
+def numbered(value: object) -> object:
+    """Keys of a TOML table are text: those that are whole numbers become numbers."""
+    if not isinstance(value, dict):
+        return value
+    return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
+
+
 def _by_node(value: object) -> None:
     """A number of 0 or more, or such a number for some test nodes."""
     numbers: list[tuple[Any, Any]] = list(value.items()) if isinstance(value, dict) else [(1, value)]
@@ -188,6 +200,11 @@ def _by_node(value: object) -> None:
 def _group_name(text: str) -> None:
     if not re.fullmatch(_GROUP, text):
         raise FemtuneError("study.value/group-name")
+
+
+def _specimen_name(text: str) -> None:
+    if not re.fullmatch("[A-Za-z0-9_]{1,32}", text):
+        raise FemtuneError("study.value/specimen-name")
 
 
 def _components(text: str) -> None:
@@ -235,6 +252,7 @@ def _covariance(value: object) -> None:
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]
+SpecimenName = Annotated[str, checked(_specimen_name)]
 Number = Annotated[int, Field(gt=0, lt=10**18)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]

@@ -9,6 +9,7 @@ from pydantic import Field, StringConstraints
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import Components, Elements, GroupName, Number, Text, TomlTable
+from femtune.files.study_file.runs import is_of_runs
 from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9]{0,15}$")]
@@ -68,6 +69,8 @@ def matrix_rules(data: Data, source: StudyLines) -> Problems:
 
 def _deck_or_matrices(data: Data, source: StudyLines, matrices: bool) -> Problems:
     deck = "deck" in table(data, "study")
+    if is_of_runs(data):
+        return
     if deck and matrices:
         hint = "remove deck; if only its grid points are needed, name it by grid in [model]"
         yield source.error(("study", "deck"), "study.matrices/deck-and-matrices", {}, hint=hint)

@@ -86,6 +86,7 @@ class Parameter(ParameterEntry, _Checked):
     sd, mean : prior standard deviation and mean
     prior, prior_name : catalogue that holds the prior, and the name of the entry
     tie : an expression of other parameters, instead of bounds: "2.0*E"
+    individual : whether each specimen has its own value
     unit : unit shown in tables
 
     Raises
@@ -122,6 +123,7 @@ class Parameter(ParameterEntry, _Checked):
             prior: str | Path | None = None,
             prior_name: str | None = None,
             tie: str | None = None,
+            individual: bool = False,
             unit: str = "",
         ) -> None: ...
 
@@ -133,6 +135,7 @@ class Configuration(ConfigurationEntry, _Checked):
     ----------
     name : unique name
     test : a `ModalTest`, or the path of its file; None without a test
+    specimen : name of the specimen, where nominally identical structures were tested
     test_units : length-mass-s of the test, if its file does not state them
     masses : added masses: ``[{"node": 12, "mass": 0.5}]``
     elements_off : elements that are absent: "201 THRU 208"
@@ -333,6 +336,7 @@ class FrfResidual(FrfResidualEntry, _Checked):
     form : "log-complex", "log-magnitude" or "linear"
     around : "band", or "resonances": lines around the resonances of the test
     sd, floor, averages : standard deviation of a function, in units of `form`
+    output_sd, angle_sd_deg : that of single outputs, and that of the rotation of sensors
     method, ratio, ratios, residual_vectors, count, max_hz : how the model's functions are computed
     modes, most, bandwidths, lines, aligned, region_ratio : which lines are compared
     configuration : name, if the study has several

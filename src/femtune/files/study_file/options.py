@@ -1,4 +1,4 @@
-"""[response], [plan], [modes] and [correlate] with options of a call in place of their keys."""
+"""[response], [plan], [screen], [search], [modes] and [correlate] with options of a call in place of their keys."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from femtune.errors import ErrorCollector, FemtuneError, Where
+from femtune.files.study_file.experiments import experiment_rules
 from femtune.files.study_file.objects import plain
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.problems import problems
@@ -106,6 +107,34 @@ def with_plan(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
     lines = {place: line for place, line in file._source.lines.items() if not _replaced(place, given, "plan")}
     copy._source = StudyLines(file._source.file, lines)
     return copy
+
+
+def with_screen(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
+    """The study with keys of [screen] replaced by `options`; with an empty table if it has none (errors as for a file).
+
+    A design that is given without levels has its own default.
+    """
+    known = {} if file.screen is None else plain(file.screen)
+    if options.get("design") is not None:
+        known = {key: value for key, value in known.items() if key == "configuration"}
+    return _with_experiment(file, "screen", known, options)
+
+
+def with_search(file: StudyFile, options: Mapping[str, Any]) -> StudyFile:
+    """The study with keys of [search] replaced by `options`; an empty table if it has none (errors as for a file)."""
+    return _with_experiment(file, "search", {} if file.search is None else plain(file.search), options)
+
+
+def _with_experiment(file: StudyFile, name: str, known: dict[str, Any], options: Mapping[str, Any]) -> StudyFile:
+    given = {**known, **{key: plain(value) for key, value in options.items() if value is not None}}
+    source = StudyLines(_OPTIONS)
+    errors: list[FemtuneError] = list(experiment_rules({name: given}, source))
+    try:
+        found = StudyFile.model_validate({"study": file.study.model_dump(exclude_unset=True), name: given})
+    except ValidationError as findings:
+        errors = [*problems(findings, source), *errors]
+    ErrorCollector(errors).raise_if_any()
+    return file.model_copy(update={name: getattr(found, name)})
 
 
 def _replaced(place: Place, given: Mapping[str, Any], name: str = "response") -> bool:

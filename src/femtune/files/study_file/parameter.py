@@ -62,6 +62,7 @@ class ParameterEntry(TomlTable):
     prior: Text | None = None
     prior_name: Text | None = None
     tie: Expression | None = None
+    individual: bool = False
     unit: str = ""
 
     @property
@@ -112,14 +113,14 @@ def _tied(place: Place, entry: Data, names: list[str], source: StudyLines) -> Pr
     for key in _OF_FREE_ONES:
         if key in entry:
             yield source.error((*place, key), "parameter.tied", {key: entry[key]}, key=key)
-    for name in _names_in(entry["tie"]):
+    for name in expression_names(entry["tie"]):
         if name not in names:
             hint = did_you_mean(name, (n for n in names if n != entry.get("name")))
             yield source.error((*place, "tie"), "tie.unknown/in-study", {"tie": entry["tie"]}, hint=hint, name=name)
 
 
-def _names_in(tie: object) -> tuple[str, ...]:
-    """Names in a valid tie; errors of other ties are reported by the models."""
+def expression_names(tie: object) -> tuple[str, ...]:
+    """Names in a valid expression; errors of other expressions are reported by the models."""
     try:
         return parse_expression(tie).names if isinstance(tie, str) else ()
     except FemtuneError:

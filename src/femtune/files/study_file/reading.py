@@ -114,6 +114,7 @@ def _named_files(data: dict[str, Any]) -> Iterator[tuple[Place, object, str]]:
         yield (*place, "file"), entry.get("file"), "file of a matrix"
     for place, entry in tables(data, "configuration"):
         yield (*place, "test"), entry.get("test"), "test file"
+        yield (*place, "masses_file"), entry.get("masses_file"), "table of masses"
     for place, entry in tables(data, "parameter"):
         yield (*place, "prior"), entry.get("prior"), "catalogue of damping"
 

@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import (
+    ByNode,
     Covariance,
     DofLabel,
     FrequencySd,
@@ -22,9 +23,11 @@ from femtune.files.study_file.kinds import (
     Text,
     TomlTable,
     Vector,
+    numbered,
 )
 from femtune.files.study_file.response import Hertz, HertzAboveZero, Labels, MethodWord, Ratio
-from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.files.study_file.source import Place, StudyLines, number, table, tables, texts
+from femtune.files.study_file.specimens import specimens_of
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -51,7 +54,14 @@ class ResidualTable(TomlTable):
     covariance_of_test: ClassVar[bool] = False
     sd_of_test: ClassVar[bool] = False
 
-    configuration: Text | None = None
+    configuration: Text | Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
+
+    def is_in(self, configuration: str, several: bool, used: bool) -> bool:
+        """Whether it is compared in a configuration; without `configuration` in the only one, or, of a study of
+        specimens (`several`), in all that the update uses."""
+        if self.configuration is None:
+            return used or not several
+        return configuration in ((self.configuration,) if isinstance(self.configuration, str) else self.configuration)
 
     @property
     def is_of_test(self) -> bool:
@@ -117,6 +127,8 @@ class FrfResidualEntry(MeasuredFunctionsTable):
     sd: NotNegative | None = None
     floor: NotNegative = 0.0
     averages: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    output_sd: Annotated[dict[DofLabel, Positive], Field(min_length=1)] | None = None
+    angle_sd_deg: Annotated[ByNode, BeforeValidator(numbered)] = 0.0
     method: MethodWord = "real modes"
     residual_vectors: bool = True
     ratio: Ratio | None = None
@@ -395,9 +407,9 @@ def _modes(data: Data, source: StudyLines) -> Problems:
 
 def _configuration(data: Data, place: Place, entry: Data, source: StudyLines) -> Problems:
     known = {str(c.get("name")): c for _, c in tables(data, "configuration")}
-    name = entry.get("configuration")
-    if name is None:
-        if len(known) > 1:
+    given = entry.get("configuration")
+    if given is None:
+        if len(known) > 1 and not specimens_of(data):
             yield source.error(
                 place,
                 "study.residual-configuration/several",
@@ -406,9 +418,12 @@ def _configuration(data: Data, place: Place, entry: Data, source: StudyLines) ->
             )
         return
     where = (*place, "configuration")
-    if known and isinstance(name, str) and name not in known:
-        yield source.error(where, "study.residual-configuration/unknown", {}, hint=did_you_mean(name, known), name=name)
-    elif not known:
+    if not known:
         yield source.error(where, "study.residual-configuration/none", {})
-    elif known.get(str(name), {}).get("use") == "validation":
-        yield source.error(where, "study.residual-configuration/for-validation", {}, name=name)
+        return
+    for name in texts(given if isinstance(given, tuple) else (given,)):
+        if name not in known:
+            hint = did_you_mean(name, known)
+            yield source.error(where, "study.residual-configuration/unknown", {}, hint=hint, name=name)
+        elif known[name].get("use") == "validation":
+            yield source.error(where, "study.residual-configuration/for-validation", {}, name=name)

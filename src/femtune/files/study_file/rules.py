@@ -10,18 +10,25 @@ from collections.abc import Iterator
 from typing import Any
 
 from femtune.errors import FemtuneError, did_you_mean
+from femtune.files.study_file.candidates import candidate_rules
 from femtune.files.study_file.component import component_rules
 from femtune.files.study_file.derived import derived_rules
+from femtune.files.study_file.distribution import distribution_rules
+from femtune.files.study_file.experiments import experiment_rules
 from femtune.files.study_file.matrices import generic_rules, matrix_rules
 from femtune.files.study_file.over_frequency import frequency_table_rules
 from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
+from femtune.files.study_file.runs import is_of_runs, runs_rules
+from femtune.files.study_file.solver import solver_rules
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
+from femtune.files.study_file.specimens import specimen_rules
 from femtune.files.study_file.stage import stage_rules
 from femtune.files.study_file.update_rules import update_rules
 from femtune.files.study_file.validation import validation_rules
+from femtune.files.study_file.vibration import vibration_rules
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -32,12 +39,19 @@ _ABOUT_THE_TEST = ("records", "test_units", "mode_labels", "rotation", "origin",
 def rules(data: Data, source: StudyLines) -> Problems:
     """All breaches of rules between keys."""
     yield from matrix_rules(data, source)
+    yield from runs_rules(data, source)
+    yield from solver_rules(data, source)
     yield from _modes(data, source)
     yield from _configurations(data, source)
     yield from component_rules(data, source)
     yield from _sensors(data, source)
     yield from parameter_rules(data, source)
+    yield from candidate_rules(data, source)
+    yield from specimen_rules(data, source)
+    yield from experiment_rules(data, source)
+    yield from vibration_rules(data, source)
     yield from generic_rules(data, source)
+    yield from distribution_rules(data, source)
     yield from derived_rules(data, source)
     yield from frequency_table_rules(data, source)
     yield from residual_rules(data, source)
@@ -71,6 +85,11 @@ def _modes(data: Data, source: StudyLines) -> Problems:
 def _configurations(data: Data, source: StudyLines) -> Problems:
     entries = list(tables(data, "configuration"))
     yield from named_twice(entries, "study.duplicate-name/earlier", source)
+    test = table(data, "test")
+    if test and ("file" in test) == ("freq_hz" in test):
+        yield source.error(("test",), "study.test-source", {})
+    if "freq_hz" in test and not is_of_runs(data):
+        yield source.error(("test", "freq_hz"), "study.test-source/no-runs", {})
     if entries and "test" in data:
         yield source.error(("test",), "study.test-unused", {})
     for place, entry in entries:

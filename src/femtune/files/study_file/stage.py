@@ -9,24 +9,46 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable, is_number
-from femtune.files.study_file.source import Place, StudyLines, named_twice, table, tables, texts
+from femtune.files.study_file.response import Hertz, HertzAboveZero
+from femtune.files.study_file.source import Place, StudyLines, named_twice, number, table, tables, texts
+from femtune.files.study_file.specimens import bounds_of, free_names
 
 Names = Annotated[tuple[Text, ...], Field(min_length=1)]
 
 
+class ByHandEntry(TomlTable):
+    """A parameter that gets a value before a stage: the `value` itself, or what is to `add` to the present one."""
+
+    parameter: Text
+    value: float | None = None
+    add: float | None = None
+    sd: Positive | None = None
+    reason: Text
+
+
 class StageEntry(TomlTable):
-    """Parameters, residuals and further initial values of a stage."""
+    """Parameters, residuals, band, values set by hand and further initial values of a stage."""
 
     name: Text
     parameters: Names
     residuals: Names
     configurations: Names | None = None
+    from_hz: Hertz = 0.0
+    to_hz: HertzAboveZero | None = None
+    by_hand: tuple[ByHandEntry, ...] = ()
     seeds: tuple[dict[Text, float], ...] = ()
     frf_sd: Positive = 0.05
     frf_floor: NotNegative = 0.0
     prior: bool = True
     max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @property
+    def band_hz(self) -> tuple[float, float] | None:
+        """The frequencies that are compared; None for all."""
+        if not self.from_hz and self.to_hz is None:
+            return None
+        return self.from_hz, float("inf") if self.to_hz is None else self.to_hz
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -52,10 +74,12 @@ def stage_rules(data: Data, source: StudyLines) -> Problems:
         yield from _update(data, source)
     for place, entry in entries:
         yield from _names((*place, "configurations"), entry, _configurations(data), "configuration", source)
-        yield from _names((*place, "parameters"), entry, _parameters(data), "free parameter", source)
+        yield from _names((*place, "parameters"), entry, free_names(data), "free parameter", source)
         yield from _names((*place, "residuals"), entry, _kinds(data), "kind of residual of this study", source)
         yield from _doubled((*place, "parameters"), entry, source)
         yield from _seeds(place, entry, data, source)
+        yield from _band(place, entry, source)
+        yield from _by_hand(place, entry, data, source)
 
 
 def _update(data: Data, source: StudyLines) -> Problems:
@@ -70,10 +94,6 @@ def _update(data: Data, source: StudyLines) -> Problems:
 def _configurations(data: Data) -> list[str]:
     found = [entry for _, entry in tables(data, "configuration") if entry.get("use", "update") != "validation"]
     return [str(entry.get("name")) for entry in found]
-
-
-def _parameters(data: Data) -> list[str]:
-    return [str(entry.get("name")) for _, entry in tables(data, "parameter") if "tie" not in entry]
 
 
 def _kinds(data: Data) -> list[str]:
@@ -100,7 +120,7 @@ def _doubled(place: Place, entry: Data, source: StudyLines) -> Problems:
 
 
 def _seeds(place: Place, entry: Data, data: Data, source: StudyLines) -> Problems:
-    bounds = {str(p.get("name")): (p.get("lower"), p.get("upper")) for _, p in tables(data, "parameter")}
+    bounds = bounds_of(data)
     seeds = entry.get("seeds", ())
     for i, seed in enumerate(seeds if isinstance(seeds, tuple) else ()):
         for name, value in seed.items() if isinstance(seed, dict) else ():
@@ -109,6 +129,32 @@ def _seeds(place: Place, entry: Data, data: Data, source: StudyLines) -> Problem
                 yield source.error(where, "study.stage/seed-parameter", {}, name=name)
             elif not _inside(value, bounds.get(name, (None, None))):
                 yield source.error(where, "study.stage/seed-outside-bounds", {name: value}, name=name)
+
+
+def _band(place: Place, entry: Data, source: StudyLines) -> Problems:
+    low, high = number(entry, "from_hz") or 0.0, number(entry, "to_hz")
+    if high is not None and low >= high:
+        yield source.error((*place, "to_hz"), "study.stage/band", {"from_hz": low, "to_hz": high})
+
+
+def _by_hand(place: Place, entry: Data, data: Data, source: StudyLines) -> Problems:
+    known, bounds, seen = free_names(data), bounds_of(data), set[str]()
+    for at, one in tables(entry, "by_hand"):
+        where, name = (*place, *at), one.get("parameter")
+        if ("value" in one) == ("add" in one):
+            yield source.error(where, "study.stage/value-or-add", {})
+        if not isinstance(name, str):
+            continue
+        if name not in known:
+            what, hint = "free parameter", did_you_mean(name, known)
+            yield source.error(
+                (*where, "parameter"), "study.stage/unknown-name", {}, hint=hint, name=name, kind_of_name=what
+            )
+        elif "value" in one and not _inside(one["value"], bounds[name]):
+            yield source.error(where, "study.stage/by-hand-outside-bounds", {name: one["value"]}, name=name)
+        if name in seen:
+            yield source.error(where, "study.stage/by-hand-twice", {}, name=name)
+        seen.add(name)
 
 
 def _inside(value: object, bounds: tuple[object, object]) -> bool:

@@ -18,6 +18,7 @@ from femtune.files.study_file.kinds import (
     Units,
     Vector,
     Weight,
+    numbered,
 )
 from femtune.units import UnitSystem, unit_system
 
@@ -47,21 +48,14 @@ class ModesTable(TomlTable):
     max_hz: Annotated[float, Field(gt=0, le=1e12)] | None = None
 
 
-def _numbers(value: object) -> object:
-    """Keys of a TOML table are text: those that are whole numbers become numbers."""
-    if not isinstance(value, dict):
-        return value
-    return {int(k) if k.isdecimal() and len(k) <= 18 else k: v for k, v in value.items()}
-
-
 class SensorsTable(TomlTable):
     """[sensors]: assignment of test nodes to grid points of the model."""
 
     tolerance: Positive | None = None
     by_id: bool = False
-    nodes: Annotated[dict[Number, Number], BeforeValidator(_numbers)] = Field(default_factory=dict)
-    position_sd: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
-    angle_sd_deg: Annotated[ByNode, BeforeValidator(_numbers)] = 0.0
+    nodes: Annotated[dict[Number, Number], BeforeValidator(numbered)] = Field(default_factory=dict)
+    position_sd: Annotated[ByNode, BeforeValidator(numbered)] = 0.0
+    angle_sd_deg: Annotated[ByNode, BeforeValidator(numbered)] = 0.0
 
 
 class SensorTerm(TomlTable):

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from femtune.errors import Where
+from femtune.files.study_file.candidates import CandidateEntry, CandidatesTable
 from femtune.files.study_file.component import ComponentEntry
 from femtune.files.study_file.configuration import ConfigurationEntry, SingleTest, only_configuration
 from femtune.files.study_file.derived import DerivedEntry
+from femtune.files.study_file.distribution import DistributionEntry
+from femtune.files.study_file.experiments import ScreenTable, SearchTable
 from femtune.files.study_file.kinds import TomlTable
 from femtune.files.study_file.matrices import GenericEntry, MatrixEntry, ModelTable, VariableEntry
 from femtune.files.study_file.over_frequency import FrequencyTableEntry
@@ -21,6 +24,8 @@ from femtune.files.study_file.plan import PlanTable
 from femtune.files.study_file.quantify import QuantifyTable, SelectTable
 from femtune.files.study_file.residual import Comparison, ResidualEntry, ResidualsTable
 from femtune.files.study_file.response import LoadEntry, ResponseTable
+from femtune.files.study_file.runs import RunsModelTable
+from femtune.files.study_file.solver import SolverTable
 from femtune.files.study_file.source import StudyLines
 from femtune.files.study_file.stage import StageEntry
 from femtune.files.study_file.step_tables import (
@@ -39,6 +44,7 @@ from femtune.files.study_file.step_tables import (
     WriteTable,
 )
 from femtune.files.study_file.validation import ChecksTable, HoldOutEntry, ValidateTable
+from femtune.files.study_file.vibration import VibrationEntry
 
 if TYPE_CHECKING:
     from femtune.files.nastran.build import BuiltModel
@@ -75,6 +81,8 @@ class StudyFile(TomlTable):
     model: ModelTable = Field(default_factory=ModelTable)
     matrix: tuple[MatrixEntry, ...] = ()
     variable: tuple[VariableEntry, ...] = ()
+    runs: RunsModelTable | None = None
+    solver: SolverTable | None = None
     modes: ModesTable = Field(default_factory=ModesTable)
     test: SingleTest | None = None
     component: tuple[ComponentEntry, ...] = ()
@@ -84,6 +92,7 @@ class StudyFile(TomlTable):
     rigid_floor: tuple[RigidFloorEntry, ...] = ()
     correlate: CorrelateTable = Field(default_factory=CorrelateTable)
     generic: tuple[GenericEntry, ...] = ()
+    distribution: tuple[DistributionEntry, ...] = ()
     parameter: tuple[ParameterEntry, ...] = ()
     frequency_table: tuple[FrequencyTableEntry, ...] = ()
     derived: tuple[DerivedEntry, ...] = ()
@@ -93,10 +102,15 @@ class StudyFile(TomlTable):
     update: UpdateTable = Field(default_factory=UpdateTable)
     hold_out: tuple[HoldOutEntry, ...] = ()
     validation: ValidateTable = Field(default_factory=ValidateTable, alias="validate")
+    vibration: tuple[VibrationEntry, ...] = ()
     checks: ChecksTable = Field(default_factory=ChecksTable)
     reduction: ReductionTable | None = None
     stage: tuple[StageEntry, ...] = ()
     plan: PlanTable | None = None
+    screen: ScreenTable | None = None
+    search: SearchTable | None = None
+    candidates: CandidatesTable | None = None
+    candidate: tuple[CandidateEntry, ...] = ()
     response: ResponseTable | None = None
     select: SelectTable = Field(default_factory=SelectTable)
     quantify: QuantifyTable | None = None
@@ -129,6 +143,11 @@ class StudyFile(TomlTable):
         return self.configuration or (only_configuration(self.test, "as imported" if self.imported else "as the deck"),)
 
     @property
+    def specimens(self) -> tuple[str, ...]:
+        """Names of the nominally identical specimens, in the order of their configurations; none without them."""
+        return tuple(dict.fromkeys(c.specimen for c in self.configuration if c.specimen is not None))
+
+    @property
     def comparisons(self) -> tuple[Comparison, ...]:
         """All residuals: those of [residuals], and every [[residual]]."""
         tables = (Comparison(entry, ("residual", i)) for i, entry in enumerate(self.residual))
@@ -141,13 +160,15 @@ class StudyFile(TomlTable):
 
     @property
     def source_name(self) -> str:
-        """Name of the model in the study: the deck, or the file of the first matrix."""
-        return self.study.deck or self.matrix[0].file
+        """Name of the model in the study: the deck, the file of the first matrix, the table of runs, or a template."""
+        return self.study.deck or (
+            self.runs.file if self.runs else self.solver.templates[0] if self.solver else self.matrix[0].file
+        )
 
     @property
     def imported(self) -> bool:
-        """True for a study of matrices."""
-        return bool(self.matrix)
+        """True for a study of matrices or runs of another solver, which has no deck."""
+        return bool(self.matrix) or self.runs is not None or self.solver is not None
 
     @property
     def output_folder(self) -> Path:

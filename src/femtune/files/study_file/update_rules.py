@@ -9,6 +9,7 @@ from typing import Any
 from femtune.errors import FemtuneError, did_you_mean
 from femtune.files.study_file.kinds import is_number
 from femtune.files.study_file.source import StudyLines, number, table, tables
+from femtune.files.study_file.specimens import free_names
 
 Data = dict[str, Any]
 Problems = Iterator[FemtuneError]
@@ -63,7 +64,7 @@ def _of_other_kinds(update: Data, source: StudyLines) -> Problems:
 
 
 def _names(data: Data, update: Data, source: StudyLines) -> Problems:
-    free = [e["name"] for _, e in tables(data, "parameter") if isinstance(e.get("name"), str) and "tie" not in e]
+    free = free_names(data)
     for key, groups in (("identical", update.get("identical")), ("correlations", _pairs(update))):
         for group in groups if isinstance(groups, tuple) else ():
             for name in group if isinstance(group, tuple) else ():

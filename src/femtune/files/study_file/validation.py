@@ -43,6 +43,9 @@ class ValidateTable(TomlTable):
     frf_mean_db: Positive | None = None
     frf_max_db: Positive | None = None
     resonance_error: Fraction | None = None
+    sweep_frequency: Fraction | None = None
+    sweep_amplitude: Fraction | None = None
+    random_rms: Fraction | None = None
     frf_from_hz: HertzAboveZero | None = None
     frf_to_hz: HertzAboveZero | None = None
     frequency_sd: Fraction | None = None
@@ -65,7 +68,11 @@ class ChecksTable(TomlTable):
 
 FRF_LIMITS = ("frac", "fdac", "frf_mean_db", "frf_max_db", "resonance_error")
 """Keys of [validate] that are limits of criteria on FRFs."""
-OWN_LIMITS = ("frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error", *FRF_LIMITS)
+VIBRATION_LIMITS = ("sweep_frequency", "sweep_amplitude", "random_rms")
+"""Keys of [validate] that are limits of criteria on vibration tests."""
+OWN_LIMITS = (
+    "frequency_error", "mac", "cross_orthogonality", "off_diagonal", "shape_error", *FRF_LIMITS, *VIBRATION_LIMITS,
+)  # fmt: skip
 """Keys of [validate] that are limits of criteria."""
 
 

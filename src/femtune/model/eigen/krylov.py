@@ -10,7 +10,7 @@ import scipy.linalg as la
 
 from femtune.arrays import Reals
 from femtune.model.eigen.pencil import pieces
-from femtune.model.linear.dense_products import add, multiply, subtract, transposed_times, turn
+from femtune.model.linear.dense_products import add, multiply, subtract, symmetric_eigen, transposed_times, turn
 from femtune.model.linear.sparse_products import Product
 
 # ----------------------------------------------------------------------------------------------------
@@ -162,13 +162,17 @@ class KrylovBasis:
 
     def ritz(self) -> tuple[Reals, Reals, Reals]:
         """θ ascending, their vectors (k, k) and residual norms ‖Sy − θy‖_M."""
-        theta, Y = la.eigh(self.T)
+        theta, Y = symmetric_eigen(self.T)
         return theta, Y, la.norm(self.B @ Y, axis=0) if len(self.B) else np.zeros(len(theta))
 
     @property
     def least(self) -> float:
         """The smallest θ of the basis."""
         return float(la.eigvalsh(self.T, subset_by_index=(0, 0))[0])
+
+    def give_back(self) -> None:
+        """Give the memory of the vectors back; what is left is T."""
+        self._V = self._heavy = np.zeros((self._V.shape[0], 0))
 
     def restart(self, theta: Reals, Y: Reals) -> None:
         """Keep the chosen Ritz vectors V Y, with their coupling to the next block (a thick restart)."""
@@ -256,7 +260,9 @@ def iterate(operator: Krylov, basis: KrylovBasis, count: int, wanted: int, toler
         patience = _PATIENCE if left < 0.5 * best else patience - 1
         best, restarts = min(best, left), restarts - 1
         if left <= 1.0 or not patience or not restarts or basis.is_exhausted or basis.k >= operator.rank:
-            return _finished(basis, *pairs, columns)
+            found = _finished(basis, *pairs, columns)
+            basis.give_back()
+            return found
         _restart(basis, count)
 
 

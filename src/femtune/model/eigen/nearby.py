@@ -10,7 +10,8 @@ import scipy.linalg as la
 
 from femtune.arrays import Reals
 from femtune.model.eigen.accuracy import SMALL, Above, energy_bound_from_above
-from femtune.model.eigen.krylov import Krylov, KrylovPairs, begin, iterate
+from femtune.model.eigen.krylov import KrylovPairs, begin, iterate
+from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pairs import check_negative
 from femtune.model.eigen.pencil import Pencil, pieces
 from femtune.model.eigen.sturm import Count, count_below, cut_above, with_repeats
@@ -73,7 +74,7 @@ def modes_nearby(pencil: Pencil, nearby: Nearby, limit: Count | None) -> NearbyM
     count = limit if limit is not None and limit.factor is not None else count_below(pencil, _above(nearby, values))
     if not _is_usable(count, nearby.wanted):
         return None
-    return _proven(pencil, nearby, count, _start(nearby.shapes, vectors * np.abs(values - count.value)))
+    return _proven(pencil, nearby, count, vectors * np.abs(values - count.value))
 
 
 def _start(shapes: Reals, vectors: Reals) -> Reals:
@@ -115,11 +116,14 @@ def _is_usable(count: Count, wanted: int) -> bool:
     return told and count.value > 0.0 and wanted <= (count.below or 0) <= 2 * wanted + _FEW
 
 
-def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> NearbyModes | None:
-    """As many pairs as were counted, if they are separated from those above and accurate."""
+def _proven(pencil: Pencil, nearby: Nearby, count: Count, vectors: Reals) -> NearbyModes | None:
+    """As many pairs as were counted, if they are separated from those above and accurate.
+
+    `vectors` are the coefficients of the known shapes that the iteration starts from.
+    """
     assert count.factor is not None
     tolerance = min(_MOST, _TOLERANCE * float(np.sqrt(abs(nearby.shift) / count.value)))
-    found = _below(pencil, count, start, tolerance)
+    found = _below(pencil, count, (nearby.shapes, vectors), tolerance)
     if found is None:
         return None
     above = Above(count.factor.solve, count.value, max(-found.least, 0.0))
@@ -132,14 +136,18 @@ def _proven(pencil: Pencil, nearby: Nearby, count: Count, start: Reals) -> Nearb
     return NearbyModes(values, shapes, with_repeats(values, nearby.wanted, nearby.shift), count)
 
 
-def _below(pencil: Pencil, count: Count, start: Reals, tolerance: float) -> KrylovPairs | None:
+def _below(pencil: Pencil, count: Count, start: tuple[Reals, Reals], tolerance: float) -> KrylovPairs | None:
     """All eigenpairs below τ by −(K − τM)⁻¹M; None where the iteration did not get all."""
     number = count.below or 0
     assert count.factor is not None
-    operator = Krylov(_negated(count.factor), pencil.mass, pencil.heavy.size)
+    space = MassSpace(pencil, _negated(count.factor))
+    operator = space.operator
     if 2 * number > operator.rank:
         return None
-    found = iterate(operator, begin(operator, number, start, _BLOCK), number, number, tolerance)
+    block = _start(space.start(start[0]), start[1])
+    found = iterate(operator, begin(operator, number, block, _BLOCK), number, number, space.looser * tolerance)
+    if len(found.theta) == number and (found.theta > 0.0).all():
+        found = space.finished(found)
     return found if len(found.theta) == number and (found.theta > 0.0).all() else None
 
 

@@ -10,7 +10,8 @@ import scipy.linalg as la
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.eigen.accuracy import energy_residuals
-from femtune.model.eigen.krylov import Krylov, KrylovBasis, begin, beside, iterate
+from femtune.model.eigen.krylov import TOLERANCE, KrylovBasis, begin, beside, iterate
+from femtune.model.eigen.mass_space import MassSpace
 from femtune.model.eigen.pencil import Inverse, Pencil, pieces
 from femtune.model.linear.symmetric import SymmetricMatrix
 
@@ -155,23 +156,20 @@ def is_iterative(pencil: Pencil, count: int) -> bool:
 
 def iterative(search: EigenSearch, count: int, wanted: int, known: Pairs | None = None) -> Pairs:
     """By block Lanczos on (K − σM)⁻¹M."""
-    operator = krylov_operator(search.inverse)
+    space = MassSpace(search.pencil, search.inverse.solve)
+    operator = space.operator
     if known is not None:
         missing = count - len(known[0])
-        basis = beside(operator, count, 1.0 / (known[0] - search.shift), known[1], missing)
+        basis = beside(operator, count, 1.0 / (known[0] - search.shift), space.start(known[1]), missing)
     else:
-        basis = search.basis or begin(operator, count, search.start)
-    found = iterate(operator, basis, count, wanted)
+        start = None if search.start is None else space.start(search.start)
+        basis = search.basis or begin(operator, count, start)
+    found = space.finished(iterate(operator, basis, count, wanted, space.looser * TOLERANCE))
     left = float(found.error[:wanted].max(initial=0.0))
     if left > _FAR:
         raise _not_converged(count, left)
     theta, shapes = finite(found.theta, found.shapes)
     return search.shift + 1.0 / theta, shapes
-
-
-def krylov_operator(inverse: Inverse) -> Krylov:
-    """S = (K − σM)⁻¹M."""
-    return Krylov(inverse.solve, inverse.pencil.mass, inverse.pencil.heavy.size)
 
 
 def _not_converged(count: int, error: float) -> FemtuneError:

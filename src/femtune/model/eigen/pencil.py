@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.model.linear.sparse_products import Product, product
-from femtune.model.linear.symmetric import SymmetricMatrix
+from femtune.model.linear.symmetric import SymmetricMatrix, symmetric
 from femtune.model.solvers.factorise import factorise
 from femtune.model.solvers.interface import Factor
 
@@ -45,6 +46,12 @@ class Pencil:
     def heavy(self) -> NDArray[np.int64]:
         """DOFs whose row of M has an entry."""
         return np.flatnonzero(absolute_row_sums(self.M) > 0.0)
+
+    @cached_property
+    def heavy_mass(self) -> Product:
+        """M among the DOFs that have mass."""
+        rows = self.heavy
+        return product(symmetric(sp.csr_array(self.M.upper[rows][:, rows])), _USUAL_BLOCK)
 
     def shifted(self, shift: float) -> SymmetricMatrix:
         """K − σM."""

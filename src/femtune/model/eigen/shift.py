@@ -9,7 +9,8 @@ from femtune.arrays import Reals
 from femtune.errors import FemtuneError
 from femtune.model.configured import ModelPoint
 from femtune.model.eigen.krylov import KrylovBasis, begin
-from femtune.model.eigen.pairs import EigenSearch, krylov_operator
+from femtune.model.eigen.mass_space import MassSpace
+from femtune.model.eigen.pairs import EigenSearch
 from femtune.model.eigen.pencil import Inverse, Pencil
 from femtune.model.mechanisms import check_mechanisms
 from femtune.model.solvers.interface import Factor, SingularMatrixError
@@ -92,7 +93,7 @@ def negative_stiffness(point: ModelPoint) -> FemtuneError:
 
 def _better_size(inverse: Inverse, count: int) -> tuple[float, KrylovBasis]:
     """A size of the shift that is worth another factorisation, or the same, by the first steps of the iteration."""
-    size, operator = -inverse.shift, krylov_operator(inverse)
+    size, operator = -inverse.shift, MassSpace(inverse.pencil, inverse.solve).operator
     basis = begin(operator, count)
     before, values = np.zeros(0), _step(basis, size)
     if basis.k < operator.rank and len(basis.B):

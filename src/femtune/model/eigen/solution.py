@@ -28,7 +28,8 @@ __all__ = ["DENSE_UP_TO", "EigenSolution", "solve_modes"]
 _EXTRA_MODES, _MOST_EXTRA = 6, 400
 _LARGEST = 1e90
 _ONE_FACTOR_FROM = 60_000
-"""From this size on, factors are forgotten before others are made: two at a time would fill the memory."""
+"""From this size on, factors are forgotten before others are made: two at a time would fill the memory. So would the
+element matrices, which a model that is configured does not need."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,8 @@ def _number_below(point: ModelPoint, max_hz: float) -> int | None:
 def _solved(point: ModelPoint, count: int | None, max_hz: float | None, start: EigenSolution | None) -> EigenSolution:
     """The lowest modes by one of the two."""
     _check_start(point, start)
+    if point.configured.n_free >= _ONE_FACTOR_FROM:
+        point.configured.model.release_terms()
     pencil = Pencil(point.symmetric_stiffness, point.symmetric_mass)
     _check_matrices(point, pencil)
     if goes_to_slepc(pencil.M, count):

@@ -238,12 +238,19 @@ def _assembled(
     if len(matrix.sets) == 1 and not matrix.sets[0].at:
         return _parts(matrix, matrix.sets[0].upper, {"FACTOR": factor}, _factor), []
     found = fit_polynomial(matrix.name, matrix.sets, variables, tolerance, matrix.where)
+    return polynomial_terms(matrix, found, factor, values), [found.notice(matrix.where)]
+
+
+def polynomial_terms(
+    matrix: ImportedMatrix, found: Polynomial, factor: int, values: ValueTableBuilder
+) -> list[AssembledMatrix]:
+    """The coefficient matrices of a polynomial and the monomials that multiply them; `factor` is that of the matrix."""
     places = {v.name: values.add(field_of_variable(v.name), v.nominal) for v in found.variables}
     terms: list[AssembledMatrix] = []
     for powers, upper in found.terms:
         roles = {"FACTOR": factor, **{name: at for (name, at), power in zip(places.items(), powers) if power}}
         terms += _parts(matrix, upper, roles, _monomial(found, powers))
-    return terms, [found.notice(matrix.where)]
+    return terms
 
 
 def _parts(

@@ -18,6 +18,8 @@ _BY_COLUMNS, _PLAIN, _TRANSPOSED = 102, 111, 112
 _ROWS = 1 << 14
 _LIBRARY_FROM = 200_000
 """Numbers in the tall matrix from which the library is worth its start."""
+_EIGEN_FROM = 64
+"""The same for the rows of a small matrix: below, its threads have nothing to do."""
 
 
 def multiply(A: Reals, B: Reals) -> Reals:
@@ -51,6 +53,24 @@ def transposed_times(V: Reals, W: Reals) -> Reals:
     out = np.empty((V.shape[1], W.shape[1]), order="F")
     _call(found, _TRANSPOSED, V, W, out, (1.0, 0.0), (V.shape[1], W.shape[1], V.shape[0]))
     return out
+
+
+def symmetric_eigen(A: Reals) -> tuple[Reals, Reals]:
+    """Eigenvalues of a symmetric matrix, ascending, and its vectors."""
+    found = pardiso.library() if len(A) >= _EIGEN_FROM else None
+    if found is None:
+        values, vectors = la.eigh(A)
+        return np.asarray(values), np.asarray(vectors)
+    n = len(A)
+    # the rounding of the library depends on where its arrays begin: at a line of the cache
+    memory = np.empty(n * (n + 1) + 16)
+    aligned = memory[-memory.ctypes.data % 64 // 8 :]
+    vectors, values = aligned[: n * n].reshape((n, n), order="F"), aligned[n * n : n * (n + 1)]
+    vectors[...] = A
+    jobs = ctypes.c_char(b"V"), ctypes.c_char(b"U")
+    if found.LAPACKE_dsyevd(_BY_COLUMNS, *jobs, n, _pointer(vectors), n, _pointer(values)):
+        raise la.LinAlgError("the eigenvalues of a small matrix did not converge")
+    return values, vectors
 
 
 def _product(A: Reals, B: Reals, out: Reals, alpha: float, beta: float) -> Reals:

@@ -10,13 +10,15 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from femtune.arrays import Reals
+from femtune.arrays import Integers, Reals
 from femtune.model.linear.blocks import empty_block
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.solvers import pardiso
 
 LIBRARY_FROM = 50_000
 """Entries from which the threaded library is worth its start."""
+_NEARLY, _DENSE = 1.25, 0.9
+"""Entries a row of a nearly diagonal matrix, at most; part of a pattern without zeros from which on these may stay."""
 _SUCCESS, _PLAIN, _BY_ROWS, _FROM_ZERO = 0, 10, 101, 0
 _ROWS = 1 << 11
 _SYMMETRIC, _UPPER, _NON_UNIT = 21, 41, 50
@@ -42,21 +44,48 @@ def product(matrix: SymmetricMatrix, block: int = 0) -> Product:
     """
     lean = _without_zeros(matrix)
     n = matrix.shape[0]
-    if lean.nnz == n:
-        diagonal = lean.data
-        return Product(matrix.shape, lambda x: np.asarray(diagonal * x if x.ndim == 1 else diagonal[:, None] * x))
+    if lean.nnz <= _NEARLY * n:
+        return Product(matrix.shape, _NearlyDiagonal.of(lean))
     if lean.nnz >= LIBRARY_FROM and pardiso.library() is not None:
         return Product(matrix.shape, _LibraryMatrix(lean, block))
     full = sp.csr_array(lean + sp.triu(lean, 1).T)
     return Product(matrix.shape, lambda x: column_major(np.asarray(full @ x)))
 
 
+@dataclass(frozen=True, eq=False)
+class _NearlyDiagonal:
+    """A symmetric matrix of which few rows have more than a diagonal: these are `rows`, and `rest` what they have."""
+
+    diagonal: Reals
+    rows: Integers
+    rest: sp.csr_array
+
+    @classmethod
+    def of(cls, upper: sp.csr_array) -> _NearlyDiagonal:
+        """From the upper triangle."""
+        strict = sp.triu(upper, 1, format="coo")
+        rows = np.union1d(strict.row, strict.col)
+        n, at = len(rows), (np.searchsorted(rows, strict.row), np.searchsorted(rows, strict.col))
+        half = sp.csr_array((strict.data, at), shape=(n, n))
+        return cls(upper.diagonal(), rows, sp.csr_array(half + half.T))
+
+    def __call__(self, x: Reals) -> Reals:
+        """A x."""
+        if x.ndim == 1:
+            out = np.asarray(self.diagonal * x)
+        else:
+            out = np.multiply(self.diagonal[:, None], x, out=empty_block(len(x), x.shape[1]))
+        if len(self.rows):
+            out[self.rows] += self.rest @ x[self.rows]
+        return out
+
+
 def _without_zeros(matrix: SymmetricMatrix) -> sp.csr_array:
-    """The upper triangle with its whole diagonal and no other zeros."""
+    """The upper triangle with its whole diagonal and no other zeros, where these are many."""
     keep = matrix.data != 0.0
-    keep[matrix.indptr[:-1]] = True
-    if keep.all():
+    if np.count_nonzero(keep) > _DENSE * len(keep):
         return matrix.upper
+    keep[matrix.indptr[:-1]] = True
     starts = np.concatenate([[0], np.cumsum(keep, dtype=np.int32)]).astype(np.int32)[matrix.indptr]
     return sp.csr_array((matrix.data[keep], matrix.indices[keep], starts), shape=matrix.shape)
 

@@ -8,6 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+_COLUMNS = 16
+"""Columns of a product at a time, so that there is one further array of the size of the result, and no more."""
+
 
 @dataclass(frozen=True, eq=False)
 class SymmetricMatrix:
@@ -42,8 +45,16 @@ class SymmetricMatrix:
 
     def __matmul__(self, x: NDArray) -> NDArray:
         """A x for x of shape (n,) or (n, k)."""
+        if x.ndim == 1:
+            return self._times(x, self.diagonal())
+        out = np.empty(x.shape, np.result_type(self.data, x))
+        for first in range(0, x.shape[1], _COLUMNS):
+            part = slice(first, first + _COLUMNS)
+            out[:, part] = self._times(x[:, part], self.diagonal()[:, None])
+        return out
+
+    def _times(self, x: NDArray, diagonal: NDArray) -> NDArray:
         upper = self.upper
-        diagonal = self.diagonal() if x.ndim == 1 else self.diagonal()[:, None]
         return np.asarray(upper @ x + upper.T @ x - diagonal * x)
 
     def full(self) -> sp.csr_array:

@@ -17,6 +17,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from femtune.arrays import Reals
+from femtune.model.eigen.pencil import pieces
 from femtune.model.linear.sparse_products import Product, column_major, product, row_major
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
@@ -183,14 +184,21 @@ def extend(
     """
     if not vectors.shape[1]:
         return basis
-    energy = np.einsum("ij,ij->j", vectors, metric @ vectors) if energy is None else energy
+    energy = _energies(vectors, metric) if energy is None else energy
     some = energy > 0.0
     W = vectors[:, some] / np.sqrt(energy[some])
     # the second pass removes what rounding left of the first; orthonormal to rounding in the end
     for limit in (negligible, 0.5):
-        W = W - basis @ (basis.T @ (metric @ W))
+        if basis.shape[1]:
+            W = W - basis @ (basis.T @ (metric @ W))
         W = _orthonormal(W, metric, limit)
-    return np.ascontiguousarray(np.hstack([basis, W]))
+    return np.ascontiguousarray(np.hstack([basis, W]) if basis.shape[1] else W)
+
+
+def _energies(vectors: Reals, metric: SymmetricMatrix) -> Reals:
+    """(m,) vᵀAv, some columns at a time."""
+    parts = (vectors[:, part] for part in pieces(0, vectors.shape[1]))
+    return np.concatenate([np.einsum("ij,ij->j", some, metric @ some) for some in parts])
 
 
 def orthonormal(vectors: Reals, metric: SymmetricMatrix) -> Reals:
@@ -199,7 +207,9 @@ def orthonormal(vectors: Reals, metric: SymmetricMatrix) -> Reals:
 
 
 def _orthonormal(W: Reals, metric: SymmetricMatrix, limit: float) -> Reals:
-    gram = W.T @ (metric @ W)
+    gram = np.empty((W.shape[1], W.shape[1]))
+    for part in pieces(0, len(gram)):
+        gram[:, part] = W.T @ (metric @ W[:, part])
     values, Q = la.eigh(0.5 * (gram + gram.T))
     keep = values > max(limit, DEPENDENT) ** 2
     # largest first, so that a basis that is cut has the best of them

@@ -218,6 +218,8 @@ def _sobol(k: int, count: int, seed: int) -> Reals:
     return np.asarray((points + np.random.default_rng(seed).random(k)) % 1.0)
 
 
+_FURTHER = 1.02
+"""Lines this much higher than those that a basis was trained for are still within its range."""
 FIRST_MODES = 1.5
 """Modes of the nominal model that the basis starts from, as a multiple of the wanted ones: elsewhere higher ones come
 down among these."""
@@ -275,6 +277,47 @@ class Trainer:
         )
         self.report(trained)
         return trained
+
+    def served_by(self, other: Trainer) -> bool:
+        """Whether another trainer has the same matrices, points and forces, and at least as many modes and lines.
+
+        The parameters of the one take the place of those of the other.
+        """
+        return (
+            self.configured.projected is other.configured.projected
+            and self.rules.count <= other.rules.count
+            and replace(self.rules, count=other.rules.count) == other.rules
+            and all(map(np.array_equal, self._own_points(), other._own_points()))
+            and len(self.functions) == len(other.functions)
+            and all(map(covered, self.functions, other.functions))
+        )
+
+    def taken_from(self, other: Trainer, trained: Trained) -> Trained:
+        """What a trainer that this one is `served_by` has found, for this one."""
+        rows = np.zeros((0, trained.model.order)) if self.rows is None else np.asarray(self.rows @ trained.basis)
+        found = replace(
+            trained,
+            model=replace(trained.model, configured=self.configured, rows=rows),
+            certified=tuple(replace(c, x=self._in_place_of(other, c.x[None])[0]) for c in trained.certified),
+            points=self._in_place_of(other, trained.points),
+            estimator=replace(trained.estimator, count=self.rules.count, functions=self.functions),
+        )
+        self.report(found)
+        return found
+
+    def _own_points(self) -> tuple[Reals, NDArray[np.bool_], Reals, Reals]:
+        """Where the parameters that act here begin, which of them move, and their bounds."""
+        base, moving = base_and_moving(self.configured, self.base, self.moving)
+        lower, upper = self.configured.model.parameters.bounds
+        at = acting_positions(self.configured)
+        return base[at], moving[at], lower[at], upper[at]
+
+    def _in_place_of(self, other: Trainer, points: Reals) -> Reals:
+        """(c, k) points of another trainer as points of this one."""
+        base, _ = base_and_moving(self.configured, self.base, self.moving)
+        out = np.tile(base, (len(points), 1))
+        out[:, acting_positions(self.configured)] = points[:, acting_positions(other.configured)]
+        return out
 
     def _with_responses(self, basis: Reals, metric: SymmetricMatrix, solution: EigenSolution) -> Reals:
         """The basis with what the modes of a solution miss of the responses to the forces of FRFs."""
@@ -380,6 +423,21 @@ class Trainer:
         )
         self.report(trained)
         return trained
+
+
+def acting_positions(configured: ConfiguredModel) -> NDArray[np.int64]:
+    """Positions of the free parameters that have an effect on a model: none of other specimens."""
+    model = configured.model
+    return np.array([i for i, p in enumerate(model.parameters.free) if p.name not in model.foreign], np.int64)
+
+
+def covered(one: FunctionsWanted, other: FunctionsWanted) -> bool:
+    """Whether a basis for other FRFs serves these: the same forces, and lines that do not go far beyond."""
+    return (
+        one.freq_hz.max() <= _FURTHER * other.freq_hz.max()
+        and one.damped == other.damped
+        and np.array_equal(one.forces, other.forces)
+    )
 
 
 def limit_of(trained: Trained, rules: TrainingRules) -> TrainingStatus | None:

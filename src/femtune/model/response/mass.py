@@ -56,10 +56,9 @@ def _rigid_mass(point: ModelPoint, about: NDArray) -> tuple[NDArray, NDArray]:
     motions = np.vstack([rigid_body_modes(structure.nodes, about), np.zeros((1, 6))])
     table = configured.model.table(point.x)
     value, gradient = np.zeros((6, 6)), np.zeros((6, 6, point.n_parameters))
-    for term in (*configured.model.terms, *mass_terms(structure.nodes, configured.configuration.masses)):
-        if term.matrix == "mass":
-            more, slopes = _of_term(term, _rigid_parts(term, motions, off), table)
-            value, gradient = value + more, gradient + slopes
+    for term in (*configured.model.kept.mass, *mass_terms(structure.nodes, configured.configuration.masses)):
+        more, slopes = _of_term(term, _rigid_parts(term, motions, off), table)
+        value, gradient = value + more, gradient + slopes
     return value, gradient
 
 
@@ -138,7 +137,7 @@ def effective_mass(modes: EigenSolution) -> EffectiveMass:
     point = modes.point
     nodes = point.configured.model.structure.nodes
     motions = rigid_body_modes(nodes)
-    forces = _inertial_forces(point, motions)
+    forces = inertial_forces(point, motions)
     about = mass_properties_of(motions.T @ forces, np.zeros(3))
     # the six motions about the centre are combinations of those about the origin
     move = arm_transform(np.eye(3)[None], -about.centre[None], np.eye(3)[None])[0]
@@ -155,16 +154,14 @@ def _least(total: Reals, arms: Reals) -> Reals:
     return _NOTHING * mass * np.repeat([1.0, reach], 3)
 
 
-def _inertial_forces(point: ModelPoint, motions: Reals) -> Reals:
+def inertial_forces(point: ModelPoint, motions: Reals) -> Reals:
     """(n_g, 6) M_g r at the parameters of the point, before any constraint."""
     configured = point.configured
     structure, off = configured.model.structure, list(configured.configuration.elements_off)
     table = configured.model.table(point.x)
     # one row more stands for the ground
     grounded, out = np.vstack([motions, np.zeros((1, 6))]), np.zeros((len(motions) + 1, 6))
-    for term in (*configured.model.terms, *mass_terms(structure.nodes, configured.configuration.masses)):
-        if term.matrix != "mass":
-            continue
+    for term in (*configured.model.kept.mass, *mass_terms(structure.nodes, configured.configuration.masses)):
         c = np.ones(1) if term.coefficient is None else term.coefficient(table).value
         if isinstance(term, MatrixTerm):
             whole = term.upper @ motions + term.upper.T @ motions - term.upper.diagonal()[:, None] * motions

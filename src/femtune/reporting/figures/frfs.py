@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.reporting.figures.canvas import draw_svg
-from femtune.reporting.figures.svg import BLUE, PALE_ORANGE, SOFT, cut
+from femtune.reporting.figures.svg import BLUE, INK, PALE_ORANGE, SOFT, cut
 from femtune.reporting.numbers import short
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ _CUT = -165.0
 _LOOKS: dict[str, dict[str, Any]] = {
     # a wide pale line, opaque so that colours do not mix, under narrow ones: both stay visible where they coincide
     "test": {"color": PALE_ORANGE, "linewidth": 4.0, "zorder": 2.0, "solid_capstyle": "butt"},
+    "identified": {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5)), "zorder": 2.3},
     "before": {"color": SOFT, "linewidth": 1.0, "linestyle": (0, (4, 2)), "zorder": 2.1},
     "model": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
     "after": {"color": BLUE, "linewidth": 1.1, "zorder": 2.2},
@@ -34,7 +35,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class FrfCurve:
-    """A function over its lines; `look` is "model", "before", "after" or "test"."""
+    """A function over its lines; `look` is "model", "before", "after", "identified" or "test"."""
 
     look: str
     freq_hz: NDArray[np.float64]
@@ -124,7 +125,13 @@ def _legend(figure: Figure, panels: Sequence[FrfPanel]) -> None:
     looks = [look for look in _LOOKS if any(c.look == look for p in panels for c in p.curves)]
     if len(looks) < 2:
         return
-    words = {"before": "model before", "after": "model after", "model": "model", "test": "test"}
+    words = {
+        "before": "model before",
+        "after": "model after",
+        "model": "model",
+        "test": "test",
+        "identified": "identified test",
+    }
     from matplotlib.lines import Line2D  # noqa: PLC0415
 
     lines = [Line2D([], [], label=words[look], **_LOOKS[look]) for look in looks]

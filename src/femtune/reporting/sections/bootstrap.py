@@ -20,6 +20,11 @@ WHAT = {
     "entries": "Single FRF values were drawn with replacement",
     "noise": "Noise of the stated standard deviations was added to the results of the updated model",
 }
+IDENTIFIED = {
+    "lines": "Frequency lines of the measured FRFs were drawn with replacement, all FRFs of a line together",
+    "entries": "Single values of the measured FRFs were drawn with replacement",
+    "noise": "Noise as large as the errors of the identified system was added to its FRFs",
+}
 _MOST_SHOWN = 24
 _BIASED = 0.5
 
@@ -39,6 +44,11 @@ def bootstrap_blocks(found: BootstrapResults) -> list[Block]:
 
 def _how(found: BootstrapResults) -> str:
     drawn = "" if found.method == "noise" else f" from {found.drawn_from}"
+    what = WHAT[found.method]
+    if found.identified:
+        what = f"{IDENTIFIED[found.method]}{drawn}; the test was identified again with them, and its damping equalised"
+    else:
+        what = f"{what}{drawn}"
     derivatives = (
         f"derivatives at the result of the update, in {counted(found.own_jacobian, 'run')} at other points"
         if found.jacobian == "shared"
@@ -46,7 +56,7 @@ def _how(found: BootstrapResults) -> str:
     )
     recalled = f", {found.recalled} of them from an earlier run" if found.recalled else ""
     return (
-        f"{WHAT[found.method]}{drawn}. {counted(found.runs, 'run')} (seed {found.seed}){recalled}, each by "
+        f"{what}. {counted(found.runs, 'run')} (seed {found.seed}){recalled}, each by "
         f"Gauss-Newton steps from the result of the update with {derivatives}. "
         f"{counted(found.solutions, 'model solution')} in {short(found.seconds)} s by {found.executor}."
     )

@@ -28,6 +28,7 @@ from femtune.reporting.numbers import (
 if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.reporting.source import ReportSource
+    from femtune.results.fisher import FisherResults, KnownParameter
     from femtune.results.selection import GroupEnergy, ModeEnergies, SelectionMeasures
     from femtune.results.update import CombinationRecord, SelectionResults
     from femtune.results.update import IdentifiabilityResults as Identifiability
@@ -205,6 +206,7 @@ def identifiability(source: ReportSource) -> list[Block]:
     return [
         *_sentences(selection),
         parameter_table(selection),
+        *fisher_blocks(selection.fisher, None if source.results.update is None else source.results.update.fisher),
         *page_table(selection),
         *_singular(selection),
         *_combinations(selection),
@@ -249,6 +251,36 @@ def parameter_table(selection: SelectionResults) -> Table:
         "as normal here; the standard deviation of an update also takes the bounds into account and can be smaller."
     )
     return Table("Parameter by parameter", heads, tuple(_row(p) for p in selection.parameters), note)
+
+
+def fisher_blocks(before: FisherResults | None, after: FisherResults | None = None) -> list[Block]:
+    """Expected standard deviations from the FRFs alone, before and after the update; nothing for other studies."""
+    if before is None:
+        return []
+    last = after or before
+    noise = (
+        "noise as large as the errors of the identification, followed through identification and equalised damping"
+        if last.measured
+        else "the stated standard deviations of the FRFs"
+    )
+    note = (
+        f"From {noise}, by linearisation, without prior and bounds. Together: all parameters are unknown "
+        "(∞: the data leave the parameter open). Alone: all others are known. Known: below a third of the prior's "
+        "standard deviation."
+    )
+    heads = ["Parameter", ">Together before, %", ">Alone before, %"]
+    heads += [">Together after, %", ">Alone after, %"] if after is not None else []
+    ends = {p.parameter: p for p in after.parameters} if after is not None else {}
+    rows = [_fisher_row(p, ends.get(p.parameter), after is not None) for p in before.parameters]
+    title = "Expected standard deviations from the FRFs, in % of the parameter"
+    return [Listing(last.sentences), Table(title, columns(*heads, "Known"), tuple(rows), note)]
+
+
+def _fisher_row(p: KnownParameter, end: KnownParameter | None, *both: bool) -> tuple[Cell, ...]:
+    values = [short(p.sd_percent, "∞"), short(p.sd_alone_percent, "∞")]
+    if any(both):
+        values += [NONE, NONE] if end is None else [short(end.sd_percent, "∞"), short(end.sd_alone_percent, "∞")]
+    return row(p.parameter, *values, "yes" if (end or p).known else Cell("no", tone="poor"))
 
 
 def _row(p: Identifiability) -> tuple[Cell, ...]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from femtune.reporting.document import Block
     from femtune.results.stages import StageErrorSum, StageResults, StageRun
 
+_MOST_VALUES = 60
 _NOTE = (
     "σ includes the uncertainty of the parameters that were fixed in the stage; σ of the data excludes it. Misfit: "
     "residuals relative to what noise and these parameters explain; it is about 1 for a correct model."
@@ -25,7 +26,8 @@ def stages(found: tuple[StageResults, ...]) -> list[Block]:
     """Table of all stages, then runs, error sums and left-out modes of each; nothing without stages."""
     if not found:
         return []
-    return [Heading("Stages"), _table(found), *(block for stage in found for block in _details(stage))]
+    details = (block for stage in found for block in _details(stage))
+    return [Heading("Stages"), _table(found), *_by_hand(found), *_values(found), *details]
 
 
 def _table(found: tuple[StageResults, ...]) -> Block:
@@ -38,7 +40,7 @@ def _table(found: tuple[StageResults, ...]) -> Block:
 
 
 def _rows(stage: StageResults) -> list[tuple[Cell, ...]]:
-    compared = f"{listed(stage.kinds)} ({stage.comparisons})"
+    compared = f"{listed(stage.kinds)} ({stage.comparisons}){_band(stage)}"
     misfit = ", ".join(short(m.size) for m in stage.misfit)
     large = any(m.larger_than_noise for m in stage.misfit)
     out = []
@@ -59,6 +61,45 @@ def _rows(stage: StageResults) -> list[tuple[Cell, ...]]:
             )
         )
     return out
+
+
+def _band(stage: StageResults) -> str:
+    if stage.band_hz is None:
+        return ""
+    low, high = stage.band_hz
+    return f", {short(low)} to {short(high)} Hz" if high is not None else f", from {short(low)} Hz"
+
+
+def _by_hand(found: tuple[StageResults, ...]) -> list[Block]:
+    """Values that the study set between stages."""
+    rows = tuple(
+        row(stage.name, v.parameter, value(v.before), value(v.value), short(v.sd), v.reason)
+        for stage in found
+        for v in stage.by_hand
+    )
+    heads = columns("Stage", "Parameter", ">Before", ">Set to", ">± σ", "Reason")
+    return [Table("Values set by hand", heads, rows, "Set before the stage begins.")] if rows else []
+
+
+def _values(found: tuple[StageResults, ...]) -> list[Block]:
+    """All free parameters through the stages."""
+    updated = [p.name for stage in found for p in stage.parameters]
+    names = list(dict.fromkeys([*updated, *(p.name for stage in found for p in stage.fixed)]))
+    if len(found) == 1 or not 0 < len(names) <= _MOST_VALUES:
+        return []
+    heads = columns("Parameter", *(f">{stage.name}" for stage in found))
+    rows = tuple((Cell(name), *(_value_in(stage, name) for stage in found)) for name in names)
+    note = "Values at the end of each stage, with ± σ for those that it updated; grey: fixed in the stage."
+    return [Table("Parameters in the stages", heads, rows, note)]
+
+
+def _value_in(stage: StageResults, name: str) -> Cell:
+    for p in stage.parameters:
+        if p.name == name:
+            return Cell(f"{value(p.value)} ± {short(p.sd)}")
+    by_hand = " (by hand)" if any(v.parameter == name for v in stage.by_hand) else ""
+    known = next((p.value for p in stage.fixed if p.name == name), None)
+    return Cell(f"{value(known)}{by_hand}", tone="" if by_hand else "muted")
 
 
 def _details(stage: StageResults) -> list[Block]:

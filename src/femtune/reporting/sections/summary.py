@@ -140,7 +140,9 @@ def _numbers(source: ReportSource, c: ModelConfiguration) -> list[KeyNumber]:
     check = c.rigid_body_check
     return [
         KeyNumber(
-            "Mass", with_unit(value(c.mass), mass_unit), remark=f"{c.grids} grid points, {c.free_dofs} free DOFs"
+            "Mass",
+            "not known" if c.mass is None else with_unit(value(c.mass), mass_unit),
+            remark=f"{c.grids} grid points, {c.free_dofs} free DOFs",
         ),
         KeyNumber("Rigid-body check", check.verdict, remark=check.sentence),
         *([_modes(modes)] if modes else []),

@@ -75,9 +75,38 @@ def validation(source: ReportSource) -> list[Block]:
         *deviation_blocks(found),
         *frf_blocks(found),
         *_frf_figures(source, found),
+        *vibration_blocks(found),
         Heading("What was not tested"),
         _listing([*untested_reasons(found), *found.not_tested]),
     ]
+
+
+def vibration_blocks(found: ValidationResults) -> list[Block]:
+    """Sweeps and random vibration tests: a table each, or the reason why there is none."""
+    out: list[Block] = []
+    for test in found.vibrations:
+        out.append(Heading(f"{test.name}: {test.excitation} ({test.configuration})"))
+        if test.problem:
+            out.append(Paragraph(f"Not computed: {test.problem}"))
+        elif test.kind == "sweep":
+            heads = columns("Point", ">Test", ">Test Hz", ">Model", ">Model Hz", ">Error %", ">Frequency error %")
+            rows = (
+                row(
+                    p.output, short(p.test_peak), short(p.test_peak_hz), short(p.peak), short(p.peak_hz),
+                    _error(p.peak, p.test_peak), _error(p.peak_hz, p.test_peak_hz),
+                )
+                for p in test.points
+            )  # fmt: skip
+            out.append(Table("Largest response in the sweep", heads, tuple(rows)))
+        else:
+            heads = columns("Point", ">Test RMS", ">Model RMS", ">Error %")
+            rows = (row(p.output, short(p.test_rms), short(p.rms), _error(p.rms, p.test_rms)) for p in test.points)
+            out.append(Table("Random vibration", heads, tuple(rows)))
+    return out
+
+
+def _error(model: float | None, test: float | None) -> str:
+    return NONE if model is None or test is None else signed_percent(100.0 * (model / test - 1.0))
 
 
 def _listing(lines: list[str]) -> Block:

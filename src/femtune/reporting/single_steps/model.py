@@ -225,16 +225,18 @@ def _mass(subject: Subject, c: ModelConfiguration) -> list[KeyNumber]:
         difference = signed_percent(c.mass_difference_percent)
         weighed = f"measured {with_unit(value(c.weighed_mass), subject.mass_unit)}, difference {difference} %"
     return [
-        KeyNumber("Mass", f"{with_unit(value(c.mass), subject.mass_unit)}, {weighed}"),
+        KeyNumber(
+            "Mass", f"{'not known' if c.mass is None else with_unit(value(c.mass), subject.mass_unit)}, {weighed}"
+        ),
         KeyNumber("Centre of gravity", _centre(subject, c)),
     ]
 
 
 def _centre(subject: Subject, c: ModelConfiguration) -> str:
     if c.inertia is None or c.centre_of_gravity is None:
-        return "not known (no coordinates)"
+        return "not known"
     # the radius of gyration is the length beside which a coordinate is rounding
-    radius = (max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass > 0.0 else 0.0
+    radius = abs(max(abs(v) for line in c.inertia for v in line) / c.mass) ** 0.5 if c.mass else 0.0
     return with_unit(", ".join(_clean(v, radius) for v in c.centre_of_gravity), subject.length_unit)
 
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 from femtune.reporting.document import Listing, Paragraph, Section, Table, columns, row
 from femtune.reporting.numbers import counted, percent, short
 from femtune.reporting.sections.checks import model_check_table
-from femtune.reporting.sections.identifiability import frequency_table, in_words, measures, parameter_table
+from femtune.reporting.sections.identifiability import (
+    fisher_blocks,
+    frequency_table,
+    in_words,
+    measures,
+    parameter_table,
+)
 from femtune.reporting.single_steps.model import GAP, column_groups, widest
 
 if TYPE_CHECKING:
@@ -26,6 +32,7 @@ def selection_document(subject: Subject, selection: SelectionResults) -> Documen
         Section("words", "Combinations of parameters", _listing(others)),
         Section("sensitivities", "Sensitivities", tuple(_sensitivities(selection))),
         Section("parameters", "Parameters", (parameter_table(selection), _singular_values(selection))),
+        Section("expected", "Expected standard deviations", tuple(fisher_blocks(selection.fisher))),
         Section("choice", "Choice of parameters", tuple(measures(selection.measures)[1:])),
         Section("model", "Checks of the model before the update", tuple(model_check_table(selection.model_checks))),
         Section("combinations", "Undetermined and weak combinations", tuple(_combinations(selection))),

@@ -1,4 +1,4 @@
-"""Mistakes of measured FRFs that show beside the model at the start: a wrong sign, another unit, another kind."""
+"""Mistakes of measured FRFs that show beside the model: a wrong sign, another unit, another kind."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from femtune.modal.frf_set import KINDS
 
 _OPPOSITE, _ALIKE = -0.6, 0.5
 """Mean cosine of the phase between measured and computed FRFs: of a channel with a wrong sign, and of the others."""
-_FEWEST, _FEWEST_CHANNELS = 8, 3
+_FEWEST, _FEWEST_CHANNELS, _FEWEST_OUTPUTS = 8, 3, 4
 _LEVEL = 3.0
 """Ratio of the levels, in both directions, from which units are doubted."""
+_OUTLYING = 3.0
+"""A channel has a level of its own if its distance from the others is so many times its scatter over the lines, and
+the scatter of the levels of the others."""
 _CLEARER = 0.7
 """Another kind is likely if it makes the scatter of the ratios so much smaller."""
 
@@ -32,14 +35,18 @@ def against_model(measured: FrfSet, model: Complexes, known: Flags, configuratio
     Returns
     -------
     ``residual.frf-sign`` for channels whose phase is opposite at nearly all lines, ``residual.frf-kind`` where the
-    ratio grows with a power of the frequency, ``residual.frf-level`` where its size is far from one
+    ratio grows with a power of the frequency, ``residual.frf-level`` where its size is far from one, and
+    ``residual.frf-channel-level`` for outputs where it is far from that of the other outputs
     """
     test = measured.values
     used = known & (model != 0.0) & np.isfinite(test) & (test != 0.0)
     if used.sum() < _FEWEST:
         return ()
     ratio = np.divide(model, test, out=np.full(test.shape, np.nan + 0j), where=used)
-    return (*_signs(measured, ratio, configuration), *_sizes(measured, ratio, configuration))
+    sizes = tuple(_sizes(measured, ratio, configuration))
+    other_kind = any(notice.code == "residual.frf-kind" for notice in sizes)
+    levels = () if other_kind else tuple(_levels(measured, ratio, configuration))
+    return (*_signs(measured, ratio, configuration), *sizes, *levels)
 
 
 def _signs(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[Notice]:
@@ -81,9 +88,31 @@ def _sizes(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[N
         return
     level = float(np.exp(-np.median(size)))
     if not 1.0 / _LEVEL < level < _LEVEL:
-        near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1.0 / f) if abs(np.log(level / r)) < np.log(1.5)]
-        guess = f"; the cause may be {' or '.join(near)}" if near else ""
-        yield Notice("residual.frf-level", configuration=configuration, factor=level, guess=guess)
+        yield Notice("residual.frf-level", configuration=configuration, factor=level, guess=_guess(level))
+
+
+def _guess(level: float) -> str:
+    """What is known to cause such a factor."""
+    near = [w for w, f in KNOWN_FACTORS.items() for r in (f, 1.0 / f) if abs(np.log(level / r)) < np.log(1.5)]
+    return f"; the cause may be {' or '.join(near)}" if near else ""
+
+
+def _levels(measured: FrfSet, ratio: Complexes, configuration: str) -> Iterator[Notice]:
+    """Outputs whose level differs from that of the others, by far more than the levels of the others do."""
+    size = -np.log(np.abs(ratio)).reshape(ratio.shape[0], -1)
+    known = np.flatnonzero(np.isfinite(size).sum(axis=1) >= _FEWEST)
+    if len(known) < _FEWEST_OUTPUTS:
+        return
+    level = np.nanmedian(size[known], axis=1)
+    scatter = np.nanmedian(np.abs(size[known] - level[:, None]), axis=1)
+    apart = np.abs(level - np.median(level))
+    least = np.maximum(np.log(_LEVEL), _OUTLYING * np.maximum(scatter, _scatter(level)))
+    for i in np.flatnonzero(apart > least):
+        factor = float(np.exp(level[i] - np.median(level)))
+        yield Notice(
+            "residual.frf-channel-level", configuration=configuration, output=str(measured.responses[known[i]]),
+            factor=factor, guess=_guess(factor),
+        )  # fmt: skip
 
 
 def _scatter(values: Reals) -> float:

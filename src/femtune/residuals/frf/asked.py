@@ -12,7 +12,7 @@ from femtune.dofs import Dof, DofSet, parse_dof
 from femtune.errors import FemtuneError, Notice, Where, did_you_mean
 from femtune.modal import FrfSet
 from femtune.model import ModalDamping, constant_damping, damping_by_mode
-from femtune.model.response import TIMES_HIGHEST_LINE, Method
+from femtune.model.response import Method
 from femtune.residuals.asked import Asked
 from femtune.residuals.case import CaseState
 from femtune.residuals.frf.against_model import against_model
@@ -23,9 +23,12 @@ from femtune.residuals.frf.measured_zeros import ZeroSearch, measured_antiresona
 from femtune.residuals.frf.model_way import AtFirstState, ModelWay, ModesWanted, Settled, full_modes
 from femtune.residuals.frf.residual import FrfResidual, Places
 from femtune.residuals.frf.scatter import FrfScatter
+from femtune.residuals.frf.truncation import with_enough_modes
 
 _METHODS: dict[str, Method] = {"real modes": "real-modes", "complex modes": "complex-modes", "direct": "direct"}
 _USUAL_SD = 0.05
+_POOR = 0.1
+"""Relative error of an identified system above which modes may be missing in it."""
 
 
 class AskedFrfs(AtFirstState):
@@ -41,16 +44,18 @@ class AskedFrfs(AtFirstState):
         measured, places, notices = _functions(asked)
         _check_labels(asked)
         relative = entry.sd if entry.sd is not None else (0.0 if entry.floor else _USUAL_SD)
-        scatter = FrfScatter(relative, entry.floor, entry.averages)
+        scatter = FrfScatter(relative, entry.floor, entry.averages, _output_sd(asked, measured), _angles(entry))
         way = ModelWay(_METHODS[entry.method], _wanted(entry), None, entry.residual_vectors, _limit(entry))
 
         def settle(state: CaseState) -> Settled:
             used, damping, about = _equalised(asked, measured)
-            return _settled_functions(
+            found, told = _settled_functions(
                 entry, used, places, scatter, replace(way, damping=damping), (*notices, *about), state
             )
+            test = asked.equalised()
+            return (found if test is None else replace(found, identified=test.redrawn)), told
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 class AskedAntiresonances(AtFirstState):
@@ -81,7 +86,7 @@ class AskedAntiresonances(AtFirstState):
             found, left = antiresonance_residual(modes, measured, zeros, entry.sd, places, gates, wanted)
             return found, (*notices, *left)
 
-        return cls(_placed(settle, asked))
+        return cls(_placed(settle, asked), lambda low, high: cls.of_study(asked.in_band(low, high)))
 
 
 def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | None, tuple[Notice, ...]]:
@@ -96,12 +101,26 @@ def _equalised(asked: Asked, measured: FrfSet) -> tuple[FrfSet, ModalDamping | N
         "residual.equalised", level="info", configuration=asked.name, ratio=found.damping_ratio,
         low=found.band_hz[0], high=found.band_hz[1], modes=len(zeta), least=100.0 * zeta.min(initial=1.0),
         most=100.0 * zeta.max(initial=0.0), lines=len(found.frfs.freq_hz), misfit=100.0 * found.misfit,
+        left_out=_bands(found.left_out_hz),
     )  # fmt: skip
+    told = [notice]
+    if found.misfit > _POOR:
+        told.append(
+            Notice(
+                "residual.equalised-poor", configuration=asked.name, misfit=100.0 * found.misfit, modes=len(zeta),
+                order=found.largest_order,
+            )
+        )  # fmt: skip
     return (
         _select(found.frfs, measured.responses, measured.references),
         constant_damping(found.damping_ratio),
-        (notice,),
+        tuple(told),
     )
+
+
+def _bands(left_out: Sequence[tuple[float, float]]) -> str:
+    """Bands that are not compared, in words."""
+    return "".join(f", without {low:g} to {high:g} Hz" for low, high in left_out)
 
 
 def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[CaseState], Settled]:
@@ -117,17 +136,18 @@ def _placed(settle: Callable[[CaseState], Settled], asked: Asked) -> Callable[[C
 def _settled_functions(
     entry: Any, measured: FrfSet, places: Places, scatter: FrfScatter, way: ModelWay,
     notices: tuple[Notice, ...], state: CaseState,
-) -> Settled:  # fmt: skip
+) -> tuple[FrfResidual, tuple[Notice, ...]]:  # fmt: skip
     lines, about_lines = _lines(entry, state)
     highest_hz = max(float(measured.freq_hz[r.at].max()) * r.stretch for r in lines.regions(measured.freq_hz))
     way = way.settled(state, highest_hz)
     model = way.model(state, highest_hz)
     found, left = frf_residual(model, measured, lines, entry.form, scatter, way, places)
     doubts = against_model(found.measured, found.survey(model), np.isfinite(found.sd), found.configuration)
-    return found, (*notices, *about_lines, *_more_modes(state, way, highest_hz), *left, *doubts)
+    found, times = with_enough_modes(found, state)
+    return found, (*notices, *about_lines, *_more_modes(state, found.way, highest_hz, times), *left, *doubts)
 
 
-def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Notice, ...]:
+def _more_modes(state: CaseState, way: ModelWay, highest_hz: float, times: float) -> tuple[Notice, ...]:
     """Says so where [modes] has fewer modes than the lines need."""
     case = state.case
     # [modes] has one of the two keys; without it both may be set, or none
@@ -142,7 +162,7 @@ def _more_modes(state: CaseState, way: ModelWay, highest_hz: float) -> tuple[Not
             configuration=case.name,
             few=few,
             modes=way.modes[0],
-            times=TIMES_HIGHEST_LINE,
+            times=times,
             highest_hz=highest_hz,
         ),
     )
@@ -157,6 +177,22 @@ def _lines(entry: Any, state: CaseState) -> tuple[Lines, tuple[Notice, ...]]:
 
 def _wanted(entry: Any) -> ModesWanted | None:
     return None if entry.count is None and entry.max_hz is None else (entry.count, entry.max_hz)
+
+
+def _output_sd(asked: Asked, measured: FrfSet) -> dict[tuple[int, str], float]:
+    """Relative standard deviations of single outputs (error ``dof.missing``)."""
+    known = {(d.node, d.direction): d for d in measured.responses}
+    found = {}
+    for label, sd in (asked.entry.output_sd or {}).items():
+        dof = _known(known, parse_dof(label), asked.where("output_sd"))
+        found[dof.node, dof.direction] = float(sd)
+    return found
+
+
+def _angles(entry: Any) -> dict[int, float]:
+    """Standard deviations of the rotation of sensors, rad, by node; 0 stands for all."""
+    given = entry.angle_sd_deg if isinstance(entry.angle_sd_deg, dict) else {0: entry.angle_sd_deg}
+    return {int(node): float(np.deg2rad(angle)) for node, angle in given.items() if angle}
 
 
 def _limit(entry: Any) -> str:

@@ -90,7 +90,8 @@ def frf_residual(
 
     Parameters
     ----------
-    model : at the start, solved unless the way is "direct" without modal damping
+    model : at the start, solved unless the way is "direct" without modal damping; a way without a number of modes
+        keeps the number of this solution, so that the functions are smooth in the parameters
     measured : NaN where a function or a line was not measured
     lines : which are compared; all above 0 Hz where nothing is said
     scatter, way : default: `FrfScatter()` and `ModelWay()`
@@ -101,7 +102,7 @@ def frf_residual(
     FemtuneError : ``residual.no-frf-lines``, ``residual.no-coherence``, ``residual.no-frf-channels``,
         ``response.held-port``, ``model.unknown-node``, ``model.component``
     """
-    scatter, way = scatter or FrfScatter(), way or ModelWay()
+    scatter, way = scatter or FrfScatter(), (way or ModelWay()).of(model)
     measured, regions, sd, shift = _chosen(measured, lines or Band(), scatter, form)
     configured = _point(model).configured
     name = configured.configuration.name

@@ -21,7 +21,8 @@ class ModelWay:
 
     Parameters
     ----------
-    modes : number of modes or upper frequency that are solved for; None: up to twice the highest line
+    modes : number of modes or upper frequency that are solved for; None: not yet settled, up to twice the highest line
+        at each state
     damping : modal damping besides that of the model
     residual_vectors : whether static responses to inputs and outputs are added to the modes
     limit : what limits the number of modes, in words; "" if it follows from the highest line
@@ -42,6 +43,12 @@ class ModelWay:
         if not self.needs_modes(state.full):
             return state.full
         return full_modes(state, self.modes or (None, TIMES_HIGHEST_LINE * highest_hz))
+
+    def of(self, model: ModelPoint | EigenSolution) -> ModelWay:
+        """The way with the number of modes of a solution, where it has no number and needs modes."""
+        if self.modes is not None or not isinstance(model, EigenSolution) or not self.needs_modes(model.point):
+            return self
+        return replace(self, modes=(model.wanted, None))
 
     def settled(self, state: CaseState, highest_hz: float) -> ModelWay:
         """The way with a fixed number of modes, those up to twice the highest line at this state.
@@ -91,9 +98,11 @@ class AtFirstState(Residual):
     Parameters
     ----------
     settle : state -> the residual, and what was left out
+    limited : lowest and highest frequency -> the same of a band only
     """
 
     settle: Callable[[CaseState], Settled]
+    limited: Callable[[float, float], Residual] | None = field(default=None, repr=False)
     _settled: list[Settled] = field(default_factory=list, repr=False)
 
     def blocks(self, state: CaseState, derivatives: bool) -> Sequence[ResidualBlock]:
@@ -105,6 +114,10 @@ class AtFirstState(Residual):
         """Make the residual of a state, unless it was made; errors as of `settle`."""
         if not self._settled:
             self._settled.append(self.settle(state))
+
+    def in_band(self, low_hz: float, high_hz: float) -> Residual:
+        """See `Residual`; it is settled again."""
+        return self if self.limited is None else self.limited(low_hz, high_hz)
 
     @property
     def settled(self) -> Residual | None:

@@ -18,6 +18,7 @@ from femtune.arrays import Complexes, Integers, Reals
 from femtune.dofs import DofSet
 from femtune.errors import FemtuneError
 from femtune.fem import NodeTable
+from femtune.identification.redrawn import RedrawnTest
 from femtune.modal import FrfSet
 from femtune.modal.frf_set import KINDS
 from femtune.model import ConfiguredModel, EigenSolution, ModelPoint
@@ -25,7 +26,7 @@ from femtune.model.response import Ports, frf_gradient, matrix_ports, survey_fun
 from femtune.residuals.case import CaseState, Residual
 from femtune.residuals.frf.lines import Region
 from femtune.residuals.frf.model_way import ModelWay
-from femtune.residuals.weights import LineSamples, ResidualBlock
+from femtune.residuals.weights import IdentifiedValues, LineSamples, ResidualBlock
 
 # ----------------------------------------------------------------------------------------------------
 # Forms of the FRF residual: differences, or the logarithm of the ratio, of model and measured functions.
@@ -127,6 +128,7 @@ class FrfResidual(Residual):
     form : "linear", "log-magnitude" or "log-complex"
     way : how the model's functions are computed
     shift : (outputs, inputs, lines) added to logarithms of magnitudes, against the bias of their weights
+    identified : the test that `measured` was computed from; None where it was measured itself
     """
 
     configuration: str
@@ -137,6 +139,7 @@ class FrfResidual(Residual):
     form: FrfForm = "log-complex"
     way: ModelWay = field(default_factory=ModelWay)
     shift: Reals | None = field(default=None, repr=False)
+    identified: RedrawnTest | None = field(default=None, repr=False)
     key = "frf"
     label = "frf"
     # a reduced model of modes has no residual vectors for the forces and no damping of its own
@@ -254,9 +257,18 @@ class FrfResidual(Residual):
         scale = float(1.0 / np.sqrt(np.sum((size / sd) ** 2)))
         parts = len(values) // len(test)
         lines, sd = np.tile(self.measured.freq_hz[np.nonzero(at)[2]], parts), np.tile(sd, parts)
-        samples = LineSamples(lines, np.tile(np.arange(len(test)), parts), None if self.form == "linear" else sd)
+        entry, log_sd = np.tile(np.arange(len(test)), parts), None if self.form == "linear" else sd
+        samples = LineSamples(lines, entry, log_sd, self._identified(at))
         block = self.block(self.configuration, label, values / sd, jacobian / sd[:, None], scale)
         return replace(block, samples=samples)
+
+    def _identified(self, at: NDArray[np.bool_]) -> IdentifiedValues | None:
+        if self.identified is None:
+            return None
+        of, (i, j, k) = self.identified.measured, np.nonzero(at)
+        rows, columns = self.measured.responses.align(of.responses)[0], self.measured.references.align(of.references)[0]
+        lines = np.searchsorted(self.identified.freq_hz, self.measured.freq_hz)
+        return IdentifiedValues(self.identified, (rows[i], columns[j], lines[k]), self.sd[at], self.form)
 
     def _not_finite(self, label: str) -> FemtuneError:
         return FemtuneError("residual.frf-not-finite", configuration=self.configuration, function=label)

@@ -7,7 +7,8 @@ where peaks may be narrower than the lines, the bias is small and known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from femtune.modal import FrfSet
 ABOVE_NOISE = 3.0
 """Logarithms are taken of values above so many standard deviations of the noise floor."""
 _WELL_ABOVE = 10.0
+_TRANSLATIONS = ("X", "Y", "Z")
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,9 @@ class FrfScatter:
     relative : part of the magnitude at each line
     floor : part of the largest magnitude of the function
     averages : number of averages of the measurement; None leaves the coherence aside
+    outputs : other values of `relative` for poor channels, by (node, direction) of the response
+    angles : standard deviation of the rotation of a sensor about each axis, rad, by node; node 0 for all others. A
+        response gets parts of the other translations that are measured at its node: σ² has ½ α² Σ|H_other|² more
 
     Raises
     ------
@@ -43,6 +48,8 @@ class FrfScatter:
     relative: float = 0.05
     floor: float = 0.0
     averages: int | None = None
+    outputs: Mapping[tuple[int, str], float] = field(default_factory=dict)
+    angles: Mapping[int, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         numbers = np.array([self.relative, self.floor, 0 if self.averages is None else self.averages - 1], float)
@@ -61,7 +68,8 @@ class FrfScatter:
         """
         before, after = beside(frfs.values)
         size = 0.5 * (np.abs(before) ** 2 + np.abs(after) ** 2)
-        return _known(np.sqrt(size * self._relative(frfs) + self._noise(frfs) ** 2), frfs.values)
+        turned = self._turned(frfs)
+        return _known(np.sqrt(size * self._relative(frfs) + turned + self._noise(frfs) ** 2), frfs.values)
 
     def logarithmic(self, frfs: FrfSet) -> tuple[Reals, Reals]:
         """(responses, references, lines) σ of logarithms, and what is added to those of magnitudes.
@@ -75,7 +83,10 @@ class FrfScatter:
         high = near > _WELL_ABOVE * noise
         part = _ratio(noise, np.where(high, own, near))
         part[part >= 1.0 / ABOVE_NOISE] = np.nan
-        return _known(np.sqrt(self._relative(frfs) + part**2), frfs.values), np.where(high, part**2, 0.0)
+        size, turned = np.where(high, own, near), self._turned(frfs)
+        if self.angles:
+            turned = np.divide(turned, size**2, out=np.full(size.shape, np.nan), where=size > 0.0)
+        return _known(np.sqrt(self._relative(frfs) + turned + part**2), frfs.values), np.where(high, part**2, 0.0)
 
     def _noise(self, frfs: FrfSet) -> Reals:
         """(responses, references, 1) the floor in the unit of the functions."""
@@ -84,12 +95,28 @@ class FrfScatter:
 
     def _relative(self, frfs: FrfSet) -> Reals:
         """relative² + ε²."""
+        own = [self.outputs.get((dof.node, dof.direction), self.relative) for dof in frfs.responses]
+        relative = np.broadcast_to(np.square(own)[:, None, None], frfs.values.shape)
         if self.averages is None:
-            return np.full(frfs.values.shape, self.relative**2)
+            return relative
         if frfs.coherence is None:
             raise FemtuneError("residual.no-coherence")
         known = np.where(frfs.coherence > 0.0, np.minimum(frfs.coherence, 1.0), np.nan)
-        return np.asarray(self.relative**2 + (1.0 - known) / (2.0 * known * self.averages))
+        return np.asarray(relative + (1.0 - known) / (2.0 * known * self.averages))
+
+    def _turned(self, frfs: FrfSet) -> Reals:
+        """½ α² Σ|H_other|² over the other translations measured at the node of each response, in the unit squared."""
+        out = np.zeros(frfs.values.shape)
+        if not self.angles:
+            return out
+        squares = np.nan_to_num(np.abs(frfs.values)) ** 2
+        for i, one in enumerate(frfs.responses):
+            angle = self.angles.get(one.node, self.angles.get(0, 0.0))
+            if angle and one.direction in _TRANSLATIONS:
+                for j, other in enumerate(frfs.responses):
+                    if other.node == one.node and other.direction in _TRANSLATIONS and other.direction != one.direction:
+                        out[i] += 0.5 * angle**2 * squares[j]
+        return out
 
 
 def _ratio(noise: Reals, size: Reals) -> Reals:

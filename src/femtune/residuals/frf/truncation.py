@@ -13,11 +13,15 @@ from femtune.model.eigen.pencil import Pencil
 from femtune.model.eigen.sturm import count_below
 from femtune.model.response import TIMES_HIGHEST_LINE, Method
 from femtune.residuals.case import CaseState, Residual
-from femtune.residuals.frf.model_way import settled
+from femtune.residuals.frf.model_way import full_modes, settled
 from femtune.residuals.frf.residual import FORMS, FrfResidual
 
 SMALL = 0.1
 """Errors of the model's functions up to this many standard deviations of the measured ones are small."""
+FURTHER_TIMES = (3.0, 4.0)
+"""How many times the highest line the modes reach where those up to `TIMES_HIGHEST_LINE` times leave larger errors."""
+_MOST_DOFS = 30_000
+"""Larger models keep their modes: the direct solutions would take as long as the update."""
 _EVEN = 4
 
 
@@ -77,6 +81,28 @@ class Truncation:
         else:
             which = f"the modes above {max(self.reach_hz, wanted):.4g} Hz"
         return which if self.vectors else f"{which}, and residual vectors (residual_vectors = false)"
+
+
+def with_enough_modes(residual: FrfResidual, state: CaseState) -> tuple[FrfResidual, float]:
+    """The residual with further modes where its error is not small, and how many times the highest line they reach.
+
+    Small errors of single values can move parameters by as much as their standard deviations, because they have the
+    same sign along whole bands. A number of modes that the study states is kept, and so are the modes of large models.
+    """
+    way, times = residual.way, TIMES_HIGHEST_LINE
+    superposed = way.method != "direct" and way.residual_vectors and way.modes is not None
+    if way.limit or not superposed or state.full.configured.n_free > _MOST_DOFS or residual.known(state) is not None:
+        return residual, times
+    error = truncation(residual, state).largest
+    for further in FURTHER_TIMES:
+        if error <= SMALL:
+            break
+        number = full_modes(state, (None, further * residual.highest_hz)).wanted
+        other = replace(residual, way=replace(way, modes=(number, None)))
+        left = truncation(other, state).largest
+        if left < error:
+            residual, error, times = other, left, further
+    return residual, times
 
 
 def truncations(state: CaseState) -> Iterator[Truncation]:

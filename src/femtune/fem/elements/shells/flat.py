@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femtune.arrays import Reals
-from femtune.fem.contribution import Contribution, joined
+from femtune.fem.contribution import Contribution, LowRank, joined
 from femtune.fem.elements.kind import QUADRILATERAL_PARTS, TRIANGLE_PARTS, ElementKind
 from femtune.fem.elements.placement import CHUNK
 from femtune.fem.elements.shells.checks import check_shells
@@ -22,7 +22,7 @@ from femtune.fem.elements.shells.mass import ShellMass, lumped, shell_mass
 from femtune.fem.elements.shells.normals import shared_normals
 from femtune.fem.elements.shells.placement import PlacedShells, ShellPlane, shell_plane
 from femtune.fem.elements.shells.quad import QUAD
-from femtune.fem.elements.shells.strains import Rows, ShellFormulation, ShellStrains, nodal_rows
+from femtune.fem.elements.shells.strains import ON_TIES, TIES, Rows, ShellFormulation, ShellStrains, nodal_rows
 from femtune.fem.elements.shells.tri import TRI
 from femtune.fem.structure import ElementBatch, Structure
 
@@ -142,9 +142,11 @@ def _stiffness(
             if term.direction:
                 facts |= dict(zip(("cos", "sin"), placed.direction(term.direction, own)))
             weights = None if term.weights is None else term.weights[lo:hi]
-            matrices = _squares(rows, term, own, weights)
+            squares = _squares(rows, term, own, weights)
+            tied = TIES in rows and term.left[0][0] in ON_TIES
+            stored = LowRank(rows[TIES][own], squares) if tied else squares
             yield Contribution(
-                "stiffness", term.label, term.at[lo:hi], matrices, term.roles, term.coefficient, facts, term.loss
+                "stiffness", term.label, term.at[lo:hi], stored, term.roles, term.coefficient, facts, term.loss
             )
 
 

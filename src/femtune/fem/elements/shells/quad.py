@@ -14,8 +14,8 @@ from femtune.fem.elements.shells.strains import (
     IN_PLANE,
     ShellFormulation,
     ShellStrains,
+    TiedShear,
     UniaxialStrains,
-    VaryingShear,
     placed,
 )
 
@@ -194,24 +194,21 @@ def _cartesian(turn: Reals, tensor: Reals) -> Reals:
 # values of G/12D, G = 4 (g1 g1ᵀ + g2 g2ᵀ), whose principal axes are the directions in which it is wide and narrow.
 
 
-def shear_rows(shape: QuadShape) -> tuple[Reals, Reals]:
-    """(m, 1, 2, 4, 6) mean transverse shear, times the root of the area; (m, 4, 2, 4, 6) what differs from it."""
-    every = _tied_shear(shape)
-    roots = np.stack([np.sqrt(shape.jacobian(point) / shape.area) for point in GAUSS], axis=1)
-    mean = np.einsum("mk,mkica->mica", roots, every)[:, None]
-    return mean, every - roots[:, :, None, None, None] * mean
+def tied_shear(shape: QuadShape) -> TiedShear:
+    """The covariant shears at the middles of the four sides, and what the mean and the rest of the shear are of them.
 
-
-def _tied_shear(shape: QuadShape) -> Reals:
-    """(m, 4, 2, 4, 6) transverse shear at 2 × 2 points, times the root of the weight."""
-    tied = [[_covariant_shear(shape, point, i) for point in pair] for i, pair in enumerate(TIES)]
-    out = np.empty((len(shape.area), 4, 2, 4, 6))
+    The mean is times the root of the area, the rest at 2 × 2 points times the root of their weights.
+    """
+    ties = [_covariant_shear(shape, point, i) for i, pair in enumerate(TIES) for point in pair]
+    every = np.empty((len(shape.area), 4, 2, 4))
     for k, (xi, eta) in enumerate(GAUSS):
-        covariant = [0.5 * ((1.0 - s) * a + (1.0 + s) * b) for s, (a, b) in zip((eta, xi), tied)]
+        covariant = 0.5 * np.array([[1.0 - eta, 1.0 + eta, 0.0, 0.0], [0.0, 0.0, 1.0 - xi, 1.0 + xi]])
         turn = inverse(shape.bases((xi, eta))[:, :, :2]) * np.sqrt(shape.jacobian((xi, eta)))[:, None, None]
-        flat = np.stack(covariant, axis=1).reshape(len(turn), 2, -1)
-        out[:, k] = (turn @ flat).reshape(out[:, k].shape)
-    return out
+        every[:, k] = turn @ covariant
+    roots = np.stack([np.sqrt(shape.jacobian(point) / shape.area) for point in GAUSS], axis=1)
+    mean = np.einsum("mk,mkit->mit", roots, every)[:, None]
+    _, axes = np.linalg.eigh(size_tensor(shape.sides))
+    return TiedShear(np.stack(ties, axis=1), mean, every - roots[:, :, None, None] * mean, axes[:, :, 0])
 
 
 def _covariant_shear(shape: QuadShape, point: Point, i: int) -> Reals:
@@ -269,15 +266,12 @@ def quad_strains(plane: ShellPlane) -> ShellStrains:
     shape = quad_shape(plane)
     in_plane, along = uniaxial_rows(shape)
     bending = bending_rows(shape)
-    mean, varying = shear_rows(shape)
-    _, axes = np.linalg.eigh(size_tensor(shape.sides))
     return ShellStrains(
         membrane_rows(shape),
         UniaxialStrains(along, in_plane, varying_bending_rows(shape, bending)),
         drilling_rows(shape.corners, shape.normals),
         bending,
-        mean,
-        VaryingShear(varying, axes[:, :, 0]),
+        tied_shear(shape),
     )
 
 

@@ -21,6 +21,9 @@ IN_PLANE, OUT_OF_PLANE, ABOUT_NORMAL = (0, 1), (2, 3, 4), (0, 1, 5)
 OFFSET = "+"
 """Ends the name of a row that gives the strain for a unit offset of the mid-surface."""
 
+TIES, ON_TIES = "ties", frozenset("svnw")
+"""Name of the rows of the shears at the ties, and first letters of the rows on these."""
+
 
 @dataclass(frozen=True, eq=False)
 class UniaxialStrains:
@@ -39,16 +42,20 @@ class UniaxialStrains:
 
 
 @dataclass(frozen=True, eq=False)
-class VaryingShear:
-    """What the transverse shear of a shell has besides its mean.
+class TiedShear:
+    """Transverse shear that is a combination of few shears, those at the ties.
 
     Parameters
     ----------
-    rows : (m, r, 2, n, 6) the shear less its mean
+    ties : (m, k, n, 6) rows of the shears at the ties
+    mean : (m, 1, 2, k) the mean shear, as combinations of them
+    varying : (m, r, 2, k) the shear less its mean
     narrow : (m, 2) unit direction in which the shell is narrow, for the residual flexibility of the mean
     """
 
-    rows: Reals
+    ties: Reals
+    mean: Reals
+    varying: Reals
     narrow: Reals
 
 
@@ -65,16 +72,14 @@ class ShellStrains:
     uniaxial : strains and curvatures that meet uniaxial stress; None where there are none
     drilling : (m, r, n, 6) turn about the normal less the membrane's own rotation
     bending : (m, r, 3, n, 6) curvatures θy,x, −θx,y and θy,y − θx,x
-    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx; its mean where there is `varying`
-    varying : the rest of the transverse shear; None where `shear` is all of it
+    shear : (m, r, 2, n, 6) transverse shear w,x + θy and w,y − θx; or as combinations of shears at ties
     """
 
     membrane: Reals
     uniaxial: UniaxialStrains | None
     drilling: Reals
     bending: Reals
-    shear: Reals
-    varying: VaryingShear | None
+    shear: Reals | TiedShear
 
 
 @dataclass(frozen=True)
@@ -99,15 +104,19 @@ def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling
     """Rows (m, r, 6n) by name on the grid points' displacements, strains along the material's axes.
 
     ``m1 m2 m12`` membrane, ``b1 b2 b12`` bending, ``a1 …`` and ``k1 …`` their uniaxial strains, ``drill``, ``s1 s2``
-    shear; where it has a varying part, that is ``v1 v2``, and ``n1 n2`` is the part of the mean in the narrow
-    direction, ``w1 w2`` that of the varying one in the wide direction. With `offsets` also those of the membrane that a
-    unit offset adds, with `coupling` also ``c1 c2 c12``, the curvatures that meet the membrane. The twelfth of t³/12 is
-    within the rows of bending.
+    shear. Where the shear is tied, ``ties`` are the shears at the ties, and rows (m, r, k) on these are ``s1 s2`` the
+    mean, ``v1 v2`` the rest, ``n1 n2`` the part of the mean in the narrow direction, ``w1 w2`` that of the rest in the
+    wide direction. With `offsets` also those of the membrane that a unit offset adds, with `coupling` also
+    ``c1 c2 c12``, the curvatures that meet the membrane. The twelfth of t³/12 is within the rows of bending.
     """
     c, s = plane.material[:, 0], plane.material[:, 1]
     in_plane = _named("m", _turn_strain(strains.membrane, c, s))
     curvature, twelfth = _turn_strain(strains.bending, c, s), np.sqrt(1.0 / 12.0)
-    every = _named("b", curvature * twelfth) | _sheared(strains, c, s)
+    every, tied = _named("b", curvature * twelfth), Rows()
+    if isinstance(strains.shear, TiedShear):
+        every[TIES], tied = strains.shear.ties, _tied(strains.shear, c, s)
+    else:
+        every |= _pair("s", _turn_vector(strains.shear, c, s))
     if strains.uniaxial is not None:
         in_plane |= _numbered("a", strains.uniaxial.in_plane)
         every |= _numbered("k", strains.uniaxial.bending * twelfth)
@@ -117,7 +126,7 @@ def nodal_rows(strains: ShellStrains, plane: ShellPlane, offsets: bool, coupling
         every |= _named("c", curvature)
     if offsets:
         every |= {name + OFFSET: _by_turn(rows) for name, rows in in_plane.items()}
-    return {name: _lift(rows, plane) for name, rows in every.items()}
+    return {name: _lift(rows, plane) for name, rows in every.items()} | tied
 
 
 def placed(rows: Reals, components: tuple[int, ...]) -> Reals:
@@ -135,20 +144,21 @@ def _numbered(letter: str, rows: Reals) -> Rows:
     return {f"{letter}{i + 1}": rows[:, i : i + 1] for i in range(rows.shape[1])}
 
 
-def _sheared(strains: ShellStrains, c: Reals, s: Reals) -> Rows:
-    """Transverse shear, and its parts."""
-    mean = _turn_vector(strains.shear, c, s)
-    rows = dict(zip(("s1", "s2"), np.moveaxis(mean, 2, 0)))
-    if strains.varying is not None:
-        x, y = strains.varying.narrow.T
-        narrow = np.stack([c * x + s * y, c * y - s * x], axis=1)
-        rest = _turn_vector(strains.varying.rows, c, s)
-        rows |= zip(("v1", "v2"), np.moveaxis(rest, 2, 0))
-        wide = np.stack([-narrow[:, 1], narrow[:, 0]], axis=1)
-        for letter, way, every in (("n", narrow, mean), ("w", wide, rest)):
-            along = np.einsum("mi,mrina->mrna", way, every)
-            rows |= {f"{letter}{i + 1}": way[:, i, None, None, None] * along for i in range(2)}
-    return rows
+def _pair(letter: str, rows: Reals) -> Rows:
+    return {f"{letter}{i + 1}": rows[:, :, i] for i in range(2)}
+
+
+def _tied(shear: TiedShear, c: Reals, s: Reals) -> Rows:
+    """Transverse shear and its parts, as rows on the shears at the ties."""
+    x, y = shear.narrow.T
+    narrow = np.stack([c * x + s * y, c * y - s * x], axis=1)
+    wide = np.stack([-narrow[:, 1], narrow[:, 0]], axis=1)
+    mean, rest = (_turn_vector(rows, c, s) for rows in (shear.mean, shear.varying))
+    out = _pair("s", mean) | _pair("v", rest)
+    for letter, way, every in (("n", narrow, mean), ("w", wide, rest)):
+        along = np.einsum("mi,mrik->mrk", way, every)
+        out |= _pair(letter, way[:, None, :, None] * along[:, :, None])
+    return out
 
 
 def _by_turn(rows: Reals) -> Reals:

@@ -123,7 +123,6 @@ def tri_strains(plane: ShellPlane) -> ShellStrains:
         drilling_rows(np.concatenate([corners, plane.heights[:, :, None]], axis=2), normals),
         bending_rows(corners, normals),
         shear_rows(corners, normals),
-        None,
     )
 
 

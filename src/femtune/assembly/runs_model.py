@@ -1,0 +1,170 @@
+"""The model of a study of runs: its table read and fitted, and measured frequencies without shapes as a test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.assembly.error_places import errors_at
+from femtune.dofs import Dof, DofSet
+from femtune.errors import FemtuneError, Notice, did_you_mean
+from femtune.fem import NodeTable
+from femtune.files.matrices.placement import read_points
+from femtune.files.nastran.build import BuiltModel
+from femtune.files.nastran.case_control import CaseControl
+from femtune.files.nastran.control import EigenMethod
+from femtune.files.nastran.deck import Deck, Executive
+from femtune.files.nastran.source import DeckSource, SourceFile
+from femtune.files.runs_table import RunsTable, read_runs_table
+from femtune.files.study_file import MEASURED, ModesTable
+from femtune.modal import ModeSet
+from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
+from femtune.testdata import ModalTest
+
+if TYPE_CHECKING:
+    from femtune.files.study_file import StudyFile
+
+
+def build_of_runs(file: StudyFile) -> BuiltModel:
+    """The model of a study of runs, as `build_structure` gives that of a deck.
+
+    Raises
+    ------
+    FemtuneError : ``runs.*``, ``matrices.points`` for the grid points
+    """
+    assert file.runs is not None
+    table = read_runs_table(file.path_of(file.runs.file))
+    with errors_at(file.where("runs")):
+        return built_of_table(file, table)
+
+
+def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None) -> BuiltModel:
+    """The model of a table at hand; `centre` as of `fit_runs`."""
+    assert file.runs is not None
+    names = _columns(file, table)
+    usable = table.usable & np.isfinite(table.points(names)).all(axis=1)
+    nodes, dofs = _nodes(file, table)
+    count = min(file.modes.count or table.freq_hz.shape[1], table.freq_hz.shape[1])
+    shapes = None if table.shapes is None else table.shapes[usable][:, :, :count]
+    if shapes is not None and shapes.shape[1] < count:
+        raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
+    runs = Runs(names, table.points(names)[usable], table.freq_hz[usable][:, :count], shapes, dofs)
+    position = None if centre is None else int(np.flatnonzero(usable).tolist().index(centre))
+    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position)
+    notices = _notices(file, table, usable, fitted)
+    method = EigenMethod(0, "runs", None, None, count)
+    return BuiltModel(_files(file), fitted.structure, notices, (), {}, {}, method, None)
+
+
+def _columns(file: StudyFile, table: RunsTable) -> tuple[str, ...]:
+    """Parameters that are columns; a free one that is none must be used by a tie."""
+    used = {name for p in file.parameter if p.tie is not None for name in _names_in(p.tie)}
+    found = []
+    for i, entry in enumerate(file.parameter):
+        if entry.name in table.columns:
+            found.append(entry.name)
+        elif entry.tie is not None or entry.name not in used:
+            raise FemtuneError(
+                "runs.no-column",
+                where=file.where("parameter", i, "name"),
+                hint=did_you_mean(entry.name, table.columns) or "name the parameter as its column in the table",
+                name=entry.name,
+            )
+    return tuple(found)
+
+
+def _names_in(tie: str) -> tuple[str, ...]:
+    from femtune.parameters import parse_expression  # noqa: PLC0415  few studies have ties
+
+    return parse_expression(tie).names
+
+
+def _nodes(file: StudyFile, table: RunsTable) -> tuple[NodeTable, np.ndarray | None]:
+    """Grid points of the shapes, with coordinates where [model] grid gives them."""
+    if table.shapes is None:
+        return NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))), None
+    wanted = np.unique(table.dofs.nodes)
+    if file.model.grid is None:
+        frames = np.tile(np.eye(3), (len(wanted), 1, 1))
+        nodes = NodeTable(wanted, np.zeros((len(wanted), 3)), frames, has_coordinates=False)
+    else:
+        points = read_points(file.path_of(file.model.grid))
+        missing = np.setdiff1d(wanted, points.ids)
+        if missing.size:
+            raise FemtuneError(
+                "matrices.no-coordinates",
+                where=file.where("model", "grid"),
+                values={"nodes": ", ".join(map(str, missing[:10]))},
+                n_missing=missing.size,
+                n=len(wanted),
+            )
+        at = np.searchsorted(points.ids, wanted)
+        nodes = NodeTable(wanted, points.xyz[at], points.frames[at])
+    dofs = np.array([nodes.dof(dof.node, dof.component) for dof in table.dofs], np.int64)
+    return nodes, dofs
+
+
+def _files(file: StudyFile) -> Deck:
+    """A deck without cards, which names the files that were read."""
+    assert file.runs is not None
+    names = [file.runs.file, *([file.model.grid] if file.model.grid else [])]
+    files = tuple(SourceFile(str(file.path_of(name)), "", ()) for name in names)
+    return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
+
+
+def _notices(file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: FittedRuns) -> tuple[Notice, ...]:
+    assert file.runs is not None
+    where = file.where("runs")
+    found = []
+    failed = int((~usable).sum())
+    if failed:
+        found.append(Notice("runs.left-out", where=where, failed=failed, runs=len(usable)))
+    other = int((~fitted.used).sum())
+    if other:
+        found.append(Notice("runs.other-modes", where=where, other=other, runs=len(fitted.used)))
+    used, error = int(fitted.used.sum()), fitted.error
+    known = np.isfinite(error).all(axis=1)
+    if not np.isinf(error).any() and not known.any():
+        return (*found, Notice("runs.fitted/unchecked", where=where, level="info", runs=used, n=fitted.coefficients))
+    with np.errstate(invalid="ignore"):
+        size = np.sqrt(np.nanmean(error**2, axis=0))
+    worst = int(np.argmax(size))
+    facts: dict[str, Any] = {
+        "runs": used,
+        "n": fitted.coefficients,
+        "percent": 100.0 * float(size.max()),
+        "mode": worst + 1,
+    }
+    poor = not size.max() <= file.runs.tolerance
+    code = "runs.poor-fit" if poor else "runs.fitted"
+    return (*found, Notice(code, where=where, level="warning" if poor else "info", **facts))
+
+
+def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
+    """The study with the modes that the runs have, and its measured frequencies as a test."""
+    assert built.eigen_method is not None
+    given, nodes = file.given, built.structure.nodes
+    count = built.eigen_method.wanted or len(nodes.scalar_points)
+    changed: dict[str, object] = {"modes": ModesTable(count=count)}
+    if file.test is not None and file.test.freq_hz:
+        given = replace(given, tests={**given.tests, MEASURED: _measured(file, nodes, count)})
+        changed["sensors"] = file.sensors.model_copy(update={"by_id": True})
+    file = file.model_copy(update=changed)
+    file._given = given
+    return file
+
+
+def _measured(file: StudyFile, nodes: NodeTable, count: int) -> ModalTest:
+    """Frequencies without shapes: a mode of the runs is a scalar point, and its shape moves there alone."""
+    assert file.test is not None
+    hz = np.array(file.test.freq_hz)
+    if len(nodes.ids):
+        raise FemtuneError("runs.measured/shapes", where=file.where("test", "freq_hz"))
+    if len(hz) > count:
+        raise FemtuneError("runs.measured", where=file.where("test", "freq_hz"), measured=len(hz), modes=count)
+    dofs = DofSet(Dof(int(node), "S") for node in nodes.scalar_points)
+    modes = ModeSet(hz, np.eye(count)[:, : len(hz)], dofs, source="frequencies of the study")
+    return ModalTest(MEASURED, file.study.unit_system, modes=modes)

@@ -1,0 +1,98 @@
+"""Tables of small masses of the test equipment: a heading, then a line for each sensor or stinger."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from femtune.errors import FemtuneError, Where, did_you_mean
+from femtune.files.repeats_table import separator_of
+
+_MASSES = {"mass": 0.0, "mass_g": 1e-3, "mass_kg": 1.0}
+"""Headings of the mass with the size of the unit in kg; 0: the unit of the study."""
+_OFFSETS = ("x", "y", "z")
+_KNOWN = ("node", *_MASSES, *_OFFSETS, "label")
+_MOST = 100_000
+
+
+@dataclass(frozen=True)
+class TableMass:
+    """A mass on a grid point, in the units of the study, and the line of the table."""
+
+    node: int
+    mass: float
+    offset: tuple[float, float, float]
+    label: str
+    line: int
+
+
+def read_masses_table(path: Path, mass_unit_kg: float) -> tuple[TableMass, ...]:
+    """Read a table with the columns node, mass (or mass_g, mass_kg), and if wanted x, y, z (offset) and label.
+
+    Parameters
+    ----------
+    mass_unit_kg : size of the study's unit of mass
+
+    Raises
+    ------
+    FemtuneError : ``configuration.masses-file``, with the line
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise _error(path, None, "configuration.masses-file") from error
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if len(lines) < 2 or len(lines) > _MOST:
+        raise _error(path, None, "configuration.masses-file/lines", lines=len(lines), most=_MOST)
+    try:
+        rows = list(csv.reader((line for _, line in lines), delimiter=separator_of(lines[0][1])))
+    except csv.Error as error:
+        raise _error(path, None, "configuration.masses-file/no-table", reason=str(error)) from error
+    heads = [cell.strip() for cell in rows[0]]
+    unit = _check_heads(path, heads) / mass_unit_kg
+    return tuple(_mass(path, number, heads, row, unit or 1.0) for (number, _), row in zip(lines[1:], rows[1:]))
+
+
+def _check_heads(path: Path, heads: list[str]) -> float:
+    """The size of the unit of the masses in kg; 0 for that of the study."""
+    for head in heads:
+        if head not in _KNOWN or heads.count(head) > 1:
+            hint = did_you_mean(head, _KNOWN)
+            raise _error(path, 1, "configuration.masses-file/heading", head=head[:40], hint=hint)
+    given = [head for head in heads if head in _MASSES]
+    if "node" not in heads or len(given) != 1:
+        raise _error(path, 1, "configuration.masses-file/columns")
+    return _MASSES[given[0]]
+
+
+def _mass(path: Path, line: int, heads: list[str], cells: list[str], unit: float) -> TableMass:
+    if len(cells) != len(heads):
+        raise _error(path, line, "configuration.masses-file/fields", fields=len(cells), headings=len(heads))
+    row = dict(zip(heads, (cell.strip() for cell in cells)))
+    node = row["node"]
+    if not (node.isascii() and node.isdigit() and 0 < len(node) <= 18 and int(node)):
+        raise _error(path, line, "configuration.masses-file/number", text=node[:40], head="node")
+    mass = _number(path, line, row, next(head for head in heads if head in _MASSES))
+    if mass < 0.0:
+        raise _error(path, line, "configuration.masses-file/negative", mass=mass)
+    x, y, z = (_number(path, line, row, name) for name in _OFFSETS)
+    return TableMass(int(node), mass * unit, (x, y, z), row.get("label", ""), line)
+
+
+def _number(path: Path, line: int, row: Mapping[str, str], head: str) -> float:
+    text = row.get(head, "0")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise _error(path, line, "configuration.masses-file/number", text=text[:40], head=head)
+    return value
+
+
+def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), **facts)

@@ -1,0 +1,1 @@
+"""Natural modes that another solver wrote: frequencies, and shapes at its nodes."""

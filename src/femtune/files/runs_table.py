@@ -1,0 +1,181 @@
+"""A table of finished runs: a line per run with the values of parameters, frequencies, and shapes if there are any.
+
+The columns of frequencies are called ``f1_hz``, ``f2_hz`` …; those of shapes ``shape1_12Z`` …: mode, node, direction.
+Every other column of numbers may be a parameter. A run without frequencies has failed and is left out.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femtune.arrays import Flags, Reals
+from femtune.dofs import Dof, DofSet, parse_dof
+from femtune.errors import FemtuneError, Where
+from femtune.files.whole_file import write_whole
+
+_FREQUENCY = re.compile(r"f(\d+)_hz")
+_SHAPE = re.compile(r"shape(\d+)_(\d+(?:S|R?[XYZ]))")
+_GAPS = {"", "-", "nan", "na", "n/a"}
+_SEPARATORS = ",;\t"
+_MOST_BYTES = 1 << 30
+STATE = "state"
+
+
+@dataclass(frozen=True, eq=False)
+class RunsTable:
+    """Runs of a model.
+
+    Parameters
+    ----------
+    columns : (n,) values by name: parameters, and whatever else the table has
+    freq_hz : (n, m) natural frequencies; NaN for a run that failed
+    shapes : (n, s, m) at `dofs`, of unit modal mass; None where the table has none
+    dofs : of the shapes
+    states : (n,) "done" or why a run failed
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femtune.files.runs_table import RunsTable
+    >>> table = RunsTable({"E": np.array([1.0, 2.0])}, np.array([[1.0, 5.0], [np.nan, np.nan]]))
+    >>> table.usable
+    array([ True, False])
+    """
+
+    columns: Mapping[str, Reals]
+    freq_hz: Reals
+    shapes: Reals | None = None
+    dofs: DofSet = field(default_factory=lambda: DofSet(()))
+    states: tuple[str, ...] = ()
+
+    @property
+    def usable(self) -> Flags:
+        """(n,) True for runs with frequencies, and shapes where the table has some."""
+        found = np.isfinite(self.freq_hz).all(axis=1)
+        return np.asarray(found if self.shapes is None else found & np.isfinite(self.shapes).all(axis=(1, 2)))
+
+    def points(self, names: Sequence[str]) -> Reals:
+        """(n, k) values of parameters."""
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+
+def write_runs_table(path: Path, table: RunsTable) -> None:
+    """Write a table as CSV that `read_runs_table` reads.
+
+    Raises
+    ------
+    FemtuneError : ``run.unwritable``
+    """
+    m = table.freq_hz.shape[1]
+    labels = [str(dof)[:-1] for dof in table.dofs] if table.shapes is not None else []
+    heads = [*table.columns, *(f"f{j + 1}_hz" for j in range(m))]
+    heads += [f"shape{j + 1}_{label}" for j in range(m) for label in labels]
+    blocks = [*table.columns.values(), *table.freq_hz.T]
+    if table.shapes is not None:
+        # the sign of a DOF is that of its column
+        blocks += [column for j in range(m) for column in (table.shapes[:, :, j] * table.dofs.signs).T]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*heads, *([STATE] if table.states else [])])
+    for i in range(len(table.freq_hz)):
+        cells = [repr(float(block[i])) if math.isfinite(block[i]) else "" for block in blocks]
+        writer.writerow([*cells, *([table.states[i]] if table.states else [])])
+    try:
+        write_whole(path, text.getvalue().encode())
+    except OSError as error:
+        raise FemtuneError("run.unwritable", where=Where(str(path)), reason=error.strerror or error) from error
+
+
+def read_runs_table(path: Path) -> RunsTable:
+    """Read a table of runs; columns of text are left out.
+
+    Raises
+    ------
+    FemtuneError : ``runs.table`` in its variants
+    """
+    lines = _lines(path)
+    separator = max(_SEPARATORS, key=lines[0][1].count)
+    rows = list(csv.reader((line for _, line in lines), delimiter=separator))
+    heads = [cell.strip() for cell in rows[0]]
+    twice = sorted({head for head in heads if heads.count(head) > 1})
+    if twice:
+        raise _error(path, lines[0][0], "runs.table/heading-twice", heading=twice[0])
+    for (number, _), row in zip(lines[1:], rows[1:]):
+        if len(row) != len(heads):
+            raise _error(path, number, "runs.table/number-of-fields", fields=len(row), headings=len(heads))
+    numbers = [number for number, _ in lines[1:]]
+    cells = {head: [row[j].strip() for row in rows[1:]] for j, head in enumerate(heads)}
+    states = tuple(cells.pop(STATE, []))
+    values = {head: _column(path, head, texts, numbers, separator) for head, texts in cells.items()}
+    return _table(path, {head: column for head, column in values.items() if column is not None}, states)
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise _error(path, None, "runs.table/unreadable", reason="it is larger than 1 GiB")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise _error(path, None, "runs.table/unreadable", reason=error.strerror) from error
+    except UnicodeDecodeError as error:
+        raise _error(path, None, "runs.table/unreadable", reason="it is no text") from error
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if len(lines) < 2:
+        raise _error(path, None, "runs.table/no-values")
+    return lines
+
+
+def _column(path: Path, head: str, texts: list[str], numbers: list[int], separator: str) -> Reals | None:
+    """The numbers of a column; None where it is one of text."""
+    found = np.array([_number(text, separator) for text in texts])
+    bad = np.flatnonzero(np.isinf(found))
+    if not bad.size:
+        return found
+    # a name or remark for each run is no number that was mistyped
+    if bad.size == len(texts) and not (_FREQUENCY.fullmatch(head) or _SHAPE.fullmatch(head)):
+        return None
+    raise _error(path, numbers[bad[0]], "runs.table/not-a-number", text=texts[bad[0]][:40], heading=head)
+
+
+def _number(text: str, separator: str) -> float:
+    """NaN for a gap, infinity for what is no number."""
+    if text.lower() in _GAPS:
+        return math.nan
+    try:
+        value = float(text.replace(",", ".") if separator != "," else text)
+    except ValueError:
+        return math.inf
+    return value if math.isfinite(value) else math.inf
+
+
+def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...]) -> RunsTable:
+    modes = {int(match[1]): head for head in values if (match := _FREQUENCY.fullmatch(head))}
+    if not modes or sorted(modes) != list(range(1, len(modes) + 1)):
+        raise _error(path, 1, "runs.table/no-frequencies", headings=", ".join(values)[:200])
+    freq_hz = np.stack([values.pop(modes[j]) for j in sorted(modes)], axis=1)
+    by_mode: dict[tuple[int, Dof], Reals] = {}
+    for head in list(values):
+        if match := _SHAPE.fullmatch(head):
+            by_mode[int(match[1]), parse_dof(f"{match[2]}+")] = values.pop(head)
+    if not by_mode:
+        return RunsTable(values, freq_hz, states=states)
+    dofs = sorted({dof for _, dof in by_mode})
+    lacking = [(j, dof) for j in sorted(modes) for dof in dofs if (j, dof) not in by_mode]
+    if lacking or len(by_mode) != len(modes) * len(dofs):
+        j, dof = lacking[0] if lacking else max(by_mode)
+        raise _error(path, 1, "runs.table/shapes", mode=j, dof=str(dof)[:-1])
+    shapes = np.stack([np.stack([by_mode[j, dof] for dof in dofs], axis=1) for j in sorted(modes)], axis=2)
+    return RunsTable(values, freq_hz, shapes, DofSet(dofs), states)
+
+
+def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), **facts)

@@ -1,0 +1,74 @@
+"""[[distribution]]: fields that vary over a region by functions of position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from femtune.errors import FemtuneError, did_you_mean
+from femtune.fem.fields import AMPLITUDE
+from femtune.files.study_file.kinds import Elements, Expression, FieldText, GroupName, TomlTable
+from femtune.files.study_file.parameter import RegionTable
+from femtune.files.study_file.source import Place, StudyLines, named_twice, tables, texts
+from femtune.parameters import parse_expression
+
+Data = dict[str, Any]
+Problems = Iterator[FemtuneError]
+
+POSITION = ("x", "y", "z", "u", "v", "w")
+"""What functions depend on: the position of an element, and the same from -1 to 1 over the region."""
+
+
+class DistributionEntry(TomlTable):
+    """Fields that are multiplied by 1 + the sum of amplitude times function; see docs/study-file.md."""
+
+    name: GroupName
+    fields: Annotated[tuple[FieldText, ...], Field(min_length=1)]
+    functions: Annotated[tuple[Expression, ...], Field(min_length=1, max_length=20)]
+    elements: Elements | None = None
+    region: RegionTable | None = None
+
+
+def distribution_rules(data: Data, source: StudyLines) -> Problems:
+    """Names once, functions of position, amplitudes that exist and are used."""
+    entries = list(tables(data, "distribution"))
+    yield from named_twice(entries, "study.duplicate-name/earlier", source)
+    counts = {str(e.get("name")): len(texts(e.get("functions"))) for _, e in entries}
+    named = [(place, text.split()) for place, p in tables(data, "parameter") for text in texts(p.get("fields"))]
+    named = [(place, words) for place, words in named if words[:1] == [AMPLITUDE] and len(words) == 3]
+    for place, words in named:
+        yield from _amplitude(place, words, counts, source)
+    used = {words[1] for _, words in named}
+    for place, entry in entries:
+        if isinstance(entry.get("name"), str) and entry["name"] not in used:
+            yield source.error((*place, "name"), "distribution.unused", {}, name=entry["name"])
+        yield from _functions(place, entry, source)
+
+
+def _amplitude(place: Place, words: list[str], counts: dict[str, int], source: StudyLines) -> Problems:
+    name, number = words[1], words[2][1:]
+    if name not in counts:
+        hint = did_you_mean(name, counts) or f'add [[distribution]] name = "{name}"'
+        yield source.error((*place, "fields"), "distribution.unknown", {}, hint=hint, name=name)
+    elif number.isdigit() and int(number) > counts[name]:
+        yield source.error((*place, "fields"), "distribution.unknown/function", {}, name=name, count=counts[name])
+
+
+def _functions(place: Place, entry: Data, source: StudyLines) -> Problems:
+    for i, text in enumerate(texts(entry.get("functions"))):
+        for name in _names(text):
+            if name not in POSITION:
+                yield source.error((*place, "functions", i), "distribution.function", {}, name=name)
+    for i, text in enumerate(texts(entry.get("fields"))):
+        if text.split()[:1] == [AMPLITUDE]:
+            yield source.error((*place, "fields", i), "distribution.function/field", {}, field=text)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names in an expression; one that cannot be read is reported by the model."""
+    try:
+        return parse_expression(text).names
+    except FemtuneError:
+        return ()

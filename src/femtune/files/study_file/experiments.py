@@ -1,0 +1,50 @@
+"""[screen] and [search]: designed runs of the model, a surrogate of them, and a search of the whole box."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from femtune.errors import FemtuneError
+from femtune.files.study_file.kinds import Text, TomlTable
+from femtune.files.study_file.source import StudyLines, table
+
+Seed = Annotated[int, Field(ge=0, le=2**63 - 1)]
+
+
+class ScreenTable(TomlTable):
+    """[screen]: which parameters matter for which mode, by runs at a few levels of each."""
+
+    design: Literal["orthogonal", "factorial", "plackett-burman"] = "orthogonal"
+    array: Text | None = None
+    levels: Annotated[int, Field(ge=2, le=12)] = 3
+    configuration: Text | None = None
+
+
+class SearchTable(TomlTable):
+    """[search]: a search of the whole box, on a surrogate of the residuals or on the model itself."""
+
+    on: Literal["surrogate", "model"] = "surrogate"
+    runs: Annotated[int, Field(ge=4, le=100_000)] | None = None
+    fresh: Annotated[int, Field(ge=0, le=10_000)] = 5
+    infill: Annotated[int, Field(ge=0, le=10_000)] = 5
+    trend: Literal["constant", "linear", "quadratic"] = "linear"
+    correlation: Literal["gaussian", "matern-5/2", "matern-3/2", "none"] = "gaussian"
+    noise: Literal["estimate", "none"] = "estimate"
+    method: Literal["differential-evolution", "genetic", "cma-es"] = "differential-evolution"
+    population: Annotated[int, Field(ge=4, le=100_000)] = 60
+    generations: Annotated[int, Field(ge=1, le=100_000)] = 300
+    seeds: Annotated[int, Field(ge=1, le=1000)] = 3
+    seed: Seed = 0
+
+
+def experiment_rules(data: dict[str, Any], source: StudyLines) -> Iterator[FemtuneError]:
+    """A design and its levels fit each other."""
+    screen = table(data, "screen")
+    two = screen.get("design") == "plackett-burman"
+    if two and screen.get("levels", 2) != 2:
+        yield source.error(("screen", "levels"), "screen.design", {"levels": screen["levels"]})
+    if "array" in screen and screen.get("design", "orthogonal") != "orthogonal":
+        yield source.error(("screen", "array"), "screen.design/array", {"array": screen["array"]})

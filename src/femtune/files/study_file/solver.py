@@ -1,0 +1,73 @@
+"""[solver]: a model that is a command line with templates, which gives out modes and nothing else."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from femtune.errors import FemtuneError
+from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable
+from femtune.files.study_file.source import StudyLines, table, tables
+
+
+def _words(value: object) -> object:
+    """A command as one text is split as a shell would, and nothing in it is replaced."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return tuple(shlex.split(value))
+    except ValueError as error:
+        raise ValueError(f"the command cannot be split into words: {error}") from error
+
+
+class SolverTable(TomlTable):
+    """[solver]: command, input and output files, and when a run is tried again."""
+
+    command: Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
+    templates: tuple[Text, ...] = ()
+    deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
+    files: tuple[Text, ...] = ()
+    result: Text
+    format: Literal["calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"]
+    timeout_s: Positive = 3600.0
+    retries: Annotated[int, Field(ge=0, le=100)] = 1
+    error_texts: tuple[Text, ...] = ()
+    licence_texts: tuple[Text, ...] = ()
+    licence_wait_s: NotNegative = 60.0
+    licence_tries: Annotated[int, Field(ge=1, le=100_000)] = 60
+    environment: dict[str, str] = Field(default_factory=dict)
+    version: str = ""
+    keep: Literal["none", "failed", "all"] = "failed"
+    mass: Positive | None = None
+    mass_tolerance: Annotated[float, Field(gt=0, lt=1)] = 0.01
+    step: Annotated[float, Field(gt=0, le=0.5)] | None = None
+    repeat_tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-6
+    moves: Annotated[int, Field(ge=1, le=1000)] = 20
+
+
+Data = dict[str, Any]
+
+
+def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
+    """A solver has no table of runs beside it, a number of modes, and free parameters alone."""
+    if "solver" not in data:
+        return
+    if "runs" in data:
+        yield source.error(("runs",), "external.study/runs", {})
+    solver = table(data, "solver")
+    if bool(solver.get("templates")) == ("deck" in table(data, "study")):
+        yield source.error(("solver",), "external.study/input", {})
+    if "count" not in table(data, "modes"):
+        yield source.error(("solver",), "external.study/count", {})
+    for place, entry in tables(data, "parameter"):
+        if "tie" in entry:
+            yield source.error((*place, "tie"), "external.study/tie", {}, name=entry.get("name"))
+    update = table(data, "update")
+    for key in ("starts", "first", "hops"):
+        if key in update:
+            yield source.error(("update", key), "external.study/update", {}, key=key)
+    if "stage" in data:
+        yield source.error(("stage",), "external.study/update", {}, key="[[stage]]")

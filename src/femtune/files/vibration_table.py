@@ -1,0 +1,46 @@
+"""Measured curves of a vibration test: a heading, then a line for each frequency with a value for each point."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.errors import FemtuneError, Where
+
+
+def read_vibration_table(path: Path, outputs: int) -> tuple[Reals, Reals]:
+    """Frequencies (n,) in Hz, and values (outputs, n): amplitudes of a sweep, or power spectral densities.
+
+    Raises
+    ------
+    FemtuneError : ``vibration.file``, with the line
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        rows = [(i, row) for i, row in enumerate(csv.reader(lines), start=1) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise _error(path, None, "vibration.file/unreadable", reason=error) from error
+    values = np.array([_numbers(path, i, row, outputs) for i, row in rows[1:]]).reshape(-1, outputs + 1)
+    if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or np.any(values <= 0.0):
+        raise _error(path, None, "vibration.file")
+    return values[:, 0], values[:, 1:].T
+
+
+def _numbers(path: Path, line: int, row: list[str], outputs: int) -> list[float]:
+    if len(row) != outputs + 1:
+        raise _error(path, line, "vibration.file/columns", given=len(row), outputs=outputs)
+    try:
+        found = [float(cell) for cell in row]
+    except ValueError:
+        found = [np.nan]
+    if not np.all(np.isfinite(found)):
+        raise _error(path, line, "vibration.file/number")
+    return found
+
+
+def _error(path: Path, line: int | None, code: str, **facts: Any) -> FemtuneError:
+    return FemtuneError(code, where=Where(str(path), line), **facts)

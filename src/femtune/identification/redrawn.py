@@ -1,0 +1,328 @@
+"""FRFs of an equalised test when its measured lines are drawn again.
+
+An identified test has no lines that scatter: the noise of the measurement is in its poles and residues. Here changes of
+the measured FRFs are followed through the fits of poles and of the state-space model, and through the equalisation, to
+the FRFs that are compared. The changes are those of a draw: the error e of the identified system at a line that is
+drawn w times is multiplied by (w − 1)/√(1 − h). To first order a fit to H + (w − 1)e is the fit in which lines have the
+weights w; the leverage h makes up for the part of its own error that a line hides in the fit.
+
+`RedrawnTest.functions` takes one Gauss-Newton step of both fits, with matrices that all draws share; `refitted`
+iterates both fits until they have converged; `identified_again` also chooses the modes again.
+
+Sources: C. F. J. Wu (1986), Jackknife, bootstrap and other resampling methods in regression analysis, The Annals of
+Statistics 14(4), sections 4 and 7; G. Golub, V. Pereyra (1973), The differentiation of pseudo-inverses and nonlinear
+least squares problems whose variables separate, SIAM J. Numerical Analysis 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from scipy.linalg import qr
+
+from femtune.arrays import Complexes, Flags, Reals
+from femtune.identification.modal_fit import ModalFit, fit_modes
+from femtune.identification.modal_solve import Solved, modal_basis, real_rows, solve_residues
+from femtune.identification.state_space_fit import SystemFit, system_fit
+from femtune.modal import FrfSet, freq_and_damping, pole_of
+from femtune.modal.equalise import residue_factors
+
+Drawing = Literal["lines", "entries", "noise"]
+
+_RANK = 1e-13
+_TURNS = 1e-10
+_MOST_LEVERAGE = 0.95
+_NEAR = 10
+"""Noise of a line is the mean square of the errors at so many lines on each side."""
+
+
+@dataclass(frozen=True, eq=False)
+class RedrawnTest:
+    """An identified and equalised test, and how its FRFs follow the measured ones.
+
+    Parameters
+    ----------
+    measured : (n, u, k) functions that were identified
+    fit, system : the fits of the poles and of the state-space model
+    terms : of the fit, for what lies outside the band
+    moved : (M,) poles of the system that get the damping ratio
+    damping_ratio : ζ of these
+    freq_hz : (l,) lines of the equalised FRFs
+    again : measured functions -> their equalised FRFs, by another identification
+    """
+
+    measured: FrfSet
+    fit: ModalFit
+    system: SystemFit
+    terms: tuple[str, ...]
+    moved: Flags
+    damping_ratio: float
+    freq_hz: Reals
+    again: Callable[[FrfSet], Complexes]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process, which makes the matrices of the steps again."""
+        return {name: self.__dict__[name] for name in self.__dataclass_fields__}
+
+    # ------------------------------------------------------------------------------------------------
+    # Draws.
+
+    @property
+    def lines(self) -> int:
+        """Number of measured lines."""
+        return len(self.measured.freq_hz)
+
+    def drawn_from(self, how: Drawing) -> int:
+        """Number of lines or single values that are drawn from."""
+        return self.lines if how == "lines" else self.measured.values.size
+
+    def draw(self, how: Drawing, rng: np.random.Generator) -> Complexes:
+        """(n, u, k) change of the measured functions in one draw.
+
+        "lines": as many lines as there are, with replacement, all functions of a line together; "entries": single
+        values; "noise": normal noise as large as the errors of the identified system near each line.
+        """
+        shape = self.measured.values.shape
+        if how == "noise":
+            noise = rng.standard_normal((2, *shape))
+            return np.asarray(self.noise_sd * (noise[0] + 1j * noise[1]))
+        count = self.drawn_from(how)
+        extra = np.bincount(rng.integers(count, size=count), minlength=count) - 1.0
+        return np.asarray((extra if how == "lines" else extra.reshape(shape)) * self.errors)
+
+    @cached_property
+    def errors(self) -> Complexes:
+        """(n, u, k) measured functions less those of the system, divided by √(1 − h)."""
+        left = self.measured.values - self.system.system.frf(self.measured.freq_hz).values
+        return np.asarray(left / np.sqrt(1.0 - np.minimum(self.leverage, _MOST_LEVERAGE)))
+
+    @cached_property
+    def noise_sd(self) -> Reals:
+        """(n, u, k) standard deviation of real and imaginary parts, from the errors near each line."""
+        squares = 0.5 * np.abs(self.errors) ** 2
+        width = min(2 * _NEAR + 1, self.lines)
+        start = np.clip(np.arange(self.lines) - width // 2, 0, self.lines - width)
+        sums = np.concatenate([np.zeros((*squares.shape[:2], 1)), np.cumsum(squares, axis=2)], axis=2)
+        means = (sums[:, :, start + width] - sums[:, :, start]) / width
+        return np.asarray(np.sqrt(np.maximum(means, 0.0)))
+
+    @cached_property
+    def leverage(self) -> Reals:
+        """(u, k) part of the error of a value that the fits hide, the mean over the responses."""
+        return self._ends.leverage(self.lines) + self._poles.leverage
+
+    # ------------------------------------------------------------------------------------------------
+    # The FRFs of a draw.
+
+    def functions(self, change: Complexes) -> Complexes:
+        """(n, u, l) equalised FRFs of changed measured ones, to first order in poles, shapes and participations."""
+        step = self._poles.step(change.reshape(-1, self.lines))
+        residues, direct = self._ends.step(change - self._by_poles(step, self.measured.freq_hz))
+        # poles that keep their damping are outside the band or badly known: they are followed to first order only
+        step = np.concatenate([step, np.zeros(len(self.moved) - len(step))])
+        poles = self.system.poles + np.where(self.moved, step, 0.0)
+        found = self._equalised(poles, self._residues + residues, self.system.system.D + direct)
+        return found + self._by_poles(np.where(self.moved, 0.0, step), self.freq_hz)
+
+    def refitted(self, change: Complexes) -> Complexes:
+        """(n, u, l) the same, with converged fits of the same weights (errors as `fit_modes` and `system_fit`)."""
+        changed = self.changed(change)
+        inside = ~self.fit.outside
+        neighbours = self.fit.poles[self.fit.outside]
+        sd = np.broadcast_to(self.fit.sd[:, :, None], changed.values.shape)
+        fit = fit_modes(changed, self.fit.poles[inside], sd, self.terms, neighbours=neighbours)
+        poles = np.concatenate([fit.poles, self.system.poles[len(fit.poles) :]])
+        system = system_fit(changed, poles, start=self.system.participations)
+        return self._equalised(system.poles, _outer(system.shapes, system.participations), system.system.D)
+
+    def identified_again(self, change: Complexes) -> Complexes:
+        """(n, u, l) the same, by another identification with its choice of modes (errors as `equalised_test`)."""
+        return self.again(self.changed(change))
+
+    def changed(self, change: Complexes) -> FrfSet:
+        """The functions of the system with a change, which is all that noise does to them."""
+        return replace(self.measured, values=self.system.system.frf(self.measured.freq_hz).values + change)
+
+    @cached_property
+    def equalised(self) -> Complexes:
+        """(n, u, l) FRFs of the test as it was measured."""
+        return self._equalised(self.system.poles, self._residues, self.system.system.D)
+
+    def _equalised(self, poles: Complexes, residues: Complexes, direct: Reals) -> Complexes:
+        to = np.array(poles)
+        to[self.moved] = pole_of(freq_and_damping(poles[self.moved])[0], np.full(self.moved.sum(), self.damping_ratio))
+        scaled = residues * residue_factors(poles, to, self.measured.kind)
+        i_omega = 2j * np.pi * self.freq_hz
+        up, down = 1.0 / (i_omega - to[:, None]), 1.0 / (i_omega - to.conj()[:, None])
+        return np.asarray(scaled @ up + scaled.conj() @ down + direct[:, :, None])
+
+    @cached_property
+    def _residues(self) -> Complexes:
+        return _outer(self.system.shapes, self.system.participations)
+
+    def _by_poles(self, step: Complexes, freq_hz: Reals) -> Complexes:
+        """(n, u, lines) change of the system's functions with the first poles, residues unchanged."""
+        i_omega, poles = 2j * np.pi * freq_hz, self.system.poles[: len(step), None]
+        moved = self._residues[:, :, : len(step)] * step
+        return np.asarray(moved @ (i_omega - poles) ** -2 + moved.conj() @ (i_omega - poles.conj()) ** -2)
+
+    @cached_property
+    def _poles(self) -> _PoleSteps:
+        freq, fit = self.measured.freq_hz, self.fit
+        basis = modal_basis(freq, fit.poles, self.measured.kind, self.terms)
+        solved = solve_residues(self.measured.values.reshape(-1, len(freq)), basis, None)
+        columns, slopes = real_rows(basis.columns), real_rows(basis.slopes)
+        Q = qr(columns / np.linalg.norm(columns, axis=0), mode="economic", check_finite=False)[0]
+        return _PoleSteps(slopes - Q @ (Q.T @ slopes), solved)
+
+    @cached_property
+    def _ends(self) -> _EndSteps:
+        i_omega = 2j * np.pi * self.measured.freq_hz[:, None]
+        up, down = 1.0 / (i_omega - self.system.poles), 1.0 / (i_omega - self.system.poles.conj())
+        columns = np.hstack([up + down, 1j * (up - down)])
+        squares = np.mean(np.abs(self.measured.values) ** 2, axis=(1, 2))
+        return _end_steps(columns, self.system, 1.0 / np.where(squares > 0.0, squares, 1.0))
+
+
+def _outer(shapes: Complexes, participations: Complexes) -> Complexes:
+    """(n, u, m) residues."""
+    return np.asarray(shapes[:, None, :] * participations.T)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Gauss-Newton steps of the poles, residues eliminated.
+
+
+@dataclass(frozen=True, eq=False)
+class _PoleSteps:
+    """Steps of the modal fit at its solution.
+
+    Parameters
+    ----------
+    across : (2k, 4m) slopes of the columns by the poles, without what the columns themselves can do
+    solved : residues and normal equations there
+    """
+
+    across: Reals
+    solved: Solved
+
+    @property
+    def _modes(self) -> int:
+        return self.across.shape[1] // 4
+
+    @cached_property
+    def _coefficients(self) -> Reals:
+        return self.solved.coefficients[:, : 2 * self._modes].reshape(-1, 2, self._modes)
+
+    @cached_property
+    def _inverse(self) -> Reals:
+        return np.asarray(np.linalg.pinv(self.solved.normal, rcond=_RANK, hermitian=True), float)
+
+    def step(self, change: Complexes) -> Complexes:
+        """(m,) change of the poles with (F, k) changes of the functions."""
+        sums = (self.across.T @ real_rows(change.T)).reshape(2, 2, self._modes, -1)
+        gradient = np.einsum("aprf,fpr,f->ar", sums, self._coefficients, 1.0 / self.solved.variance, optimize=True)
+        move = self._inverse @ gradient.ravel()
+        return move[: self._modes] + 1j * move[self._modes :]
+
+    @cached_property
+    def leverage(self) -> Reals:
+        """(k,) mean over the functions."""
+        across = self.across.reshape(-1, 2, 2, self._modes)
+        rows = np.zeros(len(across))
+        for c, variance in zip(self._coefficients, self.solved.variance):
+            slopes = np.einsum("iapr,pr->iar", across, c).reshape(len(rows), -1)
+            rows += np.einsum("ij,ij->i", slopes @ self._inverse, slopes) / variance
+        return np.asarray(rows.reshape(2, -1).mean(axis=0) / len(self._coefficients))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Gauss-Newton steps of shapes and participations for given poles; shapes and D eliminated.
+
+
+@dataclass(frozen=True, eq=False)
+class _EndSteps:
+    """Steps of the fit of B, C and D at its solution; unknowns are residues ψlᵀ in a scale of their own.
+
+    Parameters
+    ----------
+    columns : (k, 2m) of Re x and of Im x of residues x
+    Q : (2k, 2m) orthonormal, of the columns without what D can do
+    U : (u·2m, r) orthonormal, of what the shapes can do in these coordinates, references one below the other
+    back : (2m, u·2m) least-squares shapes (real parts above imaginary parts) of a response's coordinates
+    turns : (d, n·u·2m) least-squares unknowns of the participations
+    by_turns : (n, u·2m, d) change of the coordinates with these
+    directions : (u, m, d) complex change of the participations with them
+    shapes, participations : (n, m), (m, u), in the scale of the unknowns
+    scale : (m,) what residues of that scale are multiplied by
+    """
+
+    columns: Complexes
+    Q: Reals
+    U: Reals
+    back: Reals
+    turns: Reals
+    by_turns: Reals
+    directions: Complexes
+    shapes: Complexes
+    participations: Complexes
+    scale: Reals
+
+    def step(self, change: Complexes) -> tuple[Complexes, Reals]:
+        """(n, u, m) change of the residues and (n, u) of D with (n, u, k) changes of the functions."""
+        n, u, k = change.shape
+        m = len(self.scale)
+        inside = (self.Q.T @ real_rows(change.reshape(n * u, k).T)).T.reshape(n, -1)
+        across = inside - (inside @ self.U) @ self.U.T
+        y = self.turns @ across.ravel()
+        half = (inside - self.by_turns @ y) @ self.back.T
+        shapes = half[:, :m] + 1j * half[:, m:]
+        ends = self.directions @ y
+        residues = (shapes[:, None] * self.participations.T + self.shapes[:, None] * ends) * self.scale
+        stacked = np.concatenate([residues.real, residues.imag], axis=2)
+        return residues, np.mean(change.real - (stacked @ self.columns.T).real, axis=2)
+
+    def leverage(self, lines: int) -> Reals:
+        """(u, k) of shapes and D, the mean of real and imaginary parts."""
+        u = self.participations.shape[1]
+        parts = self.U.reshape(u, -1, self.U.shape[1])
+        rows = np.stack([np.sum((self.Q @ part) ** 2, axis=1) for part in parts])
+        return np.asarray(rows.reshape(u, 2, lines).mean(axis=1) + 0.5 / lines)
+
+
+def _end_steps(columns: Complexes, system: SystemFit, weights: Reals) -> _EndSteps:
+    m, u = system.participations.shape
+    Q, R = qr(real_rows(columns - columns.real.mean(axis=0)), mode="economic", check_finite=False)
+    scale = 1.0 / np.sqrt(np.sum((R**2).reshape(-1, 2, m), axis=(0, 1)))
+    size = np.linalg.norm(system.participations, axis=1)
+    size = np.where(size > 0.0, size, 1.0)
+    ends, shapes = system.participations / size[:, None], system.shapes * size / scale
+    Z = (R[:, :m] - 1j * R[:, m:]) * scale
+    left, s, right = np.linalg.svd(_columns(Z * ends.T[:, None, :]).reshape(-1, 2 * m), full_matrices=False)
+    kept = s > _RANK * s[0]
+    U, back = left[:, kept], (right[kept].T / s[kept]) @ left[:, kept].T
+    # participations change only across themselves: what is along them is a factor of the shape
+    free = np.linalg.svd(ends[:, :, None])[0][:, :, 1:]
+    d = 2 * m * (u - 1)
+    directions = np.zeros((u, m, d), complex)
+    for r in range(m):
+        for s_ in range(u - 1):
+            at = 2 * (r * (u - 1) + s_)
+            directions[:, r, at], directions[:, r, at + 1] = free[r, :, s_], 1j * free[r, :, s_]
+    by_turns = np.einsum("qr,nr,urd->nuqd", Z, shapes, directions, optimize=True).real
+    by_turns = by_turns.reshape(len(shapes), u * 2 * m, d)
+    across = by_turns - U @ (U.T @ by_turns)
+    root = np.sqrt(weights)[:, None, None]
+    rows = (root * across).reshape(across.shape[0] * across.shape[1], d)
+    turns = np.linalg.pinv(rows, rcond=_TURNS) if d else rows.T
+    turns = turns * np.repeat(root.ravel(), across.shape[1])
+    return _EndSteps(columns, Q, U, back, turns, by_turns, directions, shapes, ends, scale)
+
+
+def _columns(Z: Complexes) -> Reals:
+    """Of Re x and Im x in Re(Z x)."""
+    return np.concatenate([Z.real, -Z.imag], axis=-1)

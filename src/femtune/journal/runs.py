@@ -1,0 +1,182 @@
+"""The journal of external runs: every outcome by the digest of its inputs, in one SQLite file of the run folder.
+
+An outcome is committed when its run has ended, so that a program that is killed loses the runs under way and no other.
+As in the journal of solutions, nothing is ever unpickled, and a file that cannot be used is put aside with a notice.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femtune.errors import Notice, Where
+from femtune.files.modes.solved import SolvedModes
+from femtune.journal.journal import JOURNAL_FOLDER
+from femtune.runs.outcome import Failure, FailureKind, RunOutcome
+
+FILE = "runs.sqlite"
+_KIND = "external run"
+_SCHEMA = 1
+_TABLE = (
+    "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, state TEXT NOT NULL, facts TEXT NOT NULL, "
+    "freq_hz BLOB, nodes BLOB, shapes BLOB)"
+)
+_REAL, _INTEGER = np.dtype("<f8"), np.dtype("<i8")
+_TROUBLES = (sqlite3.Error, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+
+
+@dataclass
+class RunJournal:
+    """Outcomes on disk; make it with `open_run_journal`."""
+
+    path: Path
+    solved: Counter[str] = field(default_factory=Counter)
+    recalled: Counter[str] = field(default_factory=Counter)
+    stopped: Notice | None = None
+    _remarks: list[Notice] = field(default_factory=list)
+    _database: sqlite3.Connection | None = None
+
+    def recall(self, key: str) -> RunOutcome | None:
+        """The outcome of a key; None where there is none that can be used."""
+        if self._database is None:
+            return None
+        try:
+            row = self._database.execute(
+                "SELECT facts, freq_hz, nodes, shapes FROM runs WHERE key = ?", (key,)
+            ).fetchone()
+            found = None if row is None else _outcome(key, row)
+        except _TROUBLES as error:
+            self._remarks.append(_damaged(self.path, error))
+            return None
+        self.recalled[_KIND] += found is not None
+        return found
+
+    def keep(self, outcome: RunOutcome) -> None:
+        """Keep an outcome; where that fails the runs go on without the journal, with a notice."""
+        self.solved[_KIND] += 1
+        if self._database is None or self.stopped is not None:
+            return
+        try:
+            with self._database:
+                self._database.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", _row(outcome))
+        except sqlite3.Error as error:
+            self.stopped = Notice("journal.unwritable", where=Where(str(self.path)), reason=error)
+
+    def states(self) -> dict[str, int]:
+        """Number of outcomes by their state, for tables."""
+        if self._database is None:
+            return {}
+        found = self._database.execute("SELECT state, COUNT(*) FROM runs GROUP BY state ORDER BY state")
+        return {str(state): int(count) for state, count in found}
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._database is not None:
+            self._database.close()
+            self._database = None
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What the user should know."""
+        return (*self._remarks, *(() if self.stopped is None else (self.stopped,)))
+
+
+def open_run_journal(run_folder: Path, *, fresh: bool = False) -> RunJournal:
+    """The journal of external runs in a run folder; `fresh` removes what is in it.
+
+    What is no such journal is put aside; what cannot be made is a notice, and the runs go on without.
+    """
+    journal = RunJournal(run_folder / JOURNAL_FOLDER / FILE)
+    try:
+        _prepare(journal.path, fresh)
+        journal._database = _opened(journal.path)
+    except OSError as error:
+        journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error.strerror or error)
+    except (sqlite3.Error, ValueError) as error:
+        journal._remarks.append(_damaged(journal.path, error))
+        _begin_anew(journal)
+    return journal
+
+
+def _prepare(path: Path, fresh: bool) -> None:
+    if os.path.islink(path.parent) or os.path.islink(path):
+        raise OSError("it is a link to another place")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if fresh:
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    for name in (path, path.with_name(f"{FILE}-journal"), path.with_name(f"{FILE}-wal")):
+        name.unlink(missing_ok=True)
+
+
+def _begin_anew(journal: RunJournal) -> None:
+    try:
+        os.replace(journal.path, journal.path.with_suffix(".damaged"))
+        _remove(journal.path)
+        journal._database = _opened(journal.path)
+    except (OSError, sqlite3.Error) as error:
+        journal.stopped = Notice("journal.unwritable", where=Where(str(journal.path)), reason=error)
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    """Errors: sqlite3.Error, ValueError where the file is another kind of database."""
+    database = sqlite3.connect(path, timeout=30.0)
+    try:
+        database.execute("PRAGMA trusted_schema = OFF")
+        version = database.execute("PRAGMA user_version").fetchone()[0]
+        tables = set(database.execute("SELECT name, type FROM sqlite_master WHERE name NOT LIKE 'sqlite_%'"))
+        if version != _SCHEMA and (version or tables):
+            raise ValueError(f"it is of version {version} and not {_SCHEMA}")
+        if tables - {("runs", "table")}:
+            raise ValueError("it has other tables than the journal's")
+        with database:
+            database.execute(_TABLE)
+            database.execute(f"PRAGMA user_version = {_SCHEMA}")
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _damaged(path: Path, error: Exception) -> Notice:
+    return Notice("journal.damaged", where=Where(str(path.parent)), count=1, first=f"{path.name}: {error}")
+
+
+def _row(outcome: RunOutcome) -> Sequence[Any]:
+    facts: dict[str, Any] = {"failures": [[f.kind.value, f.sentence, f.folder] for f in outcome.failures]}
+    modes = outcome.modes
+    if modes is None:
+        return outcome.key, outcome.state, json.dumps(facts), None, None, None
+    facts["mass"] = modes.mass
+    blobs = (
+        np.ascontiguousarray(modes.freq_hz, _REAL).tobytes(),
+        np.ascontiguousarray(modes.nodes, _INTEGER).tobytes(),
+        np.ascontiguousarray(modes.shapes, _REAL).tobytes(),
+    )
+    return outcome.key, outcome.state, json.dumps(facts), *blobs
+
+
+def _outcome(key: str, row: Sequence[Any]) -> RunOutcome:
+    """Raises ValueError, TypeError, KeyError where the row is none of the journal's."""
+    facts = json.loads(row[0])
+    failures = tuple(Failure(FailureKind(kind), str(text), str(folder)) for kind, text, folder in facts["failures"])
+    if row[1] is None:
+        if not failures:
+            raise ValueError("a run without modes and without failure")
+        return RunOutcome(key, None, failures)
+    freq, nodes = np.frombuffer(row[1], _REAL), np.frombuffer(row[2], _INTEGER)
+    shapes = np.frombuffer(row[3], _REAL).reshape(len(nodes), 6, len(freq))
+    mass = facts["mass"]
+    if not np.isfinite(freq).all() or not (mass is None or isinstance(mass, float)):
+        raise ValueError("a run of numbers that are none")
+    return RunOutcome(key, SolvedModes(freq, nodes, shapes, mass), failures)

@@ -1,0 +1,239 @@
+"""A model of the runs of another solver: modal matrices of every run, and polynomials through them.
+
+With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a basis B that spans the shapes of all runs,
+
+    K(p) = Ψ⁻ᵀ Λ Ψ⁻¹,   M(p) = Ψ⁻ᵀ Ψ⁻¹,   u = B q
+
+have exactly the eigenvalues and shapes of the run. They do not depend on the order, the signs, or the choice among
+repeated modes, so that they are smooth in p where modes change places: nothing is tracked. Where the basis has more
+vectors than modes, those that are no mode get eigenvalues above the modes. Without shapes K is the diagonal of ω².
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from femtune.arrays import Flags, Integers, Reals
+from femtune.errors import FemtuneError
+from femtune.fem import NodeTable, Structure, ValueTableBuilder
+from femtune.fem.constraints import follow_rows
+from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, polynomial_terms
+from femtune.model.imported.polynomial import Polynomial, Powers, Variable
+
+_NEW_DIRECTION = 1e-4
+"""Part of the shapes outside the modes of the central run, over their size, from which it is a direction of its own."""
+_MOST_DIRECTIONS = 40
+_ABOVE = 4.0
+"""Eigenvalues of what is no mode, over the largest one of the central run."""
+_LEFT_SET = 0.05
+"""Least singular value of the modes of a run in those of the central one."""
+_RANK = 1e-9
+_LEVERAGE = 1.0 - 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs that are used.
+
+    Parameters
+    ----------
+    names : of the parameters
+    points : (n, k)
+    freq_hz : (n, m)
+    shapes : (n, s, m) of unit modal mass at `dofs`, or None
+    dofs : (s,) g-set DOFs of `nodes`
+    """
+
+    names: tuple[str, ...]
+    points: Reals
+    freq_hz: Reals
+    shapes: Reals | None = None
+    dofs: Integers | None = None
+
+    def select(self, keep: Flags) -> Runs:
+        """Some of the runs."""
+        shapes = None if self.shapes is None else self.shapes[keep]
+        return replace(self, points=self.points[keep], freq_hz=self.freq_hz[keep], shapes=shapes)
+
+    @property
+    def scales(self) -> tuple[Reals, Reals]:
+        """Centre and half range of every parameter."""
+        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        return 0.5 * (low + high), 0.5 * (high - low)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRuns:
+    """The model, and how well it meets its runs.
+
+    Parameters
+    ----------
+    structure : with fields ``VARIABLE <name>``
+    used : (n,) runs that the polynomials are fitted to
+    error : (n_used, m) relative error of each frequency if its run is left out; NaN where that cannot be told
+    coefficients : number of coefficients of a polynomial
+    nominal : (k,) the centre of the runs
+    """
+
+    structure: Structure
+    used: Flags
+    error: Reals
+    coefficients: int
+    nominal: Reals
+
+
+def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None) -> FittedRuns:
+    """Fit the model to runs.
+
+    Parameters
+    ----------
+    nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
+    degree : of the polynomials in each parameter, and of products in total
+    crossed : True with products of parameters
+    centre : the run that the basis is taken from; None for the one nearest the middle
+
+    Raises
+    ------
+    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``
+    """
+    if centre is None:
+        centre = _central(runs)
+    basis, modal, used = _modal(runs, centre)
+    chosen = runs.select(used)
+    modal = modal[:, used]
+    middle, half = _scales(chosen)
+    powers = _powers(len(runs.names), degree, crossed)
+    if len(chosen.points) < len(powers):
+        raise FemtuneError(
+            "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
+            products=" with products" if crossed else "",
+        )  # fmt: skip
+    V = np.prod(((chosen.points - middle) / half)[:, None, :] ** np.array(powers)[None], axis=2)
+    singular = la.svdvals(V)
+    if singular[-1] < _RANK * singular[0]:
+        raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
+    K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
+    structure = _structure(runs, nodes, basis, (K, M), (powers, middle, half), degree)
+    error = _left_out(V, modal, chosen.freq_hz)
+    return FittedRuns(structure, used, error, len(powers), middle)
+
+
+def _central(runs: Runs) -> int:
+    """The run nearest the middle of the ranges."""
+    middle, half = _scales(runs)
+    return int(np.argmin((((runs.points - middle) / half) ** 2).sum(axis=1)))
+
+
+def _scales(runs: Runs) -> tuple[Reals, Reals]:
+    if not len(runs.points):
+        raise FemtuneError("runs.too-few/none")
+    middle, half = runs.scales
+    for name, width, at in zip(runs.names, half, middle):
+        if not width > 1e-12 * abs(at):
+            raise FemtuneError("runs.one-value", parameter=name, value=at)
+    return middle, half
+
+
+def _powers(count: int, degree: int, crossed: bool) -> list[Powers]:
+    """Powers with a sum up to the degree, constant first; products only where they are wanted."""
+    every = itertools.product(range(degree + 1), repeat=count)
+    found = [p for p in every if sum(p) <= degree and (crossed or sum(e > 0 for e in p) <= 1)]
+    return sorted(found, key=sum)
+
+
+def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
+    """Basis (s, r), (2, n, r, r) stiffness and mass of every run, and which runs have the modes of the central one."""
+    values = (2.0 * np.pi * runs.freq_hz) ** 2
+    n, m = values.shape
+    if runs.shapes is None:
+        K = np.zeros((n, m, m))
+        K[:, np.arange(m), np.arange(m)] = values
+        return None, np.stack([K, np.broadcast_to(np.eye(m), K.shape)]), np.ones(n, bool)
+    phi = runs.shapes[centre]
+    A = np.linalg.pinv(phi) @ runs.shapes
+    used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEFT_SET
+    extra = _directions(phi, runs.shapes[used] - phi @ A[used])
+    D = np.linalg.pinv(extra) @ (runs.shapes - phi @ A)
+    r = m + extra.shape[1]
+    inverse = np.tile(np.eye(r), (n, 1, 1))
+    inverse[used, :m, :m] = np.linalg.inv(A[used])
+    inverse[:, m:, :m] = -D @ inverse[:, :m, :m]
+    above = np.full((n, r - m), _ABOVE * values[centre].max())
+    weights = np.concatenate([values, above], axis=1)
+    M = np.einsum("nai,naj->nij", inverse, inverse)
+    K = np.einsum("nai,na,naj->nij", inverse, weights, inverse)
+    return np.hstack([phi, extra]), np.stack([K, M]), used
+
+
+def _directions(phi: Reals, rest: Reals) -> Reals:
+    """(s, e) directions of shapes outside the modes of the central run, of the size of these."""
+    s, m = phi.shape
+    U, size, _ = la.svd(np.concatenate([np.zeros((s, 1)), *rest], axis=1), full_matrices=False)
+    typical = float(np.sqrt((phi**2).sum() / m))
+    count = min(int((size > _NEW_DIRECTION * typical).sum()), _MOST_DIRECTIONS, s - m)
+    return np.asarray(typical * U[:, : max(count, 0)])
+
+
+def _structure(
+    runs: Runs, nodes: NodeTable, basis: Reals | None, parts: tuple[Reals, Reals],
+    fitted: tuple[list[Powers], Reals, Reals], degree: int,
+) -> Structure:  # fmt: skip
+    powers, middle, half = fitted
+    r = parts[0].shape[1]
+    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if basis is not None else 1
+    nodes = replace(nodes, scalar_points=np.arange(first, first + r))
+    at = 6 * len(nodes.ids) + np.arange(r)
+    values = ValueTableBuilder()
+    for name, nominal in zip(runs.names, middle):
+        values.add(field_of_variable(name), float(nominal))
+    variables = tuple(Variable(name, float(v), degree) for name, v in zip(runs.names, middle))
+    scales = tuple((float(c), float(h)) for c, h in zip(middle, half))
+    assembled = []
+    for kind, coefficients in zip(("stiffness", "mass"), parts):
+        terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in zip(powers, coefficients) if c.any())
+        name = kind.upper()
+        found = Polynomial(name, variables, scales, terms, 0.0, 0)
+        factor = values.add(field_of_matrix(name), 1.0)
+        assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
+    moving = np.zeros(0, np.int64) if basis is None or runs.dofs is None else runs.dofs
+    permanent = np.setdiff1d(np.arange(6 * len(nodes.ids)), moving)
+    structure = Structure(
+        nodes, values.table(), (), permanent=permanent, hold_singular=False, assembled=tuple(assembled)
+    )
+    if basis is None:
+        return structure
+    rows = follow_rows(moving, np.tile(at, (len(moving), 1)), basis, 0)
+    return replace(structure, rigid=rows)
+
+
+def _on_g_set(matrix: Reals, at: Integers, size: int) -> sp.csr_array:
+    row, col = np.triu_indices(len(at))
+    out = sp.csr_array((matrix[row, col], (at[row], at[col])), shape=(size, size))
+    out.eliminate_zeros()
+    return out
+
+
+def _left_out(V: Reals, modal: Reals, freq_hz: Reals) -> Reals:
+    """(n, m) relative errors of the frequencies of each run, predicted from the others."""
+    hat = V @ np.linalg.pinv(V)
+    leverage = np.diag(hat)
+    fitted = np.einsum("ij,mjab->miab", hat, modal)
+    error = np.full(freq_hz.shape, np.nan)
+    m = freq_hz.shape[1]
+    for i in np.flatnonzero(leverage < _LEVERAGE):
+        K, M = modal[:, i] - (modal[:, i] - fitted[:, i]) / (1.0 - leverage[i])
+        try:
+            values = la.eigvalsh(K, M)[:m]
+        except la.LinAlgError:
+            # the mass is not positive definite there: the polynomials are of no use at this run
+            error[i] = np.inf
+            continue
+        hz = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
+        known = np.sort(freq_hz[i])
+        error[i] = (hz - known) / np.maximum(known, 1e-3 * known.max())
+    return error

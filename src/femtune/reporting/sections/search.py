@@ -1,0 +1,114 @@
+"""A global search: what it found, how it converged, and how good the surrogate is."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femtune.reporting.document import (
+    AlertBox,
+    Cell,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Listing,
+    Paragraph,
+    Table,
+    columns,
+    row,
+)
+from femtune.reporting.figures.effects import search_svg
+from femtune.reporting.numbers import NONE, counted, short, value
+
+if TYPE_CHECKING:
+    from femtune.reporting.document import Block
+    from femtune.reporting.source import ReportSource
+    from femtune.results.global_search import GlobalSearchResults
+
+_MOST_DRAWN = 6
+
+
+def _of(source: ReportSource) -> GlobalSearchResults:
+    assert source.results.search is not None
+    return source.results.search
+
+
+def search_summary(source: ReportSource) -> list[Block]:
+    """Numbers, sentences, and what should be known."""
+    return summary_blocks(_of(source))
+
+
+def summary_blocks(found: GlobalSearchResults) -> list[Block]:
+    """Numbers, sentences, and alerts, for page and terminal."""
+    alerts = (AlertBox(a.level, a.code, a.sentence, a.where) for a in found.alerts)
+    numbers = KeyNumbers(
+        (
+            KeyNumber("χ²", short(found.chi2_initial), short(found.chi2), remark=counted(found.residuals, "residual")),
+            KeyNumber("Runs of the model", str(found.runs), remark=f"{found.method} on the {found.on}"),
+        )
+    )
+    return [numbers, Listing((*found.sentences, f"{found.status}: {found.message}.")), *alerts]
+
+
+def search_parameters(source: ReportSource) -> list[Block]:
+    """The table of parameters."""
+    return [parameter_table(_of(source))]
+
+
+def parameter_table(found: GlobalSearchResults) -> Table:
+    """A line each parameter."""
+    heads = columns("Parameter", "Unit", ">Lower", ">Upper", ">Initial", ">Found", ">Value", "")
+    rows = tuple(
+        row(
+            p.name, p.unit, value(p.lower), value(p.upper), value(p.initial), value(p.found), value(p.value),
+            Cell("at its bound", tone="poor") if p.at_bound else "",
+        )
+        for p in found.parameters
+    )  # fmt: skip
+    return Table("", heads, rows)
+
+
+def search_convergence(source: ReportSource) -> list[Block]:
+    """The picture, and a line each seed."""
+    found, history = _of(source), source.arrays[_of(source).history_key]
+    lines = []
+    for seed in found.seeds[:_MOST_DRAWN]:
+        mine = history[history[:, 0] == seed.seed]
+        lines.append((f"seed {seed.seed}", mine[:, 1].tolist(), mine[:, 2].tolist()))
+    caption = f"Smallest χ² on the {found.on} against the number of evaluations. Dotted: where the searches ended."
+    draw = partial(search_svg, lines, [seed.chi2 for seed in found.seeds])
+    return [Figure(draw, caption, f"{caption} {found.sentences[0]}", wide=True), seed_table(found)]
+
+
+def seed_table(found: GlobalSearchResults) -> Table:
+    """A line each seed."""
+    heads = columns(">Seed", ">Evaluations", ">χ²", "Same minimum", "Converged")
+    words = {True: "yes", False: "no"}
+    rows = tuple(
+        row(str(s.seed), str(s.evaluations), short(s.chi2), words[s.same], words[s.converged]) for s in found.seeds
+    )
+    return Table("", heads, rows)
+
+
+def search_surrogate(source: ReportSource) -> list[Block]:
+    """The surrogate and its errors."""
+    return surrogate_blocks(_of(source))
+
+
+def surrogate_blocks(found: GlobalSearchResults) -> list[Block]:
+    """The surrogate and its errors, for page and terminal."""
+    s = found.surrogate
+    if s is None:
+        return [Paragraph("The model itself was searched.")]
+    heads = columns(
+        "Trend", "Correlation", ">Runs", ">Responses", ">Leaving out a run σ", ">Fresh runs σ", ">Error / predicted"
+    )
+    fresh = NONE if s.fresh_rms is None else short(s.fresh_rms)
+    line = row(
+        s.trend, s.correlation, str(s.runs), str(s.responses), short(s.left_out_rms), fresh, short(s.left_out_ratio)
+    )
+    note = (
+        "Root mean square errors of the residuals, in standard deviations σ of the data. The last column compares the "
+        "errors of leaving out a run with their predicted standard deviation; it is near 1 if the intervals are right."
+    )
+    return [Table("", heads, (line,), note)]

@@ -1,0 +1,98 @@
+"""What the data of an FRF study can tell of the parameters, before or after the update, as a record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from femtune.results.base import Record
+from femtune.selection import estimated_size
+from femtune.selection.expected import expected_knowledge
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from femtune.assembly.study import Study
+    from femtune.residuals import Evaluation
+
+
+class KnownParameter(Record):
+    """What the data tell of one parameter."""
+
+    parameter: str
+    """Name of the parameter."""
+    value: float
+    """Its value at this stage, in its unit."""
+    sd_percent: float | None
+    """Expected standard deviation from the data alone, all parameters unknown, in % of the value; None if the data
+    leave it open or the value is zero."""
+    sd_alone_percent: float | None
+    """The same if all others were known; None without effect."""
+    known: bool
+    """Whether the standard deviation is below a third of the prior's."""
+
+
+class FisherResults(Record):
+    """Fisher information of the FRFs: which parameters the data determine, how well, and which ones only together."""
+
+    stage: Literal["before", "after"]
+    """Values of the parameters: before or after the update."""
+    measured: bool
+    """Whether the noise is that of the measured FRFs, followed through identification and equalised damping; otherwise
+    that of the stated standard deviations of the residuals."""
+    parameters: tuple[KnownParameter, ...]
+    """The free parameters."""
+    groups: tuple[tuple[str, ...], ...]
+    """Parameters that are correlated by more than 0.9: a combination is known much better than each."""
+    open: tuple[tuple[str, ...], ...]
+    """Parameters of each combination that the data do not determine."""
+    sentences: tuple[str, ...]
+    """The same in words."""
+
+
+def fisher_results(
+    study: Study, at: Evaluation, stage: Literal["before", "after"], active: Sequence[str] | None = None
+) -> FisherResults | None:
+    """The information at an evaluation; None for studies without residuals of measured FRFs.
+
+    Parameters
+    ----------
+    active : names of the parameters that the update moved; None: all free ones
+    """
+    if not any(b.samples is not None for b in at.weighted):
+        return None
+    parameters = study.parameters
+    size = 1.0
+    if study.file.residuals.scatter != "stated":
+        size = estimated_size(at.jacobian, at.residuals, sum(at.lost.values()))
+    names = tuple(p.name for p in parameters.free)
+    moving = np.array([active is None or n in active for n in names])
+    prior = np.asarray(parameters.prior[1]) * moving
+    values, jets = parameters.values(at.x), parameters.jets(at.x)
+    known = expected_knowledge(at, prior, names, size).select(moving)
+    scale = np.array([_percent(jets[n].grad, i, values[n]) for i, n in enumerate(names) if moving[i]])
+    percent = known.together * scale
+    return FisherResults(
+        stage=stage,
+        measured=known.measured,
+        parameters=tuple(
+            KnownParameter(
+                parameter=name, value=float(values[name]), sd_percent=_finite(sd), sd_alone_percent=_finite(alone),
+                known=bool(is_known),
+            )
+            for name, sd, alone, is_known in zip(known.names, percent, known.alone * scale, known.known)
+        ),
+        groups=known.groups,
+        open=known.open,
+        sentences=tuple(known.sentences(percent)),
+    )  # fmt: skip
+
+
+def _percent(gradient: np.ndarray, i: int, value: float) -> float:
+    """What a change of the normalised parameter is in % of its value."""
+    return 100.0 * abs(gradient[i] / value) if value else np.nan
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

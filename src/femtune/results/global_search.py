@@ -1,0 +1,103 @@
+"""A search of the whole box as records: the surrogate, the searches, and the minimum confirmed on the model."""
+
+from __future__ import annotations
+
+from femtune.results.base import Alert, Record
+from femtune.results.screen import FailedModelRun
+
+
+class SearchedParameter(Record):
+    """A free parameter in a search."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Its unit, "" for a factor."""
+    lower: float
+    """Lower bound."""
+    upper: float
+    """Upper bound."""
+    initial: float
+    """Initial value."""
+    found: float
+    """Value at the end of the global search."""
+    value: float
+    """Value after the least squares on the model that start there."""
+    at_bound: bool
+    """True if this value is at a bound."""
+
+
+class SurrogateFacts(Record):
+    """A surrogate of the residuals and its errors, all in standard deviations of the data."""
+
+    trend: str
+    """"constant", "linear" or "quadratic"."""
+    correlation: str
+    """"gaussian", "matern-5/2", "matern-3/2" or "none"."""
+    runs: int
+    """Runs that it was fitted to at last, without those that failed."""
+    responses: int
+    """Number of responses: the residuals, or their principal components if there are many."""
+    left_out_rms: float
+    """Root mean square error of predicting each run from the others."""
+    left_out_ratio: float
+    """Root mean square of these errors relative to their predicted standard deviation; near 1 if the prediction
+    intervals are right."""
+    fresh_runs: int
+    """Runs that checked it before they were added to it."""
+    fresh_rms: float | None
+    """Root mean square error of predicting them; None if there were none."""
+
+
+class SeedFacts(Record):
+    """A search from one seed."""
+
+    seed: int
+    """The seed."""
+    evaluations: int
+    """Evaluations of the objective, of the surrogate or of the model."""
+    chi2: float
+    """Sum of the squared residuals at its end, on the surrogate or on the model."""
+    same: bool
+    """True if it ended at the best minimum."""
+    converged: bool
+    """False if it ended with the last generation."""
+
+
+class GlobalSearchResults(Record):
+    """The minimum of the squared residuals within the bounds."""
+
+    on: str
+    """"surrogate" or "model"."""
+    method: str
+    """"differential-evolution", "genetic" or "cma-es"."""
+    runs: int
+    """Runs of the model before the least squares."""
+    failed: tuple[FailedModelRun, ...]
+    """Runs that failed."""
+    residuals: int
+    """Number of residuals."""
+    surrogate: SurrogateFacts | None
+    """The surrogate; None if the model itself was searched."""
+    seeds: tuple[SeedFacts, ...]
+    """The searches."""
+    parameters: tuple[SearchedParameter, ...]
+    """The free parameters."""
+    chi2_initial: float
+    """Sum of the squared residuals of the model at the initial values."""
+    chi2_searched: float
+    """As the search has it at its end, on the surrogate or on the model."""
+    chi2_model: float | None
+    """Of the model at the same point; None if that run failed."""
+    chi2: float
+    """Of the model after the least squares."""
+    status: str
+    """Status of the least squares: name of a member of `femtune.Status`."""
+    message: str
+    """What the status means."""
+    history_key: str
+    """Key of the convergence, shape (points, 3): seed, evaluations, smallest χ² so far."""
+    sentences: tuple[str, ...]
+    """The result in sentences."""
+    alerts: tuple[Alert, ...] = ()
+    """What should be known about it."""

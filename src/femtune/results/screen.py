@@ -1,0 +1,89 @@
+"""A screening of parameters as records: designed runs of the model, and the effect of each parameter on each mode."""
+
+from __future__ import annotations
+
+from femtune.results.base import Alert, Record
+
+
+class ScreenedParameter(Record):
+    """A parameter of the design."""
+
+    name: str
+    """Name of the parameter."""
+    unit: str
+    """Its unit, "" for a factor."""
+    values: tuple[float, ...]
+    """Its value at each level."""
+
+
+class ScreenedMode(Record):
+    """A natural frequency, followed through all runs."""
+
+    configuration: str
+    """Name of the configuration."""
+    mode: int
+    """Number of the mode at the initial values, from 1."""
+    freq_hz: float
+    """Frequency at the initial values, Hz."""
+    mean_hz: float
+    """Mean frequency of all runs, Hz."""
+    error_contribution: float
+    """Part of the variation that main effects do not explain, from 0 to 1."""
+    least_mac: float
+    """Smallest MAC, weighted by mass, between the shape at the initial values and the one that was followed."""
+
+
+class MainEffect(Record):
+    """Effect of one parameter on one frequency."""
+
+    parameter: str
+    """Name of the parameter."""
+    configuration: str
+    """Name of the configuration."""
+    mode: int
+    """Number of the mode at the initial values, from 1."""
+    contribution: float
+    """Part of the variation over the runs that is due to this parameter, from 0 to 1."""
+    f_value: float | None
+    """F; None without degrees of freedom for the error, or if main effects explain the frequency exactly."""
+    p_value: float | None
+    """Probability of at least this F without an effect; None as for F."""
+    range_hz: float
+    """Largest mean frequency of a level minus the smallest, Hz."""
+    means_hz: tuple[float, ...]
+    """Mean frequency of the runs at each level, Hz."""
+
+
+class FailedModelRun(Record):
+    """A run of the design without a result."""
+
+    run: int
+    """Number of the run, from 1."""
+    reason: str
+    """Why."""
+
+
+class ScreenResults(Record):
+    """Designed runs, and the main effects of the parameters on the natural frequencies."""
+
+    design: str
+    """The design: "L18", "full factorial", "Plackett-Burman 12"."""
+    runs: int
+    """Number of runs."""
+    failed: tuple[FailedModelRun, ...]
+    """Runs that failed; they are left out."""
+    error_freedom: int
+    """Degrees of freedom left for the error."""
+    parameters: tuple[ScreenedParameter, ...]
+    """The free parameters with their levels."""
+    modes: tuple[ScreenedMode, ...]
+    """The elastic modes."""
+    effects: tuple[MainEffect, ...]
+    """For each parameter, the effect on each mode."""
+    table_key: str
+    """Key of the table of runs, shape (runs, parameters + modes): values of the free parameters and frequencies in Hz;
+    NaN in runs that failed."""
+    sentences: tuple[str, ...]
+    """The result in sentences."""
+    alerts: tuple[Alert, ...] = ()
+    """What should be known about it."""

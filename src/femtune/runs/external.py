@@ -1,0 +1,318 @@
+"""A solver that is a command: one run in a folder of its own, tried again where that may help, and checked."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from femtune.errors import FemtuneError, Where
+from femtune.files.modes.registry import ERROR_TEXTS, ModesFormat, read_modes
+from femtune.files.modes.solved import SolvedModes
+from femtune.runs.outcome import Failure, FailureKind, RunOutcome
+from femtune.runs.process import LOG, begun, pause, run_process
+from femtune.runs.template import InputFiles
+
+Values = Mapping[str, float]
+Keep = Literal["none", "failed", "all"]
+
+_LEAST_FREE = 1 << 20
+_MOST_SEARCHED = 1 << 26
+"""Bytes at the end of a file in which error texts are searched."""
+_ASCENDING = 1e-6
+_SHOWN = 120
+
+
+@dataclass(frozen=True)
+class ResultFile:
+    """A file that the solver writes, and its format."""
+
+    name: str
+    format: ModesFormat
+
+
+@dataclass(frozen=True)
+class Checks:
+    """What the modes of a run must be to be used.
+
+    Parameters
+    ----------
+    count : number of modes, at least
+    mass, mass_tolerance : of the whole model, and the relative difference allowed; None without a check
+    """
+
+    count: int = 1
+    mass: float | None = None
+    mass_tolerance: float = 0.01
+
+    def fault(self, modes: SolvedModes) -> str:
+        """What is wrong with the modes; "" where nothing is."""
+        freq = modes.freq_hz
+        if len(freq) < self.count:
+            return f"{len(freq)} modes where {self.count} are expected"
+        if not np.isfinite(freq).all():
+            return f"the frequency of mode {int(np.argmin(np.isfinite(freq))) + 1} is not a number"
+        if (freq < 0.0).any() or (np.diff(freq) < -_ASCENDING * np.abs(freq).max()).any():
+            return f"the frequencies do not ascend from zero: {_listed(freq)}"
+        return self._fault_of_shapes(modes) or self._fault_of_mass(modes)
+
+    def _fault_of_shapes(self, modes: SolvedModes) -> str:
+        if not modes.has_shapes:
+            return ""
+        with np.errstate(over="ignore"):
+            size = np.nansum(modes.shapes**2, axis=(0, 1))
+        bad = ~(np.isfinite(size) & (size > 0.0))
+        return f"the shape of mode {int(np.argmax(bad)) + 1} is zero or not a number" if bad.any() else ""
+
+    def _fault_of_mass(self, modes: SolvedModes) -> str:
+        if self.mass is None:
+            return ""
+        if modes.mass is None:
+            return "the mass of the model is not in the output"
+        if abs(modes.mass / self.mass - 1.0) <= self.mass_tolerance:
+            return ""
+        return f"the mass is {modes.mass:g} where {self.mass:g} is expected"
+
+
+def _listed(freq: np.ndarray) -> str:
+    return ", ".join(f"{f:.6g}" for f in freq[:8]) + (" …" if len(freq) > 8 else "") + " Hz"
+
+
+@dataclass(frozen=True)
+class ExternalSolver:
+    """A command that is started in a new folder for every run, without a shell.
+
+    Parameters
+    ----------
+    command : program and arguments; nothing in it is replaced
+    inputs : writes the input files of a run
+    result : the file that is read
+    folder : in which the folders of the runs are made
+    checks : what the modes must be
+    timeout_s : after which a run is ended
+    retries : how often a run that failed is tried again
+    error_texts : texts in the output of a failed run, beside those of the format
+    licence_texts : texts in the output where no licence was free; such a run waits and is tried again
+    licence_wait_s, licence_tries : pause, and how often a licence is asked for
+    environment : variables of the process, beside those of this one
+    version : of the solver, in words; results of another version are not used
+    keep : folders of runs that are kept
+
+    Examples
+    --------
+    >>> import sys
+    >>> from pathlib import Path
+    >>> from femtune.runs import ExternalSolver, ResultFile, Template, Templates
+    >>> script = "k, m = (float(x) for x in open('in.txt')); f = (k/m)**0.5/6.283185307179586\\n"
+    >>> script += "print(f, file=out := open('modes.txt', 'w')); print('end', file=out)"
+    >>> inputs = Templates((Template.of_text("in.txt", "{{k}}\\n2.0"), Template.of_text("solve.py", script)))
+    >>> solver = ExternalSolver((sys.executable, "solve.py"), inputs, ResultFile("modes.txt", "table"), Path("runs"))
+    >>> solver.command[1]
+    'solve.py'
+    """
+
+    command: tuple[str, ...]
+    inputs: InputFiles
+    result: ResultFile
+    folder: Path
+    checks: Checks = field(default_factory=Checks)
+    timeout_s: float = 3600.0
+    retries: int = 1
+    error_texts: tuple[str, ...] = ()
+    licence_texts: tuple[str, ...] = ()
+    licence_wait_s: float = 60.0
+    licence_tries: int = 60
+    environment: tuple[tuple[str, str], ...] = ()
+    version: str = ""
+    keep: Keep = "failed"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the values of a run."""
+        return self.inputs.names
+
+    def check(self) -> None:
+        """Refuse a program that is not there (error ``external.no-program``)."""
+        self._program  # noqa: B018  found, or refused
+
+    @cached_property
+    def _program(self) -> str:
+        found = shutil.which(self.command[0])
+        if found is None:
+            raise FemtuneError("external.no-program", program=self.command[0])
+        return os.path.abspath(found)
+
+    def key(self, values: Values) -> str:
+        """Digest of all that the result depends on: input files, command, program, version, and what is read."""
+        digest = sha256(b"femtune run 1")
+        settings = (*self.command, self.version, _file_digest(self._program), self.result.name, self.result.format)
+        environment = tuple(f"{name}={value}" for name, value in self.environment)
+        for text in (*settings, *environment, self.inputs.version):
+            digest.update(sha256(text.encode()).digest())
+        for name, content in sorted(self.inputs.files(values).items()):
+            digest.update(sha256(name.encode()).digest() + sha256(content).digest())
+        return digest.hexdigest()
+
+    def run(self, values: Values) -> RunOutcome:
+        """Run until an attempt gives modes that pass the checks, or all have failed.
+
+        Raises
+        ------
+        FemtuneError : ``external.folder`` (the disk is full), ``external.not-started``, ``external.placeholder``
+        """
+        key, stop = self.key(values), begun()
+        failures: list[Failure] = []
+        licence, others = self.licence_tries, self.retries + 1
+        while licence > 0 and others > 0:
+            found = self._attempt(key, values, stop)
+            if isinstance(found, SolvedModes):
+                return RunOutcome(key, found, tuple(failures))
+            failures.append(found)
+            if found.kind is FailureKind.LICENCE:
+                licence -= 1
+                if licence:
+                    pause(self.licence_wait_s, stop)
+            else:
+                others -= 1
+        return RunOutcome(key, None, tuple(failures))
+
+    def _attempt(self, key: str, values: Values, stop: threading.Event) -> SolvedModes | Failure:
+        folder = self._new_folder(key, values)
+        command = (self._program, *self.command[1:])
+        code = run_process(command, folder, self.timeout_s, dict(self.environment), stop)
+        found = self._judged(folder, code)
+        failed = isinstance(found, Failure)
+        if failed and shutil.disk_usage(folder).free < _LEAST_FREE:
+            raise FemtuneError("external.folder/full", where=Where(str(folder)))
+        if self.keep == "none" or (self.keep == "failed" and not failed):
+            shutil.rmtree(folder, ignore_errors=True)
+        return found
+
+    def _new_folder(self, key: str, values: Values) -> Path:
+        """A folder with the input files; another attempt of a run that was killed may still write into its own."""
+        files = self.inputs.files(values)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            folder = Path(tempfile.mkdtemp(prefix=f"{key[:16]}-", dir=self.folder))
+            for name, content in files.items():
+                (folder / name).write_bytes(content)
+        except OSError as error:
+            raise FemtuneError("external.folder", where=Where(str(self.folder)), reason=error.strerror) from error
+        return folder
+
+    def _judged(self, folder: Path, code: int | None) -> SolvedModes | Failure:
+        """The modes of an attempt, or why it has none."""
+        place = str(folder)
+        texts = [_end_of(folder / name) for name in dict.fromkeys((LOG, self.result.name))]
+        refused = _line_with(texts, self.licence_texts)
+        if refused:
+            return Failure(FailureKind.LICENCE, refused, place)
+        if code is None:
+            return Failure(FailureKind.TIME_OUT, f"ended after {self.timeout_s:g} s", place)
+        error = _line_with(texts, (*self.error_texts, *ERROR_TEXTS[self.result.format]))
+        if error:
+            return Failure(FailureKind.ERROR_TEXT, error, place)
+        if code != 0:
+            return Failure(FailureKind.EXIT_CODE, f"the solver ended with exit code {code}", place)
+        path = folder / self.result.name
+        if not path.is_file():
+            return Failure(FailureKind.NO_OUTPUT, f"the solver wrote no file {self.result.name}", place)
+        try:
+            modes = read_modes(path, self.result.format)
+        except FemtuneError as problem:
+            if problem.code.startswith("install."):
+                raise
+            return Failure(FailureKind.BAD_OUTPUT, f"{self.result.name}: {problem.what}", place)
+        fault = self.checks.fault(modes)
+        return Failure(FailureKind.NOT_SANE, fault, place) if fault else modes
+
+
+@lru_cache(maxsize=16)
+def _file_digest(path: str) -> str:
+    """Of the program itself, so that a new version of it has new results."""
+    digest = sha256()
+    try:
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError:
+        return path
+    return digest.hexdigest()
+
+
+def _end_of(path: Path) -> str:
+    try:
+        with path.open("rb") as stream:
+            stream.seek(max(path.stat().st_size - _MOST_SEARCHED, 0))
+            return stream.read().decode("latin-1")
+    except OSError:
+        return ""
+
+
+def _line_with(texts: list[str], patterns: tuple[str, ...]) -> str:
+    """The first line in which one of some texts stands."""
+    for text in texts:
+        for pattern in patterns:
+            at = text.find(pattern)
+            if pattern and at >= 0:
+                begin, end = text.rfind("\n", 0, at) + 1, text.find("\n", at)
+                return text[begin : end if end >= 0 else None].strip()[:_SHOWN]
+    return ""
+
+
+@dataclass(frozen=True)
+class FunctionSolver:
+    """A Python function in place of a solver: values by name -> frequencies (m,) in Hz, or `SolvedModes`.
+
+    Parameters
+    ----------
+    function : is called with a dictionary of the values
+    names : of the values
+    version : changes where the function does, so that earlier results are not used
+    checks : what the modes must be
+
+    Examples
+    --------
+    >>> from femtune.runs import FunctionSolver
+    >>> solver = FunctionSolver(lambda v: [v["k"] ** 0.5, 2.0], ("k",), "1")
+    >>> solver.run({"k": 1.44}).modes.freq_hz
+    array([1.2, 2. ])
+    """
+
+    function: Callable[[dict[str, float]], object]
+    names: tuple[str, ...]
+    version: str
+    checks: Checks = field(default_factory=Checks)
+
+    def check(self) -> None:
+        """Nothing that could be missing."""
+
+    def key(self, values: Values) -> str:
+        """Digest of the values and the version."""
+        text = repr((self.version, [(name, float(values[name])) for name in self.names]))
+        return sha256(b"femtune function 1" + text.encode()).hexdigest()
+
+    def run(self, values: Values) -> RunOutcome:
+        """Call the function once; what it raises is a failure."""
+        key = self.key(values)
+        try:
+            found = self.function({name: float(values[name]) for name in self.names})
+            modes = found if isinstance(found, SolvedModes) else SolvedModes.of_frequencies(np.asarray(found, float))
+            fault = self.checks.fault(modes)
+        except Exception as error:
+            return RunOutcome(key, None, (Failure(FailureKind.EXIT_CODE, f"{type(error).__name__}: {error}"),))
+        if fault:
+            return RunOutcome(key, None, (Failure(FailureKind.NOT_SANE, fault),))
+        return RunOutcome(key, modes)
+
+
+Solver = ExternalSolver | FunctionSolver

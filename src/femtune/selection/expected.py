@@ -1,0 +1,154 @@
+"""Expected standard deviations of the parameters from the data alone: what can be known, and what only together.
+
+The covariance is F⁻¹ with the Fisher information F = JᵀJ of residuals in units of their standard deviations. Where
+residuals compare FRFs of an identified test, whose errors all lines share, it is F⁻¹Jᵀ Cov(Δr) J F⁻¹: the covariance of
+the estimate with the weights of the residuals, the changes Δr being those that noise as large as the errors of the
+identification makes through identification and equalisation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femtune.arrays import Flags, Reals
+from femtune.residuals import Evaluation
+from femtune.residuals.identified import drawn_changes, identified_tests
+from femtune.selection.combinations import determined, listed, sparse_basis
+from femtune.selection.information import KNOWN
+
+TOGETHER = 0.9
+"""Absolute correlation from which a combination of parameters is known much better than each."""
+_DRAWS = 200
+_SHARE = 0.1
+_NO_PART = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedKnowledge:
+    """Of k parameters, in normalised units.
+
+    Parameters
+    ----------
+    names : of the parameters
+    prior_sd : (k,)
+    together : (k,) standard deviation with all unknown, from the data alone; inf where undetermined
+    alone : (k,) were all others known; inf without effect
+    correlation : (k, k) of the estimate in what the data determine
+    null : (m, k) combinations in prior standard deviations that the data leave open, as sparse as they can be made
+    measured : whether the noise is that of the measured FRFs behind an identified test
+    """
+
+    names: tuple[str, ...]
+    prior_sd: Reals
+    together: Reals
+    alone: Reals
+    correlation: Reals
+    null: Reals
+    measured: bool
+
+    @property
+    def known(self) -> Flags:
+        """(k,) parameters whose standard deviation is below a third of the prior's."""
+        return np.asarray(self.together <= KNOWN * self.prior_sd)
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters that are correlated by more than TOGETHER with another one of their group."""
+        near = np.abs(self.correlation) >= TOGETHER
+        left, found = list(range(len(self.names))), []
+        while left:
+            group, ahead = {left[0]}, [left[0]]
+            while ahead:
+                new = {int(j) for j in np.flatnonzero(near[ahead.pop()])} - group
+                group |= new
+                ahead += sorted(new)
+            left = [j for j in left if j not in group]
+            if len(group) > 1:
+                found.append(tuple(self.names[j] for j in sorted(group)))
+        return tuple(found)
+
+    @property
+    def open(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters of each combination that the data leave open."""
+        return tuple(
+            tuple(n for n, c in zip(self.names, row) if abs(c) >= _SHARE * np.abs(row).max()) for row in self.null
+        )
+
+    def select(self, which: Flags) -> ExpectedKnowledge:
+        """Some of the parameters, where the others are known."""
+        if which.all():
+            return self
+        names = tuple(n for n, w in zip(self.names, which) if w)
+        null = self.null[(np.abs(self.null[:, ~which]) < _SHARE).all(axis=1)][:, which]
+        return replace(
+            self, names=names, prior_sd=self.prior_sd[which], together=self.together[which], alone=self.alone[which],
+            correlation=self.correlation[np.ix_(which, which)], null=null,
+        )  # fmt: skip
+
+    def sentences(self, percent: Reals) -> list[str]:
+        """In words; `percent` (k,) are the standard deviations in % of the values."""
+        if not self.names:
+            return []
+        known = [f"{n} (±{p:.2g} %)" for n, p, k in zip(self.names, percent, self.known) if k]
+        open_ = [n for n, k in zip(self.names, self.known) if not k]
+        first = (
+            f"From the data alone, {listed(known)} can be known." if known else "The data alone determine no parameter."
+        )
+        out = [first]
+        if open_:
+            out.append(f"{listed(open_)} cannot: the standard deviation is more than a third of the prior's.")
+        out += [
+            f"{listed(group)} are correlated by more than {TOGETHER:g}: a combination of them is known much better "
+            "than each."
+            for group in self.groups
+        ]
+        for parts in self.open:
+            joint = f"A joint change of {listed(parts)}" if len(parts) > 1 else f"A change of {parts[0]}"
+            out.append(f"{joint} has no effect on the data.")
+        return out
+
+
+def expected_knowledge(at: Evaluation, prior_sd: Reals, names: tuple[str, ...], size: float = 1.0) -> ExpectedKnowledge:
+    """What the data of an evaluation would tell of its parameters.
+
+    Parameters
+    ----------
+    at : with derivatives by the k parameters
+    prior_sd : (k,)
+    names : of the parameters
+    size : actual over stated standard deviation of the residuals; not used for identified tests
+    """
+    S = at.jacobian * prior_sd
+    k = S.shape[1]
+    _, s, vt = np.linalg.svd(np.vstack([S, np.zeros((max(0, k - len(S)), k))]), full_matrices=False)
+    kept = determined(s)
+    inverse = (vt[kept].T / s[kept] ** 2) @ vt[kept]
+    measured = bool(identified_tests(at.weighted))
+    noise = _noise(at, S) if measured else size**2 * (S.T @ S)
+    covariance = inverse @ noise @ inverse
+    null = sparse_basis(vt[~kept])
+    open_ = (np.abs(vt[~kept]) > _NO_PART).any(axis=0)
+    sd = np.sqrt(np.diag(covariance))
+    safe = np.where(sd > 0.0, sd, 1.0)
+    lengths = np.sum(S**2, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alone = np.where(lengths > 0.0, np.sqrt(np.diag(noise)) / lengths, np.inf)
+    # what does not move has no spread, whatever the data tell
+    together, alone = (np.where(prior_sd > 0.0, x, 0.0) * prior_sd for x in (np.where(open_, np.inf, sd), alone))
+    return ExpectedKnowledge(names, prior_sd, together, alone, covariance / np.outer(safe, safe), null, measured)
+
+
+def _noise(at: Evaluation, S: Reals) -> Reals:
+    """(k, k) covariance of Sᵀ Δr; blocks of other data have independent errors of the stated size."""
+    ends = np.cumsum([0, *(len(b.values) for b in at.weighted)])
+    rows = np.split(S, ends[1:-1])
+    sums, others = np.zeros((_DRAWS, S.shape[1])), np.zeros((S.shape[1], S.shape[1]))
+    for i in range(_DRAWS):
+        for part, change in zip(rows, drawn_changes(at.weighted, "noise", np.random.default_rng(i))):
+            if change is not None:
+                sums[i] += change @ part
+            elif i == 0:
+                others += part.T @ part
+    return np.asarray(np.atleast_2d(np.cov(sums.T)) + others)

@@ -1,0 +1,112 @@
+"""Steps that run the model at designed points: screen, search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femtune.arguments import checked
+from femtune.assembly.described import StudySource, Test, source_of
+from femtune.assembly.progress import silent
+from femtune.steps.pages import checked_page, with_page
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.files.study_file.objects import Parameter
+    from femtune.results.step_results import ScreenResult, SearchResult
+
+
+@checked
+def screen(
+    source: StudySource,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    csv: Path | str | None = None,
+    report: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **options: Any,
+) -> ScreenResult:
+    """Which parameters matter for which mode: range analysis and analysis of variance of designed runs.
+
+    Parameters
+    ----------
+    source : a study (an object, or the path of its TOML file); or a model, with `parameters`
+    parameters : as for `Study`
+    csv : table of runs to write: values of the free parameters, and frequencies in Hz
+    report : HTML page to write, with tables and a picture
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
+    options : keys of [screen] that replace those of the study: ``design``, ``array``, ``levels``, ``configuration``
+
+    Raises
+    ------
+    FemtuneError : ``screen.*``, ``design.*``, ``study.no-parameters``, ``eigen.*``, and errors in the files
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1", "mass": "CONM2 9 M"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.8, upper=1.2) for name, field in fields.items()]
+    >>> found = ft.screen(ft.read_deck(example_deck(), units="m-kg-s"), parameters=free)
+    >>> found
+    ScreenResult: L9, 9 runs
+      More than 10 % of the variation of at least one frequency: mass, root, tip.
+      Main effects explain at least 99.8 % of the variation of each frequency.
+    >>> first = found.effects[0]
+    >>> first.parameter, first.mode, round(first.contribution, 2)
+    ('root', 1, 0.75)
+    """
+    from femtune.study.screen import screen_parameters  # noqa: PLC0415
+
+    page = checked_page(report)
+    table = None if csv is None else Path(csv)
+    given = source_of(source, parameters=parameters)
+    result = screen_parameters(given, options, progress, fresh=fresh, table=table)
+    return with_page(result, page, progress)
+
+
+@checked
+def search(
+    source: StudySource,
+    test: Test = None,
+    *,
+    parameters: Sequence[Parameter | Mapping[str, Any]] | None = None,
+    residuals: Sequence[Any] | Mapping[str, Any] | None = None,
+    report: Path | str | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **options: Any,
+) -> SearchResult:
+    """The minimum of the squared residuals in the whole box, on a surrogate or on the model, confirmed on the model.
+
+    Parameters
+    ----------
+    source, test, parameters, residuals : as for `correlate` and `Study`
+    report : HTML page to write, with tables and a picture
+    fresh : ignore the journal of an earlier run of the study and solve everything again
+    progress : receives progress reports
+    options : keys of [search] that replace those of the study: ``on``, ``runs``, ``method``, ``seeds`` …
+
+    Raises
+    ------
+    FemtuneError : ``search.*``, ``surrogate.*``, ``study.no-test``, ``study.no-parameters``, and as `correlate`
+
+    Examples
+    --------
+    >>> import femtune as ft
+    >>> from femtune.testing import example_deck, example_test
+    >>> model, test = ft.read_deck(example_deck(), units="m-kg-s"), ft.read_test(example_test())
+    >>> fields = {"root": "PBAR 1 I1", "tip": "PBAR 2 I1"}
+    >>> free = [ft.Parameter(name, fields=[field], lower=0.5, upper=2.0) for name, field in fields.items()]
+    >>> found = ft.search(model, test, parameters=free, residuals=[ft.FrequencyResidual(sd=0.01)], runs=20)
+    >>> {name: round(value, 4) for name, value in found.values.items()}
+    {'root': 0.9, 'tip': 1.15}
+    """
+    from femtune.study.global_search import search_minimum  # noqa: PLC0415
+
+    page = checked_page(report)
+    given = source_of(source, test=test, parameters=parameters, residuals=residuals)
+    return with_page(search_minimum(given, options, progress, fresh=fresh), page, progress)

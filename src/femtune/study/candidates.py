@@ -1,0 +1,539 @@
+"""The step candidates: several sets of parameters, each updated from the same test, and their comparison."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.assembly.error_places import errors_at
+from femtune.assembly.study import load_study, solved_by
+from femtune.assembly.update_method import method_of
+from femtune.errors import FemtuneError
+from femtune.executor import finish
+from femtune.files.study_file import CandidatesTable
+from femtune.files.study_file.candidates import NOMINAL
+from femtune.journal.finished import FinishedRuns
+from femtune.model import digest
+from femtune.model.full_model import direct
+from femtune.results.base import alert
+from femtune.results.candidates import CandidateResults, CandidatesResults, CandidateValue, LeftOutPrediction
+from femtune.results.folder import unwritable
+from femtune.results.update import CombinationRecord, citations, combination_record
+from femtune.selection import identifiability
+from femtune.selection.candidate_models import CandidateFit, Group, rank_candidates, subset_count, subsets
+from femtune.selection.combinations import listed
+from femtune.status import Status
+from femtune.study.executor import executor_of
+from femtune.updating import StartRules, multi_start, starting_points, update
+
+if TYPE_CHECKING:
+    from femtune.arrays import Reals
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.files.study_file import StudyFile
+    from femtune.parameters import ParameterSet
+    from femtune.residuals import Evaluation, UpdateProblem
+    from femtune.results.base import Alert, CitationRecord
+    from femtune.selection.candidate_models import CandidateRanking
+    from femtune.updating import SensitivityMethod, UpdateResult
+
+CANDIDATES_FILE = "candidates.jsonl"
+_SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
+
+
+@dataclass(frozen=True)
+class ParameterChoice:
+    """A set of parameters: those that move, and expressions of those that follow them."""
+
+    name: str
+    parameters: tuple[str, ...]
+    ties: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+
+
+def forget_candidates(folder: Path) -> None:
+    """Remove the runs that an earlier comparison left (error ``run.unwritable``)."""
+    try:
+        (folder / CANDIDATES_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+def candidate_citations() -> tuple[CitationRecord, ...]:
+    """Publications on the criteria."""
+    return citations(("schwarz1978", "beck2004", "goulet2013"))
+
+
+# ----------------------------------------------------------------------------------------------------
+# One run: the update of one candidate with all configurations, or without one, which is predicted then.
+
+
+@dataclass(frozen=True)
+class _Task:
+    """The candidate, the position of its problem, and the position of the configuration that is left out."""
+
+    candidate: ParameterChoice
+    problem: int
+    left_out: int | None = None
+
+
+Found = dict[str, Any]
+"""What a run found, as a line of the journal holds it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitting:
+    """The runs; called with a task.
+
+    Parameters
+    ----------
+    problems, methods : with the ties of some candidates; the first without any
+    free : free parameters of the study, by which candidates are compared
+    """
+
+    problems: tuple[UpdateProblem, ...]
+    methods: tuple[SensitivityMethod, ...]
+    rules: StartRules
+    free: ParameterSet
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
+
+    def __call__(self, task: _Task) -> Found:
+        problem, method = self.problems[task.problem], self.methods[task.problem]
+        try:
+            if task.left_out is not None:
+                return self._predicted(problem, method, task.candidate, task.left_out)
+            if not task.candidate.parameters:
+                at = problem.start(np.zeros(len(problem.parameters.free)))
+                return {**self._facts(problem, at, task.candidate), "status": "CONVERGED"}
+            return self._fitted(problem, method, task.candidate)
+        except FemtuneError as error:
+            return {"problem": error.what}
+
+    def _fitted(self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice) -> Found:
+        result, reached, others = self._updated(problem, method, candidate)
+        sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
+        return {
+            **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
+            "at_bound": list(result.at_bound), "reached": reached, "others": others,
+        }  # fmt: skip
+
+    def _updated(
+        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice
+    ) -> tuple[UpdateResult, int, int]:
+        """The best update, the number of starts that reached it, and that of other optima that are equally good."""
+        if self.rules.count == 1:
+            return update(problem, method, active=candidate.parameters), 1, 0
+        drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
+        points = np.vstack([np.zeros(drawn.shape[1]), drawn])
+        found = multi_start(problem, method, self.rules, points=points, active=candidate.parameters)
+        reached = len(found.optima[0].members) if found.optima else 0
+        return found.best, reached, sum(o.as_good for o in found.optima[1:])
+
+    def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
+        """What candidates are compared by."""
+        parameters, r = problem.parameters, at.residuals
+        moving = [parameters.index(name) for name in candidate.parameters]
+        prior_mean, prior_sd = parameters.prior
+        known = identifiability(at.jacobian[:, moving], np.asarray(prior_sd)[moving], candidate.parameters)
+        stated = [i for i in moving if parameters.free[i].prior_sd is not None]
+        worst = int(np.argmax(np.abs(r)))
+        labels = [b.label for b in at.blocks for _ in b.values]
+        return {
+            "values": {name: float(v) for name, v in parameters.values(at.x).items()},
+            "error": at.mean_error, "chi2": float(r @ r), "residuals": len(r) - sum(at.lost.values()),
+            "singular": known.singular_values.tolist(), "rank": known.rank,
+            "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
+            "worst": float(abs(r[worst])), "worst_label": labels[worst],
+            "undetermined": [combination_record(known, c).model_dump(mode="json") for c in known.undetermined],
+        }  # fmt: skip
+
+    def _predicted(
+        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, left_out: int
+    ) -> Found:
+        """Sum of squares of the residuals of a configuration, and of their weights, from an update without it.
+
+        It starts from the initial values: the optimum with all configurations would betray the one that is left out.
+        """
+        others = replace(problem, cases=tuple(c for i, c in enumerate(problem.cases) if i != left_out))
+        x = np.zeros(len(problem.parameters.free))
+        if candidate.parameters:
+            x = update(others, method, active=candidate.parameters).x
+        at = replace(problem, cases=(problem.cases[left_out],)).start(x)
+        return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
+
+
+# ----------------------------------------------------------------------------------------------------
+# All candidates of a study.
+
+
+def candidates_of(study: Study) -> tuple[ParameterChoice, ...]:
+    """The initial values, and the candidates that the study lists."""
+    listed_ones = (ParameterChoice(c.name, c.parameters, c.ties, c.note) for c in study.file.candidate)
+    return (ParameterChoice(NOMINAL, ()), *listed_ones)
+
+
+def groups_of(study: Study, table: CandidatesTable) -> tuple[Group, ...]:
+    """Parameters that join or leave together: those of the study, and every other free parameter alone.
+
+    Raises
+    ------
+    FemtuneError : ``candidates.too-many``
+    """
+    if table.subsets == "none":
+        return ()
+    taken = {*table.always, *(name for group in table.groups for name in group)}
+    alone = () if table.groups else tuple((p.name,) for p in study.parameters.free if p.name not in taken)
+    groups = (*table.groups, *alone)
+    if table.least > len(groups):
+        raise FemtuneError("candidates.sizes/groups", values={"least": table.least, "groups": len(groups)})
+    most = min(table.most or len(groups), len(groups))
+    count = subset_count(len(groups), table.least, most)
+    if table.subsets == "nested":
+        count = sum(len(groups) - size for size in range(most))
+    if count > table.largest_number:
+        raise FemtuneError(
+            "candidates.too-many",
+            values={"groups": len(groups), "subsets": count, "largest_number": table.largest_number},
+        )
+    return groups
+
+
+def compare_candidates(
+    study: Study, folder: Path, resume: bool, arrays: dict[str, Reals], progress: Progress
+) -> CandidatesResults:
+    """Update all candidates and compare them; every run is on disk as soon as it has ended.
+
+    Raises
+    ------
+    FemtuneError : ``candidates.*``, ``run.unwritable``, and what the initial values raise
+    """
+    table = study.file.candidates or CandidatesTable()
+    with errors_at(study.file.where("candidates")):
+        if study.file.stage:
+            raise FemtuneError("candidates.stages")
+        groups = groups_of(study, table)
+        for candidate in study.file.candidate if groups else ():
+            if _SUBSET.fullmatch(candidate.name):
+                raise FemtuneError("candidates.name", name=candidate.name)
+        if not study.file.candidate and not groups:
+            raise FemtuneError("candidates.none")
+    # the journal of solutions would keep thousands of them that nobody asks for again
+    work = _Comparison(solved_by(study, direct), table, folder, progress)
+    work.begin(resume)
+    candidates = list(candidates_of(study))
+    found = work.fitted(candidates)
+    for more in _further(table, groups, work.fitted):
+        candidates += [c for c, _ in more]
+        found += [f for _, f in more]
+    predicted = work.predicted(candidates, found) if table.leave_one_out else [{} for _ in candidates]
+    return _results(study, table, candidates, found, predicted, arrays)
+
+
+Pairs = list[tuple[ParameterChoice, Found]]
+
+
+def _further(
+    table: CandidatesTable, groups: Sequence[Group], fitted: Callable[[list[ParameterChoice]], list[Found]]
+) -> Iterator[Pairs]:
+    """Subsets of the groups with what they reach."""
+    most = min(table.most or len(groups), len(groups))
+    if table.subsets == "all":
+        some = [_subset(table, groups, chosen) for chosen in subsets(groups, table.least, most)]
+        yield list(zip(some, fitted(some)))
+    best: tuple[Group, ...] = ()
+    for _ in range(most if table.subsets == "nested" else 0):
+        grown = [tuple(g for g in groups if g in (*best, new)) for new in groups if new not in best]
+        some = [_subset(table, groups, chosen) for chosen in grown]
+        found = fitted(some)
+        yield list(zip(some, found))
+        best = grown[int(np.argmin([f.get("chi2", np.inf) for f in found]))]
+
+
+def _subset(table: CandidatesTable, groups: Sequence[Group], chosen: Sequence[Group]) -> ParameterChoice:
+    """Named by the numbers of its groups: "S1.3"."""
+    name = "S" + ".".join(str(groups.index(group) + 1) for group in chosen)
+    return ParameterChoice(name, (*table.always, *(name for group in chosen for name in group)))
+
+
+@dataclass(eq=False)
+class _Comparison:
+    """The runs of a study; what an earlier comparison has left in the run folder is not made again."""
+
+    study: Study
+    table: CandidatesTable
+    folder: Path
+    progress: Progress
+    known: dict[str, Found] = field(default_factory=dict)
+    tied: dict[str, tuple[UpdateProblem, SensitivityMethod]] = field(default_factory=dict)
+
+    def begin(self, resume: bool) -> None:
+        """Take over the lines of an earlier comparison of the same study (error ``run.unwritable``)."""
+        problem = self.study.problem()
+        at = problem.start(np.zeros(len(problem.parameters.free)))
+        lower, upper = problem.parameters.bounds
+        key = digest(
+            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, at.residuals, at.jacobian,
+            lower, upper,
+        )  # fmt: skip
+        self.file = FinishedRuns(self.folder / CANDIDATES_FILE, key)
+        try:
+            lines = self.file.begin(resume)
+        except OSError as error:
+            raise unwritable(self.folder, error) from error
+        self.known = {str(line.get("run")): dict(line) for line in lines}
+
+    def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
+        """What every candidate reaches with all configurations."""
+        return self._run(candidates, [(i, None) for i in range(len(candidates))], "candidate models updated")
+
+    def predicted(self, candidates: Sequence[ParameterChoice], found: Sequence[Found]) -> list[dict[int, Found]]:
+        """By configuration, what every solved candidate predicts of it."""
+        count = len(self.study.problem().cases)
+        if count < 2:
+            return [{} for _ in candidates]
+        asked = [(i, j) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
+        ends = self._run(candidates, asked, "configurations left out and predicted")
+        out: list[dict[int, Found]] = [{} for _ in candidates]
+        for (i, j), end in zip(asked, ends):
+            out[i][j] = end
+        return out
+
+    def _run(
+        self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None]], what: str
+    ) -> list[Found]:
+        """The runs of candidates by position, without the configuration at the second position."""
+        problems = [self._without_ties(), *(self._with_ties(c) for c in candidates if c.ties)]
+        at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(problems))))
+        tasks = [_Task(candidates[i], at.get(i, 0), left_out) for i, left_out in asked]
+        keys = [_key(task) for task in tasks]
+        rules = StartRules(self.table.starts, self.table.seed, self.study.file.update.hops)
+        work = _Fitting(tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters)
+        done = sum(key in self.known for key in keys)
+        self.progress.step(what, done, len(tasks))
+
+        def keep(number: int, found: Found) -> None:
+            nonlocal done
+            try:
+                # kept before it is shown: whoever shows it may be interrupted
+                self.file.add({"run": keys[number], **found})
+            except OSError as error:
+                raise unwritable(self.folder, error) from error
+            self.known[keys[number]] = found
+            done += 1
+            self.progress.step(what, done, len(tasks))
+
+        known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
+        return finish(executor_of(self.study), work, tasks, known, name="candidate", finished=keep)
+
+    def _without_ties(self) -> tuple[UpdateProblem, SensitivityMethod]:
+        return self.study.problem(), method_of(self.study.file.update, self.study.parameters)
+
+    def _with_ties(self, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
+        """The problem in which some parameters follow others; made once."""
+        if candidate.name not in self.tied:
+            self.tied[candidate.name] = _tied_problem(self.study, candidate)
+        return self.tied[candidate.name]
+
+
+def _key(task: _Task) -> str:
+    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out)
+    return digest(*map(repr, facts))
+
+
+def _tied_problem(study: Study, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
+    """The study with the ties of a candidate.
+
+    Raises
+    ------
+    FemtuneError : ``tie.*``, at the candidate
+    """
+    file: StudyFile = study.file
+    number = next(i for i, c in enumerate(file.candidate) if c.name == candidate.name)
+    entries = [
+        e if e.name not in candidate.ties
+        else e.model_copy(
+            update={
+                "tie": candidate.ties[e.name], "lower": None, "upper": None, "nominal": None, "sd": None, "mean": None,
+                "prior": None, "prior_name": None,
+            }
+        )
+        for e in file.parameter
+    ]  # fmt: skip
+    changed = file.model_copy(update={"parameter": tuple(entries), "candidate": (), "candidates": None})
+    changed._given = replace(file.given, model=study.built)
+    place = file.where("candidate", number, "ties")
+    try:
+        tied = solved_by(load_study(changed), direct)
+    except FemtuneError as error:
+        # the parameter itself is right in the study
+        error.where = place
+        raise
+    with errors_at(place):
+        return tied.problem(), method_of(tied.file.update, tied.parameters)
+
+
+# ----------------------------------------------------------------------------------------------------
+# What was found as records.
+
+
+def _results(
+    study: Study,
+    table: CandidatesTable,
+    candidates: Sequence[ParameterChoice],
+    found: Sequence[Found],
+    predicted: Sequence[Mapping[int, Found]],
+    arrays: dict[str, Reals],
+) -> CandidatesResults:
+    solved = [i for i, f in enumerate(found) if "problem" not in f]
+    free, scatter = study.parameters, study.file.residuals.scatter
+    ranking = rank_candidates(
+        [_fit(found[i], free) for i in solved], scatter=scatter, threshold=table.threshold,
+        probability=table.probability, cluster_distance=table.cluster_distance,
+    )  # fmt: skip
+    names = [case.name for case in study.problem().cases]
+    records = []
+    for i, (candidate, f, out) in enumerate(zip(candidates, found, predicted, strict=True)):
+        record = _record(study, candidate, f, table.starts)
+        if i in solved:
+            record = record.model_copy(update={**_left_out(names, out), **_criteria(ranking, solved.index(i))})
+        records.append(record)
+    arrays["candidates/distances"] = ranking.distances
+    return CandidatesResults(
+        candidates=tuple(records),
+        scatter=scatter,
+        size=ranking.size,
+        limit=ranking.limit,
+        threshold=table.threshold,
+        probability=table.probability,
+        cluster_distance=table.cluster_distance,
+        distances_key="candidates/distances",
+        sentences=tuple(_sentences(records)),
+        alerts=tuple(_alerts(study, records)),
+    )
+
+
+def _fit(found: Found, parameters: ParameterSet) -> CandidateFit:
+    place = np.array([found["values"][p.name] / p.scale for p in parameters.free])
+    return CandidateFit(
+        found["chi2"], found["residuals"], np.array(found["singular"], float), found["rank"], found["prior_misfit"],
+        place, found["worst"], found["error"],
+    )  # fmt: skip
+
+
+def _record(study: Study, candidate: ParameterChoice, found: Found, starts: int) -> CandidateResults:
+    facts: dict[str, Any] = {
+        "name": candidate.name, "parameters": candidate.parameters, "ties": dict(candidate.ties),
+        "note": candidate.note, "status": found.get("status", ""), "problem": found.get("problem", ""),
+    }  # fmt: skip
+    if facts["problem"]:
+        return CandidateResults(**facts)
+    values = tuple(
+        CandidateValue(
+            parameter=name,
+            value=found["values"][name],
+            sd=found.get("sd", {}).get(name),
+            role=_role(study, candidate, name),
+            at_bound=name in found.get("at_bound", ()),
+        )
+        for name in study.parameters.names
+    )
+    return CandidateResults(
+        **facts, values=values, error_percent=100.0 * found["error"], chi2=found["chi2"],
+        residuals=found["residuals"], rank=found["rank"],
+        undetermined=tuple(CombinationRecord.model_validate(c) for c in found["undetermined"]),
+        worst_residual=found["worst"], worst_label=found["worst_label"],
+        starts=starts if candidate.parameters else 1, starts_at_best=found.get("reached", 1),
+        other_optima=found.get("others", 0),
+    )  # fmt: skip
+
+
+def _role(study: Study, candidate: ParameterChoice, name: str) -> str:
+    if name in candidate.parameters:
+        return "updated"
+    free = study.parameters.names.index(name) if name in study.parameters.names else None
+    follows = name in candidate.ties or (free is not None and not study.parameters.parameters[free].free)
+    return "tied" if follows else "initial value"
+
+
+def _left_out(names: Sequence[str], out: Mapping[int, Found]) -> dict[str, Any]:
+    entries = tuple(
+        LeftOutPrediction(configuration=names[j], error_percent=None, reason=f["problem"])
+        if "problem" in f
+        else LeftOutPrediction(
+            configuration=names[j], error_percent=100.0 * float(np.sqrt(f["squares"] / f["weights"]))
+        )
+        for j, f in sorted(out.items())
+    )
+    if not entries or any(e.error_percent is None for e in entries):
+        return {"left_out": entries}
+    squares, weights = (sum(f[key] for f in out.values()) for key in ("squares", "weights"))
+    return {"left_out": entries, "prediction_percent": 100.0 * float(np.sqrt(squares / weights))}
+
+
+def _criteria(ranking: CandidateRanking, row: int) -> dict[str, Any]:
+    def number(values: Reals) -> float | None:
+        return float(values[row]) if np.isfinite(values[row]) else None
+
+    return {
+        "bic": number(ranking.bic), "bic_weight": number(ranking.bic_weights),
+        "log_evidence": number(ranking.log_evidence), "probability": number(ranking.probabilities),
+        "admissible": bool(ranking.admissible[row]), "cluster": int(ranking.clusters[row]) or None,
+    }  # fmt: skip
+
+
+def _sentences(records: Sequence[CandidateResults]) -> Iterator[str]:
+    """What the criteria say, and where they differ."""
+    solved = [c for c in records if not c.problem]
+    least = min(solved, key=lambda c: c.chi2 or 0.0)
+    yield f"{least.name} has the smallest residuals: its weighted mean error is {least.error_percent:.3g} %."
+    ranked = [c for c in solved if c.bic is not None]
+    by_bic = min(ranked, key=lambda c: c.bic or 0.0)
+    by_evidence = max(ranked, key=lambda c: c.log_evidence or 0.0)
+    yield (
+        f"BIC prefers {by_bic.name} (weight {by_bic.bic_weight:.2g}), the evidence {by_evidence.name} "
+        f"(probability {by_evidence.probability:.2g})."
+    )
+    tested = [c for c in solved if c.prediction_percent is not None]
+    if tested:
+        best = min(tested, key=lambda c: c.prediction_percent or 0.0)
+        yield (
+            f"{best.name} predicts configurations that were left out best: its mean error is "
+            f"{best.prediction_percent:.3g} %."
+        )
+    admissible = [c for c in solved if c.admissible]
+    if admissible:
+        clusters = len({c.cluster for c in admissible})
+        yield (
+            f"{len(admissible)} of {len(solved)} models are admissible: {listed([c.name for c in admissible])}, in "
+            f"{clusters} {'cluster' if clusters == 1 else 'clusters'} of similar parameters."
+        )
+    else:
+        yield "No model is admissible: each has a residual that is larger than its standard deviation explains."
+    vague = [c.name for c in solved if c.undetermined]
+    if vague:
+        yield f"The data leave combinations of parameters undetermined in {listed(vague)}."
+
+
+def _alerts(study: Study, records: Sequence[CandidateResults]) -> Iterator[Alert]:
+    solved = [c for c in records if not c.problem]
+    for c in records:
+        if c.problem:
+            yield alert("problem", "candidates.failed", name=c.name, reason=c.problem)
+        elif c.bic is None:
+            yield alert("warning", "candidates.other-residuals", name=c.name, residuals=c.residuals)
+        elif not Status[c.status].ok:
+            yield alert("warning", "candidates.not-converged", name=c.name, status=c.status)
+        if c.other_optima:
+            yield alert("warning", "candidates.not-unique", name=c.name, others=c.other_optima)
+    worst = sorted({c.name for c in solved if any(v.at_bound for v in c.values)})
+    if worst:
+        yield alert("warning", "candidates.at-bound", names=listed(worst))
+    if study.file.reduction is not None:
+        yield alert("info", "candidates.full-model")

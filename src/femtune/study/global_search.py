@@ -1,0 +1,396 @@
+"""The step search: the whole box on a surrogate of the residuals or on the model, then least squares on the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.assembly.error_places import errors_at
+from femtune.assembly.progress import silent
+from femtune.assembly.study import read_study
+from femtune.assembly.update_method import method_of
+from femtune.errors import FemtuneError
+from femtune.experiments import latin_hypercube
+from femtune.files.study_file import with_search
+from femtune.global_search import GlobalMinimum, SearchRules, global_minimum, surrogate_minimum
+from femtune.results.base import alert
+from femtune.results.global_search import GlobalSearchResults, SearchedParameter, SeedFacts, SurrogateFacts
+from femtune.results.provenance import Stopwatch, call, inputs_of, provenance, study_facts
+from femtune.results.results import Results
+from femtune.results.screen import FailedModelRun
+from femtune.results.solved import nominal
+from femtune.results.step_results import SearchResult
+from femtune.results.update import citations
+from femtune.study.executor import executor_of
+from femtune.study.model_runs import ModelRun, ResidualRuns, failures
+from femtune.study.select import check_parameters
+from femtune.study.solutions import looking_up
+from femtune.surrogates import KrigingRules, SumOfSquares, Surrogate, fit_surrogate, where_better
+from femtune.surrogates.trend import term_count
+from femtune.updating import StartRules, UpdateResult, multi_start
+
+if TYPE_CHECKING:
+    from femtune.assembly.progress import Progress
+    from femtune.assembly.study import Study
+    from femtune.executor import Executor
+    from femtune.files.study_file import SearchTable, StudyFile
+    from femtune.results.base import Alert
+
+_PER_PARAMETER = 10
+_MOST_RESPONSES = 12
+"""Residuals beyond which their principal components are fitted."""
+_ENERGY = 1e-10
+"""Part of the squares that components left out may have."""
+_SAME = 1e-3
+_WRONG = 1.0
+"""Difference of χ² between surrogate and model, relative to that of the model and one, from which an alert says so."""
+
+
+def search_minimum(
+    source: Path | str | StudyFile, options: Mapping[str, Any], progress: Progress = silent, *, fresh: bool = False
+) -> SearchResult:
+    """The minimum of the squared residuals within the bounds, from the initial values of nobody.
+
+    Parameters
+    ----------
+    options : keys of [search] that take the place of the study's
+    fresh : do not take solutions from the journal of the study's run folder
+
+    Raises
+    ------
+    FemtuneError : ``search.*``, ``surrogate.*``, ``study.no-test``, ``study.no-parameters``
+    """
+    watch = Stopwatch(call("search", source))
+    with watch.step("read"):
+        study = read_study(source, progress)
+        check_parameters(study)
+        study.problem()
+        table = with_search(study.file, options).search
+        assert table is not None
+        inputs = inputs_of(study)
+    arrays: dict[str, Any] = {}
+    with looking_up(study, fresh) as found:
+        search = _Search.begin(found.study, table, progress)
+        with watch.step("search"):
+            ended = search.on_model() if table.on == "model" else search.on_surrogate()
+        with watch.step("least squares"):
+            record = search.record(ended, arrays)
+    results = Results(
+        provenance=provenance(inputs, watch),
+        study=study_facts(study),
+        search=record,
+        citations=citations(_papers(table)),
+        alerts=record.alerts,
+    )
+    return SearchResult(record, results, arrays, tuple(found.remarks))
+
+
+def _papers(table: SearchTable) -> list[str]:
+    methods = {"differential-evolution": "storn1997", "genetic": "deb2001", "cma-es": "hansen2001"}
+    return [methods[table.method], *(["sacks1989"] if table.on == "surrogate" else [])]
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    """Where the search of each seed ended: points (s, k) and χ²; the surrogate, and the χ² that it leaves out."""
+
+    searches: tuple[GlobalMinimum, ...]
+    points: Reals
+    chi2: Reals
+    surrogate: SurrogateFacts | None = None
+    rest: float = 0.0
+
+    @property
+    def best(self) -> int:
+        return int(np.argmin(self.chi2))
+
+
+@dataclass(eq=False)
+class _Search:
+    """A search under way: all runs that were made."""
+
+    study: Study
+    table: SearchTable
+    progress: Progress
+    work: ResidualRuns
+    executor: Executor
+    runs: list[ModelRun] = field(default_factory=list)
+
+    @classmethod
+    def begin(cls, study: Study, table: SearchTable, progress: Progress) -> _Search:
+        """With the residuals at the initial values."""
+        progress.step("residuals at the initial values", 0, None)
+        problem = study.problem()
+        return cls(study, table, progress, ResidualRuns(problem, problem.start(nominal(study))), executor_of(study))
+
+    @property
+    def bounds(self) -> tuple[Reals, Reals]:
+        """Of the normalised free parameters."""
+        return self.study.parameters.bounds
+
+    @property
+    def rules(self) -> SearchRules:
+        """Of the global search."""
+        table = self.table
+        return SearchRules(table.method, table.population, table.generations, seed=table.seed)
+
+    def run(self, points: Reals, what: str) -> Reals:
+        """(n, m) residuals at points (n, k), NaN where a run failed."""
+        done: list[int] = []
+
+        def tell(position: int, _: ModelRun) -> None:
+            done.append(position)
+            self.progress.step(what, len(done), len(points))
+
+        self.progress.step(what, 0, len(points))
+        found = self.executor.run(self.work, list(points), name="run", finished=tell)
+        self.runs += found
+        return np.array([run.values for run in found])
+
+    def on_model(self) -> _Ended:
+        """Every generation is a set of runs of the model."""
+
+        def objective(points: Reals) -> Reals:
+            return np.asarray(np.sum(self.run(points, "runs of a generation") ** 2, axis=1))
+
+        found = []
+        for seed in range(self.table.seed, self.table.seed + self.table.seeds):
+            rules = SearchRules(self.table.method, self.table.population, self.table.generations, seed=seed)
+            found.append(global_minimum(objective, *self.bounds, rules))
+        if not np.isfinite(found[0].value):
+            raise FemtuneError("search.all-failed", runs=len(self.runs), reason=self.runs[0].problem)
+        return _Ended(tuple(found), np.array([f.x for f in found]), np.array([f.value for f in found]))
+
+    def on_surrogate(self) -> _Ended:
+        """Runs of a Latin hypercube, a surrogate of the residuals, further runs, and its minimum."""
+        table, (lower, upper) = self.table, self.bounds
+        least = term_count(len(lower), table.trend) + 2
+        wanted = table.runs or max(_PER_PARAMETER * len(lower), least)
+        x = lower + latin_hypercube(len(lower), wanted, table.seed).points * (upper - lower)
+        x, r = self._good(x, self.run(x, "runs for the surrogate"), least)
+        responses = _Responses.of(r)
+        surrogate = self._fit(x, responses.of_residuals(r))
+        checked, fresh_rms = 0, None
+        if table.fresh:
+            points = lower + latin_hypercube(len(lower), table.fresh, table.seed + 1).points * (upper - lower)
+            new_x, new_r = self._good(points, self.run(points, "fresh runs"), 0)
+            checked = len(new_x)
+            if checked:
+                predicted = responses.residuals(surrogate.predict(new_x))
+                fresh_rms = float(np.sqrt(np.mean((predicted - new_r) ** 2)))
+            x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
+            surrogate = self._fit(x, responses.of_residuals(r))
+        if table.infill:
+            points = where_better(surrogate, responses.objective, table.infill, table.seed)
+            new_x, new_r = self._good(points, self.run(points, "runs where the objective may be better"), 0)
+            x, r = np.vstack([x, new_x]), np.vstack([r, new_r])
+            surrogate = self._fit(x, responses.of_residuals(r))
+        self.progress.step("search on the surrogate", 0, None)
+        seeds = range(table.seed, table.seed + table.seeds)
+        found = surrogate_minimum(surrogate, responses.objective, (lower, upper), self.rules, seeds)
+        error = responses.residuals(surrogate.left_out) - responses.residuals(surrogate.y)
+        facts = SurrogateFacts(
+            trend=table.trend,
+            correlation=table.correlation,
+            runs=len(x),
+            responses=len(surrogate.fits),
+            left_out_rms=float(np.sqrt(np.mean(error**2))),
+            left_out_ratio=float(np.sqrt(np.mean(surrogate.left_out_ratio**2))),
+            fresh_runs=checked,
+            fresh_rms=fresh_rms,
+        )
+        return _Ended(found.searches, found.ends, 2.0 * found.values + responses.rest, facts, responses.rest)
+
+    def _good(self, x: Reals, r: Reals, least: int) -> tuple[Reals, Reals]:
+        """Points and residuals of the runs that did not fail (error ``search.all-failed`` if too few are left)."""
+        good = ~np.isnan(r).any(axis=1)
+        if good.sum() < least:
+            reason = next(run.problem for run in self.runs if run.problem)
+            raise FemtuneError("search.too-few", runs=len(x), good=int(good.sum()), needed=least, reason=reason)
+        return x[good], r[good]
+
+    def _fit(self, x: Reals, y: Reals) -> Surrogate:
+        table = self.table
+        rules = KrigingRules(table.trend, table.correlation, table.noise, seed=table.seed)
+        self.progress.step("fitting the surrogate", 0, None)
+        with errors_at(self.study.file.where("search")):
+            return fit_surrogate(x, y, rules, self.bounds, [p.name for p in self.study.parameters.free])
+
+    # ------------------------------------------------------------------------------------------------
+    # The end on the model.
+
+    def record(self, ended: _Ended, arrays: dict[str, Any]) -> GlobalSearchResults:
+        """Least squares from where the search ended, and all of it as a record."""
+        before = len(self.runs)
+        at_end = self.run(ended.points[ended.best : ended.best + 1], "the model at the minimum")[0]
+        chi2_model = float(at_end @ at_end) if np.isfinite(at_end).all() else None
+        result = self._least_squares(ended)
+        arrays["search_history"] = _history(ended, self.table.seed)
+        seeds = self._seeds(ended)
+        chi2 = 2.0 * result.after.objective
+        initial = self.work.before.residuals
+        failed = tuple(FailedModelRun(run=i, reason=reason) for i, reason in failures(self.runs[:before]))
+        record = GlobalSearchResults(
+            on=self.table.on,
+            method=self.table.method,
+            runs=before + 1,
+            failed=failed,
+            residuals=len(initial),
+            surrogate=ended.surrogate,
+            seeds=seeds,
+            parameters=self._parameters(ended.points[ended.best], result),
+            chi2_initial=float(initial @ initial),
+            chi2_searched=float(ended.chi2[ended.best]),
+            chi2_model=chi2_model,
+            chi2=chi2,
+            status=result.status.name,
+            message=result.status.value,
+            history_key="search_history",
+            sentences=(),
+        )
+        return record.model_copy(update={"sentences": _sentences(record), "alerts": tuple(_alerts(record))})
+
+    def _least_squares(self, ended: _Ended) -> UpdateResult:
+        """From the distinct ends of the searches, by the method of [update]."""
+        self.progress.step("least squares on the model", 0, None)
+        table = self.study.file.update
+        with errors_at(self.study.file.where("update", "regularisation")):
+            method = method_of(table, self.study.parameters)
+        points: list[Reals] = []
+        width = self.bounds[1] - self.bounds[0]
+        for i in np.argsort(ended.chi2, kind="stable"):
+            if all(np.abs((ended.points[i] - p) / width).max() > _SAME for p in points):
+                points.append(ended.points[i])
+        starts = multi_start(
+            self.work.problem, method, StartRules(len(points)), nominal=self.work.before, points=np.array(points),
+            executor=self.executor,
+        )  # fmt: skip
+        return starts.best
+
+    def _seeds(self, ended: _Ended) -> tuple[SeedFacts, ...]:
+        width = self.bounds[1] - self.bounds[0]
+        best = ended.points[ended.best]
+        return tuple(
+            SeedFacts(
+                seed=self.table.seed + i,
+                evaluations=int(search.evaluations[-1]),
+                chi2=float(chi2),
+                same=bool(
+                    np.abs((point - best) / width).max() <= (_SAME if self.table.on == "surrogate" else 10 * _SAME)
+                ),
+                converged=search.converged,
+            )
+            for i, (search, point, chi2) in enumerate(zip(ended.searches, ended.points, ended.chi2, strict=True))
+        )
+
+    def _parameters(self, x: Reals, result: UpdateResult) -> tuple[SearchedParameter, ...]:
+        found = self.study.parameters.denormalise(x)
+        return tuple(
+            SearchedParameter(
+                name=p.name,
+                unit=p.unit,
+                lower=p.lower,
+                upper=p.upper,
+                initial=p.nominal,
+                found=float(found[i]),
+                value=result.values[p.name],
+                at_bound=p.name in result.at_bound,
+            )
+            for i, p in enumerate(self.study.parameters.free)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Responses:
+    """What the surrogate is fitted to: residuals r, or c of r = middle + basis·c + (what is left out).
+
+    Parameters
+    ----------
+    middle : (m,)
+    basis : (m, q) orthonormal columns; None: the residuals themselves
+    """
+
+    middle: Reals
+    basis: Reals | None
+
+    @classmethod
+    def of(cls, r: Reals) -> _Responses:
+        """By the runs (n, m)."""
+        middle = r.mean(axis=0)
+        if r.shape[1] <= _MOST_RESPONSES:
+            return cls(np.zeros_like(middle), None)
+        _, size, rows = np.linalg.svd(r - middle, full_matrices=False)
+        left = 1.0 - np.cumsum(size**2) / max(float(np.sum(size**2)), np.finfo(float).tiny)
+        count = min(int(np.sum(left > _ENERGY)) + 1, _MOST_RESPONSES)
+        return cls(middle, rows[:count].T)
+
+    def of_residuals(self, r: Reals) -> Reals:
+        """(n, q) responses of residuals (n, m)."""
+        return r if self.basis is None else (r - self.middle) @ self.basis
+
+    def residuals(self, c: Reals) -> Reals:
+        """(n, m) residuals of responses (n, q)."""
+        return c if self.basis is None else self.middle + c @ self.basis.T
+
+    @property
+    def objective(self) -> SumOfSquares:
+        """½ rᵀr as a function of the responses, without `rest`."""
+        target = np.zeros_like(self.middle) if self.basis is None else -self.basis.T @ self.middle
+        return SumOfSquares(target, np.ones(len(target)))
+
+    @property
+    def rest(self) -> float:
+        """χ² that the responses do not change."""
+        if self.basis is None:
+            return 0.0
+        left = self.middle - self.basis @ (self.basis.T @ self.middle)
+        return float(left @ left)
+
+
+def _history(ended: _Ended, first: int) -> Reals:
+    """(points, 3) seed, evaluations, smallest χ² so far."""
+    size = 1.0 if ended.surrogate is None else 2.0
+    lines = [
+        np.column_stack([np.full(len(s.history), first + i), s.evaluations, size * s.history + ended.rest])
+        for i, s in enumerate(ended.searches)
+    ]
+    return np.vstack(lines)
+
+
+def _sentences(found: GlobalSearchResults) -> tuple[str, ...]:
+    same = sum(seed.same for seed in found.seeds)
+    out = [f"{same} of {len(found.seeds)} searches ended at the same minimum on the {found.on}."]
+    if found.surrogate is not None:
+        s = found.surrogate
+        fresh = "" if s.fresh_rms is None else f", {s.fresh_rms:.3g} for {s.fresh_runs} fresh runs"
+        out.append(
+            f"The surrogate predicts a residual within {s.left_out_rms:.3g} standard deviations of the data "
+            f"(root mean square, leaving out one run{fresh})."
+        )
+    model = "" if found.chi2_model is None or found.on == "model" else f", {found.chi2_model:.4g} by the model there"
+    out.append(
+        f"χ² is {found.chi2_initial:.4g} at the initial values, {found.chi2_searched:.4g} at the end of the search"
+        f"{model}, and {found.chi2:.4g} after least squares on the model."
+    )
+    return tuple(out)
+
+
+def _alerts(found: GlobalSearchResults) -> list[Alert]:
+    out = []
+    if found.failed:
+        out.append(alert("warning", "search.failed-runs", count=len(found.failed), reason=found.failed[0].reason))
+    model = found.chi2_model
+    if found.on == "surrogate" and (model is None or abs(model - found.chi2_searched) > _WRONG * (1.0 + model)):
+        shown = "no value" if model is None else f"{model:.4g}"
+        out.append(alert("warning", "search.surrogate-wrong", surrogate=found.chi2_searched, model=shown))
+    at_bound = ", ".join(p.name for p in found.parameters if p.at_bound)
+    if at_bound:
+        out.append(alert("warning", "search.at-bound", names=at_bound))
+    if sum(seed.same for seed in found.seeds) < 2 <= len(found.seeds):
+        out.append(alert("warning", "search.not-confirmed", seeds=len(found.seeds)))
+    return out

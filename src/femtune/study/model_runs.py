@@ -1,0 +1,137 @@
+"""Runs of the model at many points: frequencies of modes that are followed by their shape, or residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femtune.arrays import Integers, Reals
+from femtune.errors import FemtuneError
+from femtune.modal.assignment import linear_sum_assignment
+from femtune.model.response.rigid import is_rigid
+from femtune.results.solved import nominal, solve
+
+if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
+    from femtune.assembly.study import Study
+    from femtune.model import ConfiguredModel, EigenSolution
+    from femtune.model.full_model import ModelSolver
+    from femtune.residuals import Evaluation, UpdateProblem
+
+_SPARE = 6
+"""Modes that a run has beyond those that are followed: those change their order."""
+
+
+@dataclass(frozen=True)
+class ModelRun:
+    """What a run gave: values, or the reason why there are none.
+
+    Parameters
+    ----------
+    values : (m,) NaN where it failed
+    mac : (m,) of modes that were followed; empty for residuals
+    problem : "" where it did not fail
+    """
+
+    values: Reals
+    mac: Reals
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedModes:
+    """The elastic modes of one configuration at the initial values, and how they are found again at other points."""
+
+    case: str
+    configured: ConfiguredModel
+    solver: ModelSolver
+    shapes: Reals
+    numbers: Integers
+    freq_hz: Reals
+    count: int
+
+    def at(self, x: Reals) -> tuple[Reals, Reals]:
+        """Frequencies (m,) in Hz at a point, and MAC with the shapes at the initial values, weighted by mass."""
+        found: EigenSolution = self.solver.modes(self.configured.at(x), self.count, None)
+        M = found.point.mass
+        overlap = (self.shapes.T @ (M @ found.shapes)) ** 2
+        size = np.sum(self.shapes * (M @ self.shapes), axis=0)
+        mac = overlap / size[:, None]
+        chosen = linear_sum_assignment(-mac)[1]
+        hz = np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi)
+        return hz[chosen], mac[np.arange(len(chosen)), chosen]
+
+
+def followed_modes(study: Study, case: StudyCase) -> FollowedModes:
+    """The elastic modes of a configuration at the initial values (error ``screen.no-modes`` if there are none)."""
+    solution = solve(study, case, nominal(study))
+    elastic = np.flatnonzero(~is_rigid(solution)[: solution.wanted])
+    if not len(elastic):
+        raise FemtuneError("screen.no-modes", configuration=case.name)
+    solver = study.solver if case.compared is None else case.compared.solver
+    return FollowedModes(
+        case.name,
+        case.configured,
+        solver,
+        np.ascontiguousarray(solution.shapes[:, elastic]),
+        elastic + 1,
+        solution.freq_hz[elastic],
+        min(solution.wanted + _SPARE, case.configured.n_free),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyRuns:
+    """The work of a run: frequencies of the modes of several configurations."""
+
+    followed: tuple[FollowedModes, ...]
+
+    def __call__(self, x: Reals) -> ModelRun:
+        try:
+            found = [modes.at(x) for modes in self.followed]
+        except FemtuneError as error:
+            size = sum(len(modes.numbers) for modes in self.followed)
+            return ModelRun(np.full(size, np.nan), np.full(size, np.nan), f"[{error.code}] {error.what}")
+        return ModelRun(np.concatenate([hz for hz, _ in found]), np.concatenate([mac for _, mac in found]))
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualRuns:
+    """The work of a run: the residuals of an update problem, its pairing followed from the initial values."""
+
+    problem: UpdateProblem
+    before: Evaluation
+
+    def __getstate__(self) -> dict[str, Any]:
+        problem = self.problem.to_send()
+        return {"problem": problem, "before": problem.unsolved(self.before)}
+
+    def __call__(self, x: Reals) -> ModelRun:
+        none = np.full(len(self.before.residuals), np.nan)
+        try:
+            found = self.problem.follow(x, self.before, derivatives=False)
+            self.problem.check_compared(found)
+        except FemtuneError as error:
+            return ModelRun(none, np.empty(0), f"[{error.code}] {error.what}")
+        if len(found.residuals) != len(none):
+            return ModelRun(none, np.empty(0), "another number of residuals than at the initial values")
+        return ModelRun(found.residuals, np.empty(0))
+
+
+def alone(study: Study, name: str | None) -> Study:
+    """The study with one of its configurations (error ``screen.unknown-configuration``); whole without a name."""
+    if name is None:
+        return study
+    cases = tuple(case for case in study.cases if case.name == name)
+    if not cases:
+        known = ", ".join(case.name for case in study.cases)
+        raise FemtuneError("screen.unknown-configuration", where=study.file.where("screen"), name=name, known=known)
+    return replace(study, cases=cases)
+
+
+def failures(runs: Sequence[ModelRun]) -> list[tuple[int, str]]:
+    """Number, from 1, and reason of each run that failed."""
+    return [(i + 1, run.problem) for i, run in enumerate(runs) if run.problem]

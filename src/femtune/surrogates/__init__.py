@@ -1,0 +1,28 @@
+"""Surrogates: what a table of runs says about the responses between the runs, and how far that can be trusted."""
+
+from typing import TYPE_CHECKING
+
+from femtune._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from femtune.surrogates.correlations import CORRELATIONS, NO_CORRELATION
+    from femtune.surrogates.infill import SumOfSquares, where_better, where_uncertain, with_run
+    from femtune.surrogates.kriging import ESTIMATED, NO_NOISE, KrigingRules, Surrogate, fit_surrogate
+    from femtune.surrogates.trend import TRENDS
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "CORRELATIONS",
+    "ESTIMATED",
+    "NO_CORRELATION",
+    "NO_NOISE",
+    "TRENDS",
+    "KrigingRules",
+    "SumOfSquares",
+    "Surrogate",
+    "fit_surrogate",
+    "where_better",
+    "where_uncertain",
+    "with_run",
+]

@@ -1,0 +1,70 @@
+"""Tables of runs: written and read again, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.files.runs_table import RunsTable, read_runs_table, write_runs_table
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    shapes = rng.normal(size=(5, 3, 2))
+    hz = np.sort(rng.uniform(1.0, 9.0, (5, 2)), axis=1)
+    hz[2] = shapes[2] = np.nan
+    states = ("done", "done", "time-out", "done", "done")
+    dofs = DofSet.parse(["2Z-", "1X+", "1RY+"])
+    table = RunsTable({"E": rng.uniform(1e11, 2e11, 5), "t": rng.uniform(size=5)}, hz, shapes, dofs, states)
+    write_runs_table(tmp_path / "runs.csv", table)
+    found = read_runs_table(tmp_path / "runs.csv")
+    at, signs = found.dofs.align(dofs)
+    np.testing.assert_array_equal(found.points(("E", "t")), table.points(("E", "t")))
+    np.testing.assert_array_equal(found.freq_hz, hz)
+    assert found.shapes is not None
+    np.testing.assert_array_equal(found.shapes, shapes[:, at] * signs[:, None])
+    assert (found.states, found.usable.tolist()) == (states, [True, True, False, True, True])
+
+
+@pytest.mark.parametrize(
+    "text", ["E;f1_hz;remark\n1,5;2,25;first run\n\n2,5;;lost\n", "E\tf1_hz\tremark\n1.5\t2.25\tx\n2.5\tnan\ty\n"]
+)
+def test_tables_of_spreadsheets(text: str, tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text(f"\ufeff{text}", encoding="utf-8")
+    found = read_runs_table(tmp_path / "runs.csv")
+    assert set(found.columns) == {"E"}
+    np.testing.assert_array_equal(found.columns["E"], [1.5, 2.5])
+    np.testing.assert_array_equal(found.freq_hz[:, 0], [2.25, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("E,f1_hz\n", "no values"),
+        ("E,f2_hz\n1,2\n", "no frequencies"),
+        ("E,E,f1_hz\n1,2,3\n", "heading twice"),
+        ("E,f1_hz\n1,2\n1\n", "number of fields"),
+        ("E,f1_hz\n1,2\n1,2x\n", "not a number"),
+        ("E,f1_hz\n1,2\n1.2.3,2\n", "not a number in a parameter"),
+        ("E,f1_hz,f2_hz,shape1_1X,shape2_2X\n1,2,3,4,5\n", "shapes"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line(text: str, name: str, tmp_path: Path) -> None:
+    (tmp_path / "runs.csv").write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        read_runs_table(tmp_path / "runs.csv")
+    check_shown(f"runs.table, {name}", str(caught.value).replace(str(tmp_path), "FOLDER"))
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    for content in (None, b"\xff\xfe\x00binary"):
+        if content:
+            (tmp_path / "runs.csv").write_bytes(content)
+        with pytest.raises(FemtuneError) as caught:
+            read_runs_table(tmp_path / "runs.csv")
+        assert caught.value.code == "runs.table"

@@ -1,0 +1,164 @@
+"""Models of runs: a chain of masses that has a closed form, with modes that cross, change places and change signs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from femtune.errors import FemtuneError
+from femtune.fem import NodeTable
+from femtune.model import Assignment, Configuration, configure, parametric_model, solve_modes
+from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs
+from femtune.model.imported.model import field_of_variable
+from femtune.parameters import Parameter, ParameterSet
+
+MASS = np.diag([2.0, 1.0, 1.5, 0.5])
+NODES = NodeTable(np.arange(1, 5), np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), has_coordinates=False)
+DOFS = 6 * np.arange(4)
+NAMES = ("k1", "k2")
+
+
+def stiffness(k1: float, k2: float) -> np.ndarray:
+    """A chain to ground, to whose last mass a spring k2 is tied; the modes change places as it stiffens."""
+    s = np.array([k1, 2e4, 3e4, 1e4])
+    K = np.diag(s + np.append(s[1:], 0.0)) - np.diag(s[1:], 1) - np.diag(s[1:], -1)
+    K[3, 3] += k2
+    return K
+
+
+def modes(point: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and shapes of unit modal mass."""
+    values, shapes = la.eigh(stiffness(*point), MASS)
+    return np.sqrt(values[:count]) / (2 * np.pi), shapes[:, :count]
+
+
+def runs_at(points: np.ndarray, count: int = 4, seed: int = 1) -> Runs:
+    """Runs with signs at random, as solvers give them."""
+    rng = np.random.default_rng(seed)
+    found = [modes(p, count) for p in points]
+    shapes = np.array([phi * rng.choice([-1.0, 1.0], count) for _, phi in found])
+    return Runs(NAMES, points, np.array([hz for hz, _ in found]), shapes, DOFS)
+
+
+def solved(fitted: FittedRuns, point: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies of the model at a point, and its shapes at the four masses."""
+    parameters = ParameterSet(tuple(Parameter(name, v, 0.1 * v, 10.0 * v) for name, v in zip(NAMES, fitted.nominal)))
+    model = parametric_model(
+        fitted.structure, parameters, [Assignment(name, field_of_variable(name), relative=False) for name in NAMES]
+    )
+    configured = configure(model, Configuration("runs"))
+    solution = solve_modes(configured.at(point / fitted.nominal - 1.0), count)
+    return solution.freq_hz, (configured.transformation @ solution.shapes[:, :count])[DOFS]
+
+
+def sample(count: int, width: float = 0.6, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(1 - width, 1 + width, (count, 2)) * [1e4, 2e4]
+
+
+def alignment(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """|φᵀMψ| of shapes of unit modal mass."""
+    return np.abs(np.einsum("im,ij,jm->m", one, MASS, other))
+
+
+def test_with_all_modes_a_linear_model_is_met_exactly_wherever_its_modes_lie() -> None:
+    fitted = fit_runs(runs_at(sample(8)), NODES, 1, crossed=False)
+    for point in sample(6, 0.9, seed=7):
+        hz, shapes = solved(fitted, point)
+        exact, phi = modes(point)
+        np.testing.assert_allclose(hz, exact, rtol=1e-9)
+        np.testing.assert_allclose(alignment(shapes, phi), 1.0, rtol=1e-8)
+    assert np.abs(fitted.error).max() < 1e-9
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_with_some_of_the_modes_the_runs_are_met_and_the_space_between_with_the_order_of_the_polynomial(
+    count: int,
+) -> None:
+    """The error of a polynomial of degree two falls with the third power of the range."""
+    errors = []
+    for width in (0.2, 0.1, 0.05):
+        grid = np.array([[1e4 * (1 + width * i), 2e4 * (1 + width * j)] for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        fitted = fit_runs(runs_at(grid, count), NODES, 2, crossed=True)
+        point = np.array([1e4, 2e4]) * (1 + width * np.array([0.4, -0.6]))
+        hz, shapes = solved(fitted, point, count)
+        exact, phi = modes(point, count)
+        errors.append(max(np.abs(hz / exact - 1.0).max(), np.abs(1.0 - alignment(shapes, phi)).max()))
+    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (slopes > 2.4).all(), (errors, slopes)
+
+
+def test_order_signs_and_the_choice_among_repeated_modes_do_not_matter() -> None:
+    points = sample(12, 0.2)
+    one = fit_runs(runs_at(points, 3), NODES, 2, crossed=True)
+    runs = runs_at(points, 3, seed=5)
+    rng = np.random.default_rng(3)
+    orders = [rng.permutation(3) for _ in points]
+    mixed = Runs(
+        NAMES, points,
+        np.array([hz[order] for hz, order in zip(runs.freq_hz, orders)]),
+        np.array([phi[:, order] for phi, order in zip(runs.shapes, orders)]),  # type: ignore[arg-type]
+        DOFS,
+    )  # fmt: skip
+    other = fit_runs(mixed, NODES, 2, crossed=True)
+    for point in sample(4, 0.2, seed=9):
+        np.testing.assert_allclose(solved(one, point, 3)[0], solved(other, point, 3)[0], rtol=1e-9)
+
+
+def test_without_shapes_each_column_is_a_polynomial_of_its_own_also_where_columns_cross() -> None:
+    points = sample(9)
+    hz = np.sqrt(np.stack([points[:, 0], points[:, 1]], axis=1))
+    assert (hz[:, 0] > hz[:, 1]).any()
+    assert (hz[:, 0] < hz[:, 1]).any()
+    nodes = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    fitted = fit_runs(Runs(NAMES, points, hz), nodes, 1, crossed=False)
+    parameters = ParameterSet(tuple(Parameter(name, v, 0.1 * v, 10.0 * v) for name, v in zip(NAMES, fitted.nominal)))
+    model = parametric_model(
+        fitted.structure, parameters, [Assignment(name, field_of_variable(name), relative=False) for name in NAMES]
+    )
+    configured = configure(model, Configuration("runs"))
+    for point in ([9e3, 1.1e4], [1.3e4, 8.5e3]):
+        found = solve_modes(configured.at(np.array(point) / fitted.nominal - 1.0), 2)
+        np.testing.assert_allclose(found.freq_hz, np.sort(np.sqrt(point)), rtol=1e-10)
+        # the shape of a column is its own scalar point
+        assert np.abs(found.shapes).argmax(axis=0).tolist() == np.argsort(point).tolist()
+
+
+def test_the_error_of_a_run_that_is_left_out_is_that_of_a_fit_without_it() -> None:
+    runs = runs_at(sample(14), 4)
+    hz = runs.freq_hz**1.3
+    runs = Runs(NAMES, runs.points, hz)
+    nodes = NodeTable(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    whole = fit_runs(runs, nodes, 2, crossed=True)
+    V = np.array([[1, a, b, a * a, a * b, b * b] for a, b in runs.points / 1e4])
+    for i in (0, 5, 13):
+        rest = np.arange(14) != i
+        predicted = V[i] @ np.linalg.lstsq(V[rest], hz[rest] ** 2, rcond=None)[0]
+        np.testing.assert_allclose(whole.error[i], np.sort(np.sqrt(predicted)) / hz[i] - 1.0, rtol=1e-6)
+
+
+def test_runs_whose_modes_have_left_the_set_are_not_used() -> None:
+    """In some runs a torsion mode is the second one: in a set of two the bending mode is gone."""
+    runs = runs_at(sample(12), 2)
+    assert runs.shapes is not None
+    shapes = runs.shapes.copy()
+    shapes[3] = np.linalg.qr(np.column_stack([shapes[3, :, 0], la.null_space(runs.shapes[0].T)[:, 0]]))[0]
+    # what is left of the second mode in the first shape of the run is none of the set
+    shapes[3, :, 0] = la.null_space(np.vstack([runs.shapes[0].T, shapes[3, :, 1]]))[:, 0]
+    found = fit_runs(Runs(NAMES, runs.points, runs.freq_hz, shapes, DOFS), NODES, 1, crossed=False, centre=0)
+    assert np.flatnonzero(~found.used).tolist() == [3]
+
+
+@pytest.mark.parametrize(
+    ("points", "code"),
+    [
+        (np.zeros((0, 2)), "runs.too-few"),
+        (sample(5), "runs.too-few"),
+        (np.column_stack([np.full(9, 1e4), sample(9)[:, 1]]), "runs.one-value"),
+        (sample(9)[:, :1] * [1.0, 2.0], "runs.not-determined"),
+    ],
+)
+def test_runs_that_do_not_determine_the_polynomials_are_refused(points: np.ndarray, code: str) -> None:
+    with pytest.raises(FemtuneError) as caught:
+        fit_runs(Runs(NAMES, points, np.ones((len(points), 2))), NODES, 2, crossed=True)
+    assert caught.value.code == code

@@ -1,0 +1,25 @@
+"""Pictures of designed experiments: what they show is what they were given."""
+
+from __future__ import annotations
+
+import re
+
+from femtune.reporting.figures.effects import main_effects_svg, search_svg
+
+
+def test_main_effects_have_a_panel_for_every_parameter_and_a_line_for_every_response() -> None:
+    svg = main_effects_svg(
+        ["stiffness <1>", "density"], ["mode 1", "mode 2"], [[0.8, 1.0, 1.2], [0.9, 1.1]],
+        [[[-1.0, -2.0], [0.0, 0.0], [1.0, 2.0]], [[0.5, 1.0], [-0.5, -1.0]]],
+    )  # fmt: skip
+    for text in ("stiffness &lt;1&gt;", "density", "mode 1", "mode 2", "0.8", "1.2", "change in %"):
+        assert text in svg
+    assert svg == svg.encode().decode()
+    # markers of 3 levels and 2 levels, of 2 responses each, and those of the legend
+    assert len(re.findall(r"<use ", svg)) >= 10
+
+
+def test_a_search_is_drawn_by_evaluations() -> None:
+    svg = search_svg([("genetic", [10, 20, 30], [1.0, 0.1, 0.05]), ("cma-es", [10, 20], [0.5, 0.05])], [0.05])
+    for text in ("genetic", "cma-es", "evaluations", "objective"):
+        assert text in svg

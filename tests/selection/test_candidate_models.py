@@ -1,0 +1,98 @@
+"""Criteria of candidate models beside closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from femtune.selection.candidate_models import CandidateFit, rank_candidates, subset_count, subsets
+
+
+def linear_fit(r0: np.ndarray, A: np.ndarray, prior_sd: np.ndarray) -> tuple[CandidateFit, float]:
+    """The optimum of r = r0 + A d with a prior on d as its fit, and the exact logarithm of the evidence."""
+    S = A * prior_sd
+    d = -np.linalg.solve(S.T @ S + np.eye(len(prior_sd)), S.T @ r0)
+    r = r0 + S @ d
+    exact = multivariate_normal(np.zeros(len(r0)), np.eye(len(r0)) + S @ S.T).logpdf(r0)
+    singular = np.linalg.svd(S, compute_uv=False)
+    fit = CandidateFit(float(r @ r), len(r0), singular, len(d), float(d @ d), np.ones(3), float(np.abs(r).max()), 0.01)
+    return fit, float(exact)
+
+
+def test_the_evidence_of_linear_models_is_exact() -> None:
+    rng = np.random.default_rng(4)
+    r0, A = rng.standard_normal(30), rng.standard_normal((30, 4))
+    r0 = r0 + A[:, :2] @ [1.5, -1.0]
+    made = [linear_fit(r0, A[:, :k], np.array([0.7, 2.0, 0.1, 30.0])[:k]) for k in (1, 2, 3, 4)]
+    found = rank_candidates([fit for fit, _ in made])
+    exact = np.array([value for _, value in made])
+    np.testing.assert_allclose(np.diff(found.log_evidence), np.diff(exact), atol=1e-10)
+    weights = np.exp(exact - exact.max())
+    np.testing.assert_allclose(found.probabilities, weights / weights.sum(), rtol=1e-9)
+    # two parameters made the data; a third with a wide prior is charged for
+    assert np.argmax(found.probabilities) in (1, 2)
+    assert found.probabilities[3] < found.probabilities[1]
+
+
+def fit(
+    chi2: float, n: int, k: int, place: tuple[float, ...] = (1.0, 1.0), worst: float = 1.0, error: float = 1.0
+) -> CandidateFit:
+    return CandidateFit(chi2, n, np.full(k, 10.0), k, 0.0, np.array(place), worst, error)
+
+
+def test_bic_with_stated_and_estimated_scatter() -> None:
+    fits = [fit(80.0, 50, 1), fit(60.0, 50, 3)]
+    stated = rank_candidates(fits)
+    assert stated.bic[0] - stated.bic[1] == pytest.approx(20.0 - 2.0 * np.log(50.0))
+    assert stated.size == 1.0
+    estimated = rank_candidates(fits, scatter="estimated")
+    assert estimated.bic[0] - estimated.bic[1] == pytest.approx(50.0 * np.log(80.0 / 60.0) - 2.0 * np.log(50.0))
+    assert estimated.size == pytest.approx(np.sqrt(60.0 / 47.0))
+    # weights of another size change nothing if the scatter is estimated
+    scaled = rank_candidates([fit(8000.0, 50, 1), fit(6000.0, 50, 3)], scatter="estimated")
+    np.testing.assert_allclose(scaled.bic_weights, estimated.bic_weights, rtol=1e-12)
+
+
+def test_a_right_model_is_admissible_with_the_stated_probability() -> None:
+    n, rng = 40, np.random.default_rng(0)
+    limit = rank_candidates([fit(40.0, n, 1)]).limit
+    assert limit == pytest.approx(norm.ppf(0.5 + 0.5 * 0.95 ** (1.0 / n)))
+    worst = np.abs(rng.standard_normal((20_000, n))).max(axis=1)
+    assert (worst <= limit).mean() == pytest.approx(0.95, abs=0.006)
+
+
+def test_a_threshold_of_the_error() -> None:
+    fits = [fit(9.0, 10, 1, error=0.02), fit(5.0, 10, 2, error=0.0105), fit(4.0, 10, 3, error=0.01)]
+    found = rank_candidates(fits, threshold=1.1)
+    assert found.admissible.tolist() == [False, True, True]
+    assert found.limit is None
+
+
+def test_models_that_compare_other_data_are_not_ranked() -> None:
+    found = rank_candidates([fit(9.0, 10, 1), fit(5.0, 10, 2), fit(1.0, 9, 2)])
+    assert found.comparable.tolist() == [True, True, False]
+    assert np.isnan(found.bic[2])
+    assert np.isnan(found.log_evidence[2])
+    assert not found.admissible[2]
+    assert np.nansum(found.probabilities) == pytest.approx(1.0)
+
+
+def test_distances_and_clusters() -> None:
+    places = [(1.0, 1.0), (0.70, 1.30), (0.71, 1.31), (1.5, 0.6)]
+    found = rank_candidates(
+        [fit(c, 10, 2, place, worst) for c, place, worst in zip((30.0, 9.0, 8.0, 7.0), places, (9.0, 1.0, 1.0, 1.0))]
+    )
+    assert found.distances[0, 1] == pytest.approx(0.3)
+    assert found.distances[1, 2] == pytest.approx(0.01)
+    np.testing.assert_array_equal(found.distances, found.distances.T)
+    # the cluster of the smallest residuals is the first; what is not admissible is in none
+    assert found.clusters.tolist() == [0, 2, 2, 1]
+
+
+def test_subsets_of_groups() -> None:
+    groups = [("a",), ("b", "c"), ("d",)]
+    found = list(subsets(groups, 1, 2))
+    assert len(found) == subset_count(3, 1, 2) == 6
+    assert found[0] == (("a",),)
+    assert (("b", "c"), ("d",)) in found

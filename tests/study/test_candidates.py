@@ -1,0 +1,257 @@
+"""Candidate models through the step: what they reach, predictions, interrupted comparisons, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune import steps
+from femtune.errors import FemtuneError
+from femtune.model import Configuration
+from femtune.results.step_results import CandidatesResult
+from femtune.study.candidates import CANDIDATES_FILE
+
+from .conftest import EI, LABELS, TRUE, Bench, measured
+
+THREE = EI + '\n[[parameter]]\nname = "mass"\nfields = ["CONM2 9 M"]\nlower = 0.5\nupper = 2.0\n'
+CASES = """
+[[configuration]]
+name = "empty"
+test = "beam.uff"
+records = "empty"
+elements_off = [9]
+
+[[configuration]]
+name = "loaded"
+test = "beam.uff"
+records = "loaded"
+"""
+LISTED = """
+[[candidate]]
+name = "both"
+parameters = ["root", "tip"]
+note = "what is wrong"
+
+[[candidate]]
+name = "as one"
+parameters = ["root"]
+ties = { tip = "root" }
+"""
+
+
+@pytest.fixture
+def two(bench: Bench) -> Bench:
+    """A test of the true beam with and without its mass, with small errors of the frequencies."""
+    truth, rng = bench.truth(TRUE), np.random.default_rng(2)
+    tests = [
+        measured(truth, name="empty", configuration=Configuration(elements_off=frozenset({9}))),
+        measured(truth, name="loaded"),
+    ]
+    errors = [1.0 + 0.002 * rng.standard_normal(4) for _ in tests]
+    bench.uff([replace(t, modes=replace(t.modes, freq_hz=t.modes.freq_hz * e)) for t, e in zip(tests, errors)])
+    return bench
+
+
+def study(bench: Bench, more: str, parameters: str = THREE, sd: float = 0.002) -> Path:
+    return bench.study(f"{CASES}{parameters}\n[residuals]\nfrequency_sd = {sd}\n{more}", test=None)
+
+
+def refused(bench: Bench, more: str, parameters: str = THREE) -> FemtuneError:
+    with pytest.raises(FemtuneError) as caught:
+        steps.candidates(study(bench, more, parameters))
+    return caught.value
+
+
+def by_name(found: CandidatesResult) -> dict[str, object]:
+    return {c.name: c for c in found.record.candidates}
+
+
+def test_listed_candidates(two: Bench) -> None:
+    found = steps.candidates(study(two, LISTED), report=two.folder / "page.html")
+    models = by_name(found)
+    assert list(models) == ["initial values", "both", "as one"]
+    both, one = models["both"], models["as one"]
+    # as the update of the same parameters alone
+    alone = steps.update(study(two, "", EI), output=two.folder / "alone")
+    for name in ("root", "tip"):
+        assert found.values["both"][name] == pytest.approx(alone.values[name], rel=1e-6)
+    assert found.values["both"]["mass"] == 1.0
+    assert found.values["as one"]["tip"] == found.values["as one"]["root"]
+    assert (both.admissible, one.admissible) == (True, False)
+    assert (both.rank, one.rank) == (2, 1)
+    assert {v.parameter: v.role for v in one.values} == {"root": "updated", "tip": "tied", "mass": "initial value"}
+    assert both.probability > 0.99
+    assert found.distances[1, 2] == pytest.approx(
+        np.sqrt(np.mean([(found.values["both"][n] - found.values["as one"][n]) ** 2 for n in ("root", "tip", "mass")]))
+    )
+    page = (two.folder / "page.html").read_text(encoding="utf-8")
+    assert "what is wrong" in page
+    assert "Candidate models" in page
+
+
+@pytest.mark.slow
+def test_predictions_of_configurations_left_out(two: Bench) -> None:
+    """As updates of the other configuration alone, whose model is compared with the one left out."""
+    found = steps.candidates(study(two, LISTED))
+    both = by_name(found)["both"]
+    assert [e.configuration for e in both.left_out] == ["empty", "loaded"]
+    for entry in both.left_out:
+        records = f'records = "{entry.configuration}"'
+        text = CASES.replace(records, f'{records}\nuse = "validation"')
+        path = two.study(f"{text}{EI}\n[residuals]\nfrequency_sd = 0.002\n", test=None)
+        run = steps.update(path, output=two.folder / entry.configuration)
+        pairs = [
+            p
+            for c in run.results.correlations
+            if c.stage == "after" and c.configuration == entry.configuration
+            for p in c.pairs
+        ]
+        errors = np.array([p.freq_error_percent for p in pairs])
+        assert entry.error_percent == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-4)
+    assert both.prediction_percent < by_name(found)["as one"].prediction_percent
+
+
+def test_all_and_nested_subsets(two: Bench) -> None:
+    every = steps.candidates(study(two, '[candidates]\nsubsets = "all"\nleave_one_out = false\n'))
+    names = [c.name for c in every.record.candidates]
+    assert names == ["initial values", "S1", "S2", "S3", "S1.2", "S1.3", "S2.3", "S1.2.3"]
+    errors = {c.name: c.chi2 for c in every.record.candidates}
+    assert max((c.log_evidence, c.name) for c in every.record.candidates)[1] == "S1.2"
+    grown = steps.candidates(study(two, '[candidates]\nsubsets = "nested"\nleave_one_out = false\n'))
+    found = {c.name: c.chi2 for c in grown.record.candidates}
+    first = min(("S1", "S2", "S3"), key=lambda name: errors[name])
+    seconds = [n for n in found if n.count(".") == 1]
+    assert len(found) == 1 + 3 + 2 + 1
+    assert all(first[1] in n for n in seconds)
+    assert all(found[n] == errors[n] for n in found)
+    groups = '[candidates]\nsubsets = "all"\nalways = ["mass"]\ngroups = [["root", "tip"]]\n'
+    kept = steps.candidates(study(two, groups)).record.candidates
+    assert [c.parameters for c in kept] == [(), ("mass", "root", "tip")]
+
+
+@pytest.mark.slow
+def test_an_interrupted_comparison_makes_no_run_twice(two: Bench) -> None:
+    path = study(two, LISTED)
+    whole = steps.candidates(path)
+    file = path.parent / "run" / CANDIDATES_FILE
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    # three whole models, and two configurations left out of each
+    assert len(lines) == 1 + 3 + 6
+    file.write_text("".join(lines[:5]) + lines[5][:20], encoding="utf-8")
+    again = steps.candidates(path)
+    assert again.record == whole.record
+    assert sorted(file.read_text(encoding="utf-8").splitlines(keepends=True)) == sorted(lines)
+    # a candidate more is one run more and its predictions; another test begins anew
+    more = LISTED + '\n[[candidate]]\nname = "root alone"\nparameters = ["root"]\n'
+    steps.candidates(study(two, more))
+    assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines) + 3
+    steps.candidates(study(two, LISTED, sd=0.004))
+    assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines)
+
+
+@pytest.mark.slow
+def test_several_starts_and_processes_give_the_same(two: Bench) -> None:
+    asked = '[candidates]\nsubsets = "all"\nmost = 1\nstarts = 4\nleave_one_out = false\n'
+    one = steps.candidates(study(two, asked))
+    assert all(c.starts == 4 for c in one.record.candidates[1:])
+    assert by_name(one)["S1"].starts_at_best == 4
+    many = steps.candidates(study(two, asked + '[parallel]\nhow = "processes"\nworkers = 2\n'), fresh=True)
+    assert many.record == one.record
+
+
+def test_combinations_that_the_data_leave_open(two: Bench) -> None:
+    """Modulus and density of the bare beam have the same effect; of one configuration none is left out."""
+    fields = {"E": "MAT1 1 E", "rho": "MAT1 1 RHO"}
+    free = [f'[[parameter]]\nname = "{n}"\nfields = ["{f}"]\nlower = 0.5\nupper = 2.0\n' for n, f in fields.items()]
+    candidate = '[[candidate]]\nname = "E and rho"\nparameters = ["E", "rho"]\n'
+    bare = CASES.partition('\n[[configuration]]\nname = "loaded"')[0]
+    found = steps.candidates(two.study("\n".join([bare, *free, candidate]), test=None))
+    record = by_name(found)["E and rho"]
+    assert (record.rank, len(record.undetermined), record.left_out) == (1, 1, ())
+    shares = {s.parameter: s.coefficient for s in record.undetermined[0].shares}
+    # both change in proportion, so that their ratio stays
+    values = found.values["E and rho"]
+    assert shares["E"] / shares["rho"] == pytest.approx(values["E"] / values["rho"], rel=1e-6)
+    assert record.status == "UNDETERMINED"
+
+
+def told(found: CandidatesResult, code: str) -> None:
+    """One alert of the code, in the wording of its page."""
+    (alert,) = [a for a in found.record.alerts if a.code == code]
+    check_shown(code, f"[{alert.code}] {alert.sentence}")
+
+
+ONE = '[[candidate]]\nname = "both"\nparameters = ["root", "tip"]\n[candidates]\nleave_one_out = false\n'
+
+
+def test_candidates_at_bounds_and_not_converged(two: Bench) -> None:
+    narrow = EI.replace("upper = 2.0", "upper = 1.1")
+    found = steps.candidates(study(two, ONE + "[reduction]\n", narrow))
+    told(found, "candidates.at-bound")
+    told(found, "candidates.full-model")
+    assert [v.parameter for v in by_name(found)["both"].values if v.at_bound] == ["root"]
+    told(steps.candidates(study(two, ONE + "[update]\nmax_iterations = 1\n", EI)), "candidates.not-converged")
+
+
+def test_candidates_that_pair_other_modes_or_none(two: Bench) -> None:
+    """Their ties make the model wrong or too soft from the beginning."""
+    wrong = '[[candidate]]\nname = "wrong"\nparameters = ["mass"]\nties = { root = "-1*mass" }\n'
+    found = steps.candidates(study(two, ONE + wrong))
+    told(found, "candidates.failed")
+    assert by_name(found)["wrong"].values == ()
+    assert found.distances.shape == (2, 2)
+    other = '[[candidate]]\nname = "other"\nparameters = ["mass"]\nties = { root = "0.3*mass" }\n'
+    found = steps.candidates(study(two, ONE + other))
+    told(found, "candidates.other-residuals")
+    assert by_name(found)["other"].bic is None
+
+
+def test_two_equally_good_optima(bench: Bench) -> None:
+    """A beam that is clamped at both ends has the same frequencies with its halves exchanged."""
+    truth = bench.truth(TRUE)
+    held = Configuration(supports_added=((5, "123456"),))
+    bench.uff(measured(truth, LABELS[:6], configuration=held))
+    clamped = '[[configuration]]\nname = "clamped"\ntest = "beam.uff"\nsupports_added = ["5:123456"]\n'
+    more = "starts = 8\n[correlate]\nmac_gate = 0.2\n[residuals]\nfrequency_sd = 0.002\n"
+    found = steps.candidates(bench.study(f"{clamped}{EI}{ONE}{more}", test=None))
+    told(found, "candidates.not-unique")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("candidates.none", ""),
+        ("candidates.unknown", '[[candidate]]\nname = "a"\nparameters = ["rot"]\n'),
+        ("candidates.tied", '[[candidate]]\nname = "a"\nparameters = ["root"]\nties = { root = "tip" }\n'),
+        ("candidates.twice", '[candidates]\nsubsets = "all"\nalways = ["root"]\ngroups = [["root", "tip"]]\n'),
+        ("candidates.sizes", '[candidates]\nsubsets = "all"\nleast = 3\nmost = 2\n'),
+        ("candidates.sizes, groups", '[candidates]\nsubsets = "all"\nleast = 4\n'),
+        ("candidates.name", '[[candidate]]\nname = "initial values"\nparameters = ["root"]\n'),
+        (
+            "candidates.name, subset",
+            '[candidates]\nsubsets = "all"\n[[candidate]]\nname = "S1.2"\nparameters = ["root"]\n',
+        ),
+        ("candidates.twice, parameters", '[[candidate]]\nname = "a"\nparameters = ["root", "root"]\n'),
+        ("tie.circle, candidate", '[[candidate]]\nname = "a"\nparameters = ["root"]\nties = { tip = "tip" }\n'),
+        ("candidates.too-many", '[candidates]\nsubsets = "all"\nlargest_number = 5\n'),
+        (
+            "candidates.stages",
+            '[candidates]\nsubsets = "all"\n[[stage]]\nname = "s"\nparameters = ["root"]\nresiduals = ["frequency"]\n',
+        ),
+    ],
+)
+def test_refusals(two: Bench, name: str, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    error = refused(two, text)
+    monkeypatch.chdir(two.folder)
+    assert error.code == name.partition(",")[0]
+    check_shown(name, str(error).replace(str(two.folder), "…"))
+
+
+def test_a_tie_without_a_value_is_named(two: Bench) -> None:
+    error = refused(two, '[[candidate]]\nname = "a"\nparameters = ["root"]\nties = { tip = "1/(root-root)" }\n')
+    assert error.code == "tie.value"
+    assert error.where is not None

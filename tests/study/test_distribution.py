@@ -1,0 +1,163 @@
+"""Studies of a pressed plate whose thickness varies: truth from a deck with a property card for each element."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune import steps
+from femtune.errors import FemtuneError, FemtuneErrors
+from femtune.files.nastran import build_structure, read_deck
+from femtune.files.study_file import study_from_text
+from femtune.files.uff import write_uff_modes
+from femtune.results.step_results import RunResult
+
+from .conftest import measured
+
+NX, NY, LENGTH, WIDTH, THICK = 10, 6, 0.6, 0.35, 2.0e-3
+TRUTH = (-0.05, 0.08, -0.06)
+SD = 5e-4
+_COUNT = 8
+
+
+def _thickness(i: int, j: int) -> float:
+    """Of element (i, j): thinner towards the middle of the length, as by drawing."""
+    u, v = (2.0 * i / (NX - 1) - 1.0), (2.0 * j / (NY - 1) - 1.0)
+    return THICK * (1.0 + TRUTH[0] + TRUTH[1] * u + TRUTH[2] * (1.0 - v**2))
+
+
+def plate(varied: bool) -> str:
+    """The deck of a plate that is clamped at one end; `varied` with a card for the thickness of each element."""
+    lines = ["SOL 103", "CEND", "SPC = 1", "BEGIN BULK", "MAT1,1,2.1+11,,.3,7850."]
+    number = {(i, j): 1 + i + (NX + 1) * j for i in range(NX + 1) for j in range(NY + 1)}
+    for (i, j), n in number.items():
+        lines.append(f"GRID,{n},,{LENGTH * i / NX:.6f},{WIDTH * j / NY:.6f},0.")
+    lines += [f"SPC1,1,123456,{number[0, j]}" for j in range(NY + 1)]
+    lines += [] if varied else [f"PSHELL,1,1,{THICK},1,,1"]
+    for j in range(NY):
+        for i in range(NX):
+            e = 1 + i + NX * j
+            corners = ",".join(str(number[c]) for c in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)))
+            lines.append(f"CQUAD4,{e},{e if varied else 1},{corners}")
+            if varied:
+                lines += [f"PSHELL,{e},1,{_thickness(i, j):.9e},1,,1"]
+    return "\n".join([*lines, "ENDDATA", ""])
+
+
+STUDY = f"""
+[study]
+title = "Pressed plate"
+deck = "plate.bdf"
+units = "m-kg-s"
+journal = false
+
+[test]
+file = "plate.uff"
+
+[modes]
+count = {_COUNT}
+
+[[distribution]]
+name = "THIN"
+fields = ["PSHELL 1 T"]
+functions = ["1", "u", "1 - v**2"]
+
+[residuals]
+frequency_sd = {SD}
+shape_sd = 2e-3
+""" + "".join(
+    f'[[parameter]]\nname = "thin{j}"\nfields = ["DISTRIBUTION THIN F{j}"]\n'
+    "absolute = true\nlower = -0.3\nupper = 0.3\n"
+    for j in (1, 2, 3)
+)
+
+
+def _folder(folder: Path, seed: int | None) -> Path:
+    (folder / "plate.bdf").write_text(plate(varied=False))
+    (folder / "true.bdf").write_text(plate(varied=True))
+    nodes = range(3, (NX + 1) * (NY + 1) + 1, 4)
+    test = measured(folder / "true.bdf", tuple(f"{n}Z+" for n in nodes if n % (NX + 1) != 1), _COUNT)
+    if seed is not None:
+        rng, modes = np.random.default_rng(seed), test.modes
+        assert modes is not None
+        size = np.abs(modes.shapes).max(axis=0)
+        freq = modes.freq_hz * (1.0 + SD * rng.standard_normal(_COUNT))
+        shapes = modes.shapes + 1e-3 * size * rng.standard_normal(modes.shapes.shape)
+        test = type(test)(
+            test.name, test.units, test.geometry, modes=type(modes)(freq, shapes, modes.dofs)
+        )  # fmt: skip
+    write_uff_modes(folder / "plate.uff", test)
+    return folder
+
+
+def _run(folder: Path, text: str = STUDY) -> RunResult:
+    (folder / "study.toml").write_text(text)
+    return steps.run(folder / "study.toml")
+
+
+@pytest.mark.slow
+def test_the_thickness_of_every_element_is_found(tmp_path: Path) -> None:
+    """Without noise exactly; with `split` the updated deck has the thickness of each element."""
+    run = _run(_folder(tmp_path, None), STUDY + "[write]\nsplit = true\nwide = true\n")
+    assert [run.values[f"thin{j}"] for j in (1, 2, 3)] == pytest.approx(TRUTH, abs=1e-5)
+    written = build_structure(read_deck(run.folder / "updated.bdf")).structure
+    truth = build_structure(read_deck(tmp_path / "true.bdf")).structure
+    for number in range(1, NX * NY + 1):
+        one, two = (_thickness_of(s, number) for s in (written, truth))
+        assert one == pytest.approx(two, rel=1e-5)
+
+
+def _thickness_of(structure, number: int) -> float:  # type: ignore[no-untyped-def]
+    batch = next(b for b in structure.batches if number in b.ids)
+    return float(structure.values.values[batch.roles["t"][batch.ids.tolist().index(number)]])
+
+
+@pytest.mark.slow
+def test_with_noise_and_reduced_models_the_truth_lies_within_the_stated_deviations(tmp_path: Path) -> None:
+    run = _run(_folder(tmp_path, 3), STUDY + "[reduction]\n")
+    assert run.results.update is not None
+    for p, true in zip(run.results.update.parameters, TRUTH, strict=True):
+        assert p.sd is not None
+        assert abs(p.value - true) < 3.5 * p.sd < 0.05
+    assert run.results.write_back is not None
+    assert len(run.results.write_back.lost) == 3
+    assert "split = true in [write]" in run.results.write_back.lost[0]
+
+
+@pytest.mark.parametrize(
+    ("code", "old", "new"),
+    [
+        ("distribution.field", "[residuals]", 'elements = "1 THRU 3"\n[residuals]'),
+        ("distribution.function", '"1 - v**2"', '"1 - s**2"'),
+        ("distribution.unknown", "DISTRIBUTION THIN F3", "DISTRIBUTION THICK F3"),
+        ("distribution.unused", "[residuals]", '[[distribution]]\nname = "OTHER"\nfields = ["PSHELL 1 T"]\n'
+         'functions = ["1"]\n[residuals]'),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused(code: str, old: str, new: str, tmp_path: Path) -> None:
+    assert old in STUDY
+    text = STUDY.replace(old, new).replace('[test]\nfile = "plate.uff"\n', "")
+    if code == "distribution.field":
+        text += '[[distribution]]\nname = "AGAIN"\nfields = ["PSHELL 1 T"]\nfunctions = ["1"]\nelements = [1, 2]\n'
+        text += (
+            '[[parameter]]\nname = "b"\nfields = ["DISTRIBUTION AGAIN F1"]\nabsolute = true\nlower = -1\nupper = 1\n'
+        )
+        text = text.replace("lower = -1\nupper = 1\n", "lower = -0.5\nupper = 0.5\n")
+    (tmp_path / "plate.bdf").write_text(plate(varied=False))
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        steps.modes(study_from_text(text, tmp_path / "study.toml").path)
+    errors = caught.value.errors if isinstance(caught.value, FemtuneErrors) else (caught.value,)
+    found = next(error for error in errors if error.code == code)
+    check_shown(code, str(found).replace(str(tmp_path), "."))
+
+
+def test_functions_without_a_value_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "plate.bdf").write_text(plate(varied=False))
+    text = STUDY.replace('[test]\nfile = "plate.uff"\n', "").replace('"1 - v**2"', '"sqrt(u)"')
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(FemtuneError, match="function 3 is not finite at element 1"):
+        steps.modes(tmp_path / "study.toml")

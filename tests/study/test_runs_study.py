@@ -1,0 +1,243 @@
+"""Studies whose model is a table of runs: every step that applies, and what does not apply is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+from tests.model.test_from_runs import modes, sample
+from tests.study.runs_coverage import coverage
+
+import femtune as ft
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.files.runs_table import RunsTable, write_runs_table
+from femtune.modal import ModeSet
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import SI
+
+TRUTH = np.array([9e3, 2.4e4])
+DOFS = DofSet.parse([f"{i}X+" for i in (1, 2, 3, 4)])
+STUDY = """[study]
+title = "Chain"
+units = "m-kg-s"
+
+[model]
+grid = "nodes.bdf"
+
+[runs]
+file = "runs.csv"
+degree = 1
+crossed = false
+
+[test]
+file = "chain.uff"
+
+[[parameter]]
+name = "k1"
+absolute = true
+nominal = 1.2e4
+lower = 5e3
+upper = 1.6e4
+
+[[parameter]]
+name = "k2"
+absolute = true
+lower = 1e4
+upper = 3.2e4
+
+[residuals]
+frequency_sd = 0.002
+shape_sd = 0.02
+"""
+
+
+def table(count: int = 10, shapes: bool = True) -> RunsTable:
+    points = sample(count)
+    found = [modes(p) for p in points]
+    phi = np.array([shape for _, shape in found]) if shapes else None
+    columns = {"k1": points[:, 0], "k2": points[:, 1]}
+    hz = np.array([hz for hz, _ in found])
+    return RunsTable(columns, hz, phi, DOFS) if shapes else RunsTable(columns, hz)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A study with its files."""
+    lines = "".join(f"GRID,{i},,{float(i)},0.,0.\n" for i in (1, 2, 3, 4))
+    (tmp_path / "nodes.bdf").write_text(f"BEGIN BULK\n{lines}ENDDATA\n")
+    write_runs_table(tmp_path / "runs.csv", table())
+    hz, phi = modes(TRUTH)
+    frame = WireFrame(np.arange(1, 5), np.array([[float(i), 0.0, 0.0] for i in range(1, 5)]))
+    test = ModalTest("chain", SI, frame, modes=ModeSet(hz, phi, DOFS))
+    ft.write_test(test, tmp_path / "chain.uff")
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path / "study.toml"
+
+
+@pytest.mark.slow
+def test_a_whole_run_finds_the_parameters(study: Path) -> None:
+    result = ft.run(study)
+    values = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=1e-4)
+    page = (study.parent / "run" / "report.html").read_text(encoding="utf-8")
+    assert "model of 10 runs" in page
+    assert "not known" in page
+    model = result.results.model
+    assert model is not None
+    assert model.configurations[0].mass is None
+    assert model.configurations[0].rigid_body_check.verdict == "not tested"
+    assert [m.rigid_body_modes for m in result.results.modes] == [0, 0]
+
+
+@pytest.mark.parametrize("step", ["info", "modes", "correlate", "select", "update"])
+def test_every_step_that_applies(study: Path, step: str) -> None:
+    assert repr(getattr(ft, step)(study))
+
+
+@pytest.mark.slow
+def test_frequencies_without_shapes(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(12, shapes=False))
+    hz = modes(TRUTH)[0]
+    text = STUDY.replace('file = "chain.uff"', f"freq_hz = {[float(f) for f in hz]}").replace("shape_sd = 0.02\n", "")
+    text = text.replace('[model]\ngrid = "nodes.bdf"\n', "").replace("degree = 1\ncrossed = false", "degree = 2")
+    study.write_text(text)
+    result = ft.run(study)
+    values = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    # ω² of a chain is no polynomial: a few thousandths are left
+    np.testing.assert_allclose([values["k1"], values["k2"]], TRUTH, rtol=0.05)
+
+
+def test_failed_runs_are_left_out_and_counted(study: Path) -> None:
+    whole = table()
+    hz = whole.freq_hz.copy()
+    hz[[2, 7]] = np.nan
+    write_runs_table(study.parent / "runs.csv", RunsTable(whole.columns, hz, whole.shapes, DOFS))
+    notices = ft.info(study).notices
+    check_shown("runs.left-out", _shown(study, notices, "runs.left-out"))
+    assert "model of 8 runs: polynomials with 3 coefficients" in _shown(study, notices, "runs.fitted")
+
+
+def test_a_poor_fit_is_a_warning(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(12, shapes=False))
+    text = STUDY.replace('file = "chain.uff"', "freq_hz = [10.0]").replace("shape_sd = 0.02\n", "")
+    study.write_text(text)
+    check_shown("runs.poor-fit", _shown(study, ft.info(study).notices, "runs.poor-fit"))
+    study.write_text(text.replace("degree = 1", "degree = 1\ntolerance = 0.5"))
+    check_shown("runs.fitted", _shown(study, ft.info(study).notices, "runs.fitted"))
+
+
+def test_more_measured_frequencies_than_columns(study: Path) -> None:
+    write_runs_table(study.parent / "runs.csv", table(12, shapes=False))
+    text = STUDY.replace('file = "chain.uff"', "freq_hz = [10.0, 20.0, 30.0, 40.0, 50.0]").replace(
+        "shape_sd = 0.02\n", ""
+    )
+    study.write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.measured", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_runs_with_other_modes(study: Path) -> None:
+    whole = table()
+    assert whole.shapes is not None
+    shapes = whole.shapes.copy()
+    shapes[4, :, 1] = 1e-9 * shapes[4, :, 0]
+    write_runs_table(study.parent / "runs.csv", RunsTable(whole.columns, whole.freq_hz, shapes, DOFS))
+    check_shown("runs.other-modes", _shown(study, ft.info(study).notices, "runs.other-modes"))
+
+
+def _shown(study: Path, notices: object, code: str) -> str:
+    found = next(n for n in notices if n.code == code)  # type: ignore[attr-defined]
+    return f"[{found.code}] {found.sentence}"
+
+
+_CHANGES = {
+    "runs.no-column": ('name = "k2"', 'name = "k3"'),
+    "runs.too-few": ("degree = 1\ncrossed = false", "degree = 4"),
+    "runs.study, deck": ('units = "m-kg-s"', 'units = "m-kg-s"\ndeck = "nodes.bdf"'),
+    "runs.study, table": ("[residuals]", "[reduction]\n\n[residuals]"),
+    "runs.study, max hz": ("[residuals]", "[modes]\nmax_hz = 5.0\n\n[residuals]"),
+    "runs.study, fields": ('name = "k1"', 'name = "k1"\nfields = ["MAT1 1 E"]'),
+    "runs.study, absolute": ("absolute = true\nlower = 1e4", "lower = 0.5"),
+    "runs.study, residual": ("[residuals]", '[[residual]]\nkind = "mass"\nmass = 1.0\nsd = 0.1\n\n[residuals]'),
+    "runs.measured, shapes": ('file = "chain.uff"', "freq_hz = [1.0, 2.0]"),
+    "study.test-source": ('file = "chain.uff"', 'file = "chain.uff"\nfreq_hz = [1.0]'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", _CHANGES)
+def test_what_does_not_apply_is_refused(name: str, study: Path) -> None:
+    text = STUDY.replace(*_CHANGES[name])
+    assert text != STUDY
+    study.write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown(name, str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_frequencies_alone_do_not_pair_with_a_deck(study: Path) -> None:
+    text = '[study]\ntitle = "Deck"\ndeck = "nodes.bdf"\nunits = "m-kg-s"\n\n[test]\nfreq_hz = [1.0]\n'
+    study.write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("study.test-source, no runs", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_configurations_and_overlays_are_refused(study: Path) -> None:
+    two = '[[configuration]]\nname = "A"\ntest = "chain.uff"\n' * 2
+    for name, text in {
+        "configurations": two.replace('"A"', '"B"', 1),
+        "overlay": '[[configuration]]\nname = "A"\ntest = "chain.uff"\nspc = 1\n',
+    }.items():
+        study.write_text(STUDY.replace('[test]\nfile = "chain.uff"\n', text))
+        with pytest.raises(FemtuneError) as caught:
+            ft.info(study)
+        check_shown(f"runs.study, {name}", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+@pytest.mark.parametrize(("change", "code"), [("one-value", "runs.one-value"), ("line", "runs.not-determined")])
+def test_tables_that_do_not_determine_the_model(study: Path, change: str, code: str) -> None:
+    whole = table()
+    columns = dict(whole.columns)
+    columns["k2"] = np.full(10, 2e4) if change == "one-value" else 2.0 * columns["k1"]
+    write_runs_table(study.parent / "runs.csv", RunsTable(columns, whole.freq_hz, whole.shapes, DOFS))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown(code, str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_fewer_sensors_than_modes(study: Path) -> None:
+    whole = table()
+    assert whole.shapes is not None
+    few = RunsTable(whole.columns, whole.freq_hz, whole.shapes[:, :3], DOFS.select([0, 1, 2]))
+    write_runs_table(study.parent / "runs.csv", few)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.few-dofs", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+@pytest.mark.slow
+def test_intervals_cover_the_truth_of_simulated_specimens() -> None:
+    """Six outputs of 200 runs, 90 % intervals of 100 specimens: within what the binomial of 0.1 % admits."""
+    hits, trials = coverage(200, 100)
+    assert abs(hits / trials - 0.9) < 3.3 * np.sqrt(0.9 * 0.1 / 100)
+
+
+@pytest.mark.slow
+def test_repeats_and_intervals_on_a_table_of_runs(study: Path) -> None:
+    """Forty specimens: mean and standard deviation of the parameters, and the box of their frequencies."""
+    rng = np.random.default_rng(8)
+    specimens = TRUTH * (1.0 + 0.03 * rng.standard_normal((40, 2)))
+    hz = np.array([modes(p)[0] for p in specimens])
+    lines = [",".join(repr(float(f)) for f in row) for row in hz]
+    (study.parent / "repeats.csv").write_text("\n".join(["1,2,3,4", *lines]) + "\n")
+    study.write_text(STUDY + '\n[quantify]\nrepeats = "repeats.csv"\nintervals = true\n')
+    found = ft.quantify(study)
+    assert found.parameters.column("parameter").tolist() == ["k1", "k2"]
+    np.testing.assert_allclose(found.parameters.column("mean"), specimens.mean(axis=0), rtol=2e-3)
+    np.testing.assert_allclose(found.parameters.column("sd"), specimens.std(axis=0, ddof=1), rtol=0.05)
+    assert found.record.intervals is not None
+    assert found.record.intervals.ok

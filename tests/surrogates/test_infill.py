@@ -1,0 +1,62 @@
+"""Where further runs go: far from the others, and towards the minimum of an objective."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+from femtune.surrogates import KrigingRules, SumOfSquares, fit_surrogate, where_better, where_uncertain, with_run
+
+
+def _function(x: np.ndarray) -> np.ndarray:
+    return np.stack([np.sin(4.0 * x[:, 0]) + x[:, 1], x[:, 0] * x[:, 1]], axis=1)
+
+
+def test_uncertain_points_fill_the_largest_gap() -> None:
+    x = np.random.default_rng(1).random((25, 2)) * [0.5, 1.0]
+    surrogate = fit_surrogate(x, _function(x), KrigingRules(starts=1), box=(np.zeros(2), np.ones(2)))
+    points = where_uncertain(surrogate, 3)
+    assert np.all(points[:, 0] > 0.8)
+    # each takes the others into account
+    assert min(np.linalg.norm(a - b) for i, a in enumerate(points) for b in points[:i]) > 0.1
+
+
+def test_a_further_run_is_passed_through() -> None:
+    x = np.random.default_rng(1).random((12, 2))
+    surrogate = fit_surrogate(x, _function(x), KrigingRules(starts=1, noise="none", correlation="matern-5/2"))
+    point = np.array([[0.3, 0.9]])
+    y = _function(point) + 1e-3
+    more = with_run(surrogate, point[0], y[0])
+    np.testing.assert_allclose(more.predict(point), y, atol=1e-4)
+    assert np.all(np.abs(surrogate.predict(point) - y) > 5e-4)
+    assert [len(fit.weights) for fit in more.fits] == [13, 13]
+
+
+def test_the_expected_improvement_is_that_of_the_closed_form() -> None:
+    """Of y itself, which is normal: (best − m)Φ(z) + sφ(z), z = (best − m)/s, as far as a sum of squares shows it."""
+    x = np.linspace(0.0, 1.0, 6)[:, None]
+    surrogate = fit_surrogate(x, np.cos(5.0 * x), KrigingRules(starts=1))
+    # far from the target, the square is linear in y: ½((y − t)/sd)² with sd² = −t is y and a constant
+    target = -1e6
+    objective = SumOfSquares(np.array([target]), np.array([np.sqrt(-target)]))
+    chosen = where_better(surrogate, objective, 1)[0]
+    grid = np.linspace(0.0, 1.0, 2001)[:, None]
+    middle, sd = surrogate.predict(grid)[:, 0], surrogate.predict_sd(grid)[:, 0]
+    best = surrogate.y.min()
+    z = (best - middle) / sd
+    expected = (best - middle) * norm.cdf(z) + sd * norm.pdf(z)
+    assert abs(chosen[0] - grid[np.argmax(expected), 0]) < 0.01
+
+
+def test_a_few_runs_find_the_minimum_of_a_sum_of_squares() -> None:
+    truth = np.array([[0.62, 0.35]])
+    objective = SumOfSquares(_function(truth)[0], np.array([0.1, 0.1]))
+    x = np.random.default_rng(5).random((10, 2))
+    surrogate = fit_surrogate(x, _function(x), KrigingRules(starts=1), box=(np.zeros(2), np.ones(2)))
+    before = objective(surrogate.y).min()
+    for _ in range(3):
+        for point in where_better(surrogate, objective, 2):
+            surrogate = with_run(surrogate, point, _function(point[None])[0])
+    best = surrogate.x[np.argmin(objective(surrogate.y))]
+    np.testing.assert_allclose(best, truth[0], atol=0.05)
+    assert objective(surrogate.y).min() < 0.2 * before
