@@ -47,7 +47,7 @@ SEARCH = 10.0
 """Ratio of the tolerance during the search to that at the final point."""
 KEPT = 3
 """Full solutions reserved for the final points of searches."""
-RANKED_FROM = 10_000
+RANKED_FROM = 5_000
 """DOFs from which candidates of a training are ranked, as an estimate at each of them would cost too much."""
 _ABOVE_LINES = 1.1
 """Modes up to this many times the highest line of FRFs are trained for as modes, those above by their responses."""

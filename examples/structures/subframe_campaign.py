@@ -1,0 +1,220 @@
+"""The subframe as a model with parameters, free and with masses on its mounts, and the problem of its calibration.
+
+Components are the same mesh with scattered thicknesses and moduli; two inputs, 47 or 56 channels.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from femtune.arrays import Reals
+from femtune.fem import FieldRef, Structure
+from femtune.files.nastran import build_structure, read_deck
+from femtune.modal import FrfSet
+from femtune.model import (
+    AddedMass,
+    Assignment,
+    Configuration,
+    ConfiguredModel,
+    configure,
+    constant_damping,
+    parametric_model,
+)
+from femtune.model.response import Ports, make_ports
+from femtune.parameters import Parameter, ParameterSet
+from femtune.residuals import (
+    CaseState,
+    FrfResidual,
+    FrfScatter,
+    ModelWay,
+    UpdateProblem,
+    case_without_modes,
+    frf_residual,
+)
+from femtune.residuals.frf.model_way import AtFirstState, Settled
+from structures.subframe import MATERIALS, MOUNT_INERTIA, MOUNT_MASS, Subframe, subframe, write_subframe
+
+STEEL, SHEET, RUBBER = 0.15, 0.20, 0.45
+"""Bounds of moduli of steel, thicknesses and moduli of rubber, relative to the deck."""
+SCATTER = 0.5
+"""Truths are uniform within this part of the bounds."""
+LEVEL = 0.002
+"""σ of the noise of real and imaginary part, as a part of the largest magnitude of each FRF."""
+
+NINE = {
+    "E_sides": (("MAT1", 1),),
+    "E_crosses": (("MAT1", 2),),
+    "E_rubber_front": (("MAT1", 4),),
+    "E_rubber_rear": (("MAT1", 5),),
+    "t_sides": (("PSHELL", 1), ("PSHELL", 2), ("PSHELL", 3), ("PSHELL", 4)),
+    "t_cross_front": (("PSHELL", 5), ("PSHELL", 6)),
+    "t_cross_middle": (("PSHELL", 7), ("PSHELL", 8)),
+    "t_cross_rear": (("PSHELL", 9), ("PSHELL", 10)),
+    "t_flanges": (("PSHELL", 11), ("PSHELL", 12)),
+}
+FIFTEEN = {
+    "E_sides": (("MAT1", 1),),
+    "E_crosses": (("MAT1", 2),),
+    "E_brackets": (("MAT1", 3),),
+    "E_rubber_front": (("MAT1", 4),),
+    "E_rubber_rear": (("MAT1", 5),),
+    "t_sides_lower": (("PSHELL", 1), ("PSHELL", 3)),
+    "t_sides_upper": (("PSHELL", 2), ("PSHELL", 4)),
+    **{
+        f"t_cross_{name}_{half}": (("PSHELL", 5 + 2 * i + j),)
+        for i, name in enumerate(("front", "middle", "rear"))
+        for j, half in enumerate(("lower", "upper"))
+    },
+    "t_side_flanges": (("PSHELL", 11),),
+    "t_cross_flanges": (("PSHELL", 12),),
+}
+SETS = {9: NINE, 15: FIFTEEN}
+
+
+def half_width(name: str) -> float:
+    """How far a parameter may go from its value in the deck."""
+    return RUBBER if "rubber" in name else STEEL if name.startswith("E") else SHEET
+
+
+@dataclass(frozen=True)
+class State:
+    """How the subframe hangs in the laboratory.
+
+    Parameters
+    ----------
+    loaded : whether each mount carries a mass
+    band_hz : what is compared
+    """
+
+    name: str
+    loaded: bool
+    band_hz: tuple[float, float]
+
+
+FREE = State("free", False, (100.0, 400.0))
+LOADED = State("mass-loaded", True, (40.0, 225.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Laboratory:
+    """The model of a subframe, and tests of components of it.
+
+    Parameters
+    ----------
+    n_dofs : of the mesh
+    parameters : 9 or 15
+    channels : 47 or 56: triaxial accelerometers and single ones
+    """
+
+    n_dofs: int
+    parameters: int = 9
+    channels: int = 47
+
+    @cached_property
+    def mesh(self) -> Subframe:
+        """The mesh; the deck has no loss factors, as damping is equalised."""
+        return subframe(self.n_dofs)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """As read from its deck."""
+        with tempfile.TemporaryDirectory() as folder:
+            return build_structure(read_deck(self.write(Path(folder) / "subframe.bdf"))).structure
+
+    def write(self, path: Path) -> Path:
+        """The deck without loss factors, which would act besides the equalised damping."""
+        bare = tuple(replace(material, GE=0.0) for material in MATERIALS)
+        return write_subframe(replace(self.mesh, materials=bare), path)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return tuple(SETS[self.parameters])
+
+    @cached_property
+    def parameter_set(self) -> ParameterSet:
+        """Factors on the deck, with their bounds."""
+        made = (Parameter(n, 1.0, 1.0 - half_width(n), 1.0 + half_width(n)) for n in self.names)
+        return ParameterSet(tuple(made))
+
+    @property
+    def origin(self) -> Reals:
+        """The normalised parameters of the deck."""
+        return np.zeros(self.parameters)
+
+    @property
+    def assignments(self) -> list[Assignment]:
+        """What the parameters set."""
+        return [
+            Assignment(name, FieldRef(card, number, "T" if card == "PSHELL" else "E"))
+            for name, entries in SETS[self.parameters].items()
+            for card, number in entries
+        ]
+
+    @cached_property
+    def configured(self) -> dict[str, ConfiguredModel]:
+        """The model in both states, which share its terms."""
+        model = parametric_model(self.structure, self.parameter_set, self.assignments)
+        inertia = tuple(tuple(row) for row in (MOUNT_INERTIA * np.eye(3)).tolist())
+        masses = tuple(AddedMass(node, MOUNT_MASS, inertia=inertia) for node in self.mesh.mounts)  # type: ignore[arg-type]
+        return {
+            FREE.name: configure(model, Configuration(name=FREE.name)),
+            LOADED.name: configure(model, Configuration(name=LOADED.name, masses=masses)),
+        }
+
+    @property
+    def inputs(self) -> list[str]:
+        """Two shakers: one upright on a side member, one across at the other end."""
+        first, second = self.mesh.sensors[0], self.mesh.sensors[1]
+        return [f"{first}Z+", f"{second}Y+"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Triaxial accelerometers, and single ones for the rest of the channels; those at the inputs are triaxial."""
+        triaxial, single = divmod(self.channels, 3)
+        at = [f"{node}{axis}+" for node in self.mesh.sensors[:triaxial] for axis in "XYZ"]
+        return at + [f"{node}Z+" for node in self.mesh.sensors[triaxial : triaxial + single]]
+
+    def ports(self, state: State) -> Ports:
+        """Of all channels."""
+        return make_ports(self.configured[state.name], self.inputs, self.outputs)
+
+    def truth(self, component: int) -> Reals:
+        """Normalised parameters of a component, drawn from its number alone."""
+        chance = np.random.default_rng([15, component, self.parameters])
+        return np.array([SCATTER * half_width(n) for n in self.names]) * chance.uniform(-1.0, 1.0, len(self.names))
+
+
+@dataclass(frozen=True, eq=False)
+class SettledFrfs(AtFirstState):
+    """FRFs whose number of modes follows from the first state of the model."""
+
+    key = FrfResidual.key
+    label = FrfResidual.label
+
+
+def calibration(lab: Laboratory, tests: dict[str, FrfSet], ratio: float, sd: float) -> UpdateProblem:
+    """FRFs with one damping ratio as the only residuals of the states that were tested.
+
+    Parameters
+    ----------
+    tests : equalised FRFs by the name of the state
+    sd : relative standard deviation of a value
+    """
+    way, scatter = ModelWay(damping=constant_damping(ratio)), FrfScatter(sd)
+
+    def settle(test: FrfSet, state: CaseState) -> Settled:
+        highest = float(test.freq_hz[-1])
+        fixed = way.settled(state, highest)
+        return frf_residual(fixed.model(state, highest), test, scatter=scatter, way=fixed)
+
+    cases = (
+        case_without_modes(lab.configured[name], (SettledFrfs(partial(settle, test)),), count=1)
+        for name, test in tests.items()
+    )
+    return UpdateProblem(tuple(cases), lab.parameter_set, scatter="estimated")
