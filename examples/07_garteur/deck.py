@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mesh import AeroplaneMesh
+from structures.aeroplane_mesh import AeroplaneMesh
 
 ALUMINIUM, STEEL = 1, 2
 THICKNESS = {1: 0.050, 2: 0.010, 3: 0.010, 4: 0.010, 5: 0.010, 6: 0.011, 7: 0.010, 8: 0.016}

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from mesh import read_mesh
 
 from femtune import steps
 from femtune.files.uff import read_uff, write_uff_modes
@@ -14,6 +13,7 @@ from femtune.identification import IdentifiedModes, InputKnown, Rule, identify_f
 from femtune.results.correlation import CorrelationResults
 from femtune.testdata import ModalTest, WireFrame
 from femtune.units import SI
+from structures.aeroplane_mesh import read_mesh
 
 ELASTIC, COMPLEX = 9, 0.9
 """A tenth pole of the functions, at 9 Hz, has a phase collinearity of .88: no mode of the aeroplane."""

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where structures/ lies
 
 from deck import deck_text
 from measured import compared, expansion_table, identified
 from measured import table as compared_table
-from mesh import read_mesh
 
 from femtune import steps
 from femtune.results.model import ModelFacts
+from structures.aeroplane_mesh import read_mesh
 
 HERE = Path(__file__).resolve().parent
 MASS_KG, STRAIN_FREE = 42.858, 1e-8
