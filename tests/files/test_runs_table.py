@@ -68,3 +68,14 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         with pytest.raises(FemtuneError) as caught:
             read_runs_table(tmp_path / "runs.csv")
         assert caught.value.code == "runs.table"
+
+
+@pytest.mark.parametrize(("value", "told"), [("-5", "negative"), ("1e300", "huge")])
+def test_a_frequency_that_is_none_is_named_with_its_line(value: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text(f"E,f1_hz,f2_hz\n1,2,3\n2,3,{value}\n", encoding="utf-8")
+    with pytest.raises(FemtuneError) as caught:
+        read_runs_table(path)
+    assert caught.value.where is not None
+    assert caught.value.where.line == 3
+    check_shown(f"runs.table, {told} frequency", str(caught.value).replace(str(tmp_path), "…"))

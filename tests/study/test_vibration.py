@@ -138,6 +138,7 @@ def test_what_cannot_be_compared_is_not_tested(beam: Bench) -> None:
     [
         ("vibration.file", "Hz,a,b\n10,1,1\n9,1,1\n"),
         ("vibration.file, columns", "Hz,a\n10,1\n20,1\n"),
+        ("vibration.file, heading", "10,1,1\n20,1,1\n30,2,2\n"),
         ("vibration.file, number", "Hz,a,b\n10,1,one\n20,1,1\n"),
     ],
 )

@@ -8,9 +8,12 @@ the same tests, one factor on the thickness, or the amplitudes of the functions 
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # where structures/ lies
 
 import numpy as np
 

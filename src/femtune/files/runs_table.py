@@ -29,6 +29,9 @@ _SEPARATORS = ",;\t"
 _MOST_BYTES = 1 << 30
 STATE = "state"
 
+LARGEST_HZ = 1e12
+"""Frequencies beyond it are mistakes: their squares leave no digits for other modes."""
+
 
 @dataclass(frozen=True, eq=False)
 class RunsTable:
@@ -116,7 +119,7 @@ def read_runs_table(path: Path) -> RunsTable:
     cells = {head: [row[j].strip() for row in rows[1:]] for j, head in enumerate(heads)}
     states = tuple(cells.pop(STATE, []))
     values = {head: _column(path, head, texts, numbers, separator) for head, texts in cells.items()}
-    return _table(path, {head: column for head, column in values.items() if column is not None}, states)
+    return _table(path, {head: column for head, column in values.items() if column is not None}, states, numbers)
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
@@ -157,11 +160,15 @@ def _number(text: str, separator: str) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...]) -> RunsTable:
+def _table(path: Path, values: dict[str, Reals], states: tuple[str, ...], numbers: list[int]) -> RunsTable:
     modes = {int(match[1]): head for head in values if (match := _FREQUENCY.fullmatch(head))}
     if not modes or sorted(modes) != list(range(1, len(modes) + 1)):
         raise _error(path, 1, "runs.table/no-frequencies", headings=", ".join(values)[:200])
     freq_hz = np.stack([values.pop(modes[j]) for j in sorted(modes)], axis=1)
+    wrong = np.argwhere((freq_hz < 0.0) | (freq_hz > LARGEST_HZ))
+    if wrong.size:
+        run, mode = (int(i) for i in wrong[0])
+        raise _error(path, numbers[run], "runs.table/frequency", mode=mode + 1, value=float(freq_hz[run, mode]))
     by_mode: dict[tuple[int, Dof], Reals] = {}
     for head in list(values):
         if match := _SHAPE.fullmatch(head):

@@ -24,10 +24,21 @@ def read_vibration_table(path: Path, outputs: int) -> tuple[Reals, Reals]:
         rows = [(i, row) for i, row in enumerate(csv.reader(lines), start=1) if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise _error(path, None, "vibration.file/unreadable", reason=error) from error
+    if rows and not any(_is_text(cell) for cell in rows[0][1]):
+        # a file without a heading would lose its first line
+        raise _error(path, rows[0][0], "vibration.file/heading")
     values = np.array([_numbers(path, i, row, outputs) for i, row in rows[1:]]).reshape(-1, outputs + 1)
     if len(values) < 2 or np.any(np.diff(values[:, 0]) <= 0.0) or np.any(values <= 0.0):
         raise _error(path, None, "vibration.file")
     return values[:, 0], values[:, 1:].T
+
+
+def _is_text(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return True
+    return False
 
 
 def _numbers(path: Path, line: int, row: list[str], outputs: int) -> list[float]:

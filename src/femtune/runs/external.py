@@ -18,6 +18,7 @@ import numpy as np
 from femtune.errors import FemtuneError, Where
 from femtune.files.modes.registry import ERROR_TEXTS, ModesFormat, read_modes
 from femtune.files.modes.solved import SolvedModes
+from femtune.files.runs_table import LARGEST_HZ
 from femtune.runs.outcome import Failure, FailureKind, RunOutcome
 from femtune.runs.process import LOG, begun, pause, run_process
 from femtune.runs.template import InputFiles
@@ -63,6 +64,8 @@ class Checks:
             return f"the frequency of mode {int(np.argmin(np.isfinite(freq))) + 1} is not a number"
         if (freq < 0.0).any() or (np.diff(freq) < -_ASCENDING * np.abs(freq).max()).any():
             return f"the frequencies do not ascend from zero: {_listed(freq)}"
+        if freq.max(initial=0.0) > LARGEST_HZ:
+            return f"the frequency of mode {int(np.argmax(freq)) + 1} is too large: {freq.max():g} Hz"
         return self._fault_of_shapes(modes) or self._fault_of_mass(modes)
 
     def _fault_of_shapes(self, modes: SolvedModes) -> str:
@@ -152,9 +155,15 @@ class ExternalSolver:
         return os.path.abspath(found)
 
     def key(self, values: Values) -> str:
-        """Digest of all that the result depends on: input files, command, program, version, and what is read."""
+        """Digest of all that the result depends on: input files, command, program, version, and what is read.
+
+        Of an argument that is a file, such as the script that an interpreter runs, the content counts.
+        """
         digest = sha256(b"femtune run 1")
-        settings = (*self.command, self.version, _file_digest(self._program), self.result.name, self.result.format)
+        scripts = tuple(_file_digest(a) for a in self.command[1:] if os.path.isabs(a) and os.path.isfile(a))
+        settings = (
+            *self.command, *scripts, self.version, _file_digest(self._program), self.result.name, self.result.format,
+        )  # fmt: skip
         environment = tuple(f"{name}={value}" for name, value in self.environment)
         for text in (*settings, *environment, self.inputs.version):
             digest.update(sha256(text.encode()).digest())
@@ -238,7 +247,7 @@ class ExternalSolver:
 
 @lru_cache(maxsize=16)
 def _file_digest(path: str) -> str:
-    """Of the program itself, so that a new version of it has new results."""
+    """Of the program, or of a script that it runs, so that a new version has new results."""
     digest = sha256()
     try:
         with open(path, "rb") as stream:

@@ -29,7 +29,9 @@ from femtune.selection.candidate_models import CandidateFit, Group, rank_candida
 from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
-from femtune.updating import StartRules, multi_start, starting_points, update
+from femtune.updating import StartResult, StartRules, starting_points, update
+from femtune.updating.sensitivity_method import moving_parameters
+from femtune.updating.starts import distinct_optima, noise_level
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -131,10 +133,30 @@ class _Fitting:
         if self.rules.count == 1:
             return update(problem, method, active=candidate.parameters), 1, 0
         drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
-        points = np.vstack([np.zeros(drawn.shape[1]), drawn])
-        found = multi_start(problem, method, self.rules, points=points, active=candidate.parameters)
-        reached = len(found.optima[0].members) if found.optima else 0
-        return found.best, reached, sum(o.as_good for o in found.optima[1:])
+        moving = moving_parameters(problem, candidate.parameters)
+        points = np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0)
+        ends = self._ends(problem, method, candidate, points)
+        # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
+        most = max(_independent(end.after) for _, end in ends)
+        ends = [(i, end) for i, end in ends if _independent(end.after) == most]
+        best = min((end for _, end in ends), key=lambda end: (not end.status.ok, end.objective))
+        starts = [StartResult(i, points[i], end.x, end.objective, end.status) for i, end in ends]
+        noise = noise_level(best.objective, most, int(moving.sum()))
+        optima = distinct_optima(starts, problem.parameters.prior[1], noise)
+        return best, len(optima[0].members) if optima else 0, sum(o.as_good for o in optima[1:])
+
+    def _ends(
+        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, points: Reals
+    ) -> list[tuple[int, UpdateResult]]:
+        """The updates from all starts that can be solved, with their numbers; the initial values must be."""
+        ends = []
+        for i, point in enumerate(points):
+            try:
+                ends.append((i, update(problem, method, start=problem.start(point), active=candidate.parameters)))
+            except FemtuneError:
+                if i == 0:
+                    raise
+        return ends
 
     def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
         """What candidates are compared by."""
@@ -147,7 +169,7 @@ class _Fitting:
         labels = [b.label for b in at.blocks for _ in b.values]
         return {
             "values": {name: float(v) for name, v in parameters.values(at.x).items()},
-            "error": at.mean_error, "chi2": float(r @ r), "residuals": len(r) - sum(at.lost.values()),
+            "error": at.mean_error, "chi2": float(r @ r), "residuals": _independent(at),
             "singular": known.singular_values.tolist(), "rank": known.rank,
             "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
@@ -167,6 +189,11 @@ class _Fitting:
             x = update(others, method, active=candidate.parameters).x
         at = replace(problem, cases=(problem.cases[left_out],)).start(x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
+
+
+def _independent(at: Evaluation) -> int:
+    """Number of independent residuals."""
+    return len(at.residuals) - sum(at.lost.values())
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -232,7 +259,9 @@ def compare_candidates(
     for more in _further(table, groups, work.fitted):
         candidates += [c for c, _ in more]
         found += [f for _, f in more]
-    predicted = work.predicted(candidates, found) if table.leave_one_out else [{} for _ in candidates]
+    # without its tests a specimen keeps the initial values of its own parameters, so that nothing is predicted
+    wanted = table.leave_one_out and study.specimens is None
+    predicted = work.predicted(candidates, found) if wanted else [{} for _ in candidates]
     return _results(study, table, candidates, found, predicted, arrays)
 
 
@@ -313,7 +342,7 @@ class _Comparison:
         at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(problems))))
         tasks = [_Task(candidates[i], at.get(i, 0), left_out) for i, left_out in asked]
         keys = [_key(task) for task in tasks]
-        rules = StartRules(self.table.starts, self.table.seed, self.study.file.update.hops)
+        rules = StartRules(self.table.starts, self.table.seed)
         work = _Fitting(tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters)
         done = sum(key in self.known for key in keys)
         self.progress.step(what, done, len(tasks))

@@ -273,17 +273,28 @@ def _factor(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
     return values["FACTOR"]
 
 
-def _monomial(found: Polynomial, powers: tuple[int, ...]) -> Coefficient:
-    """factor · Π ξ^power of the scaled variables."""
+@dataclass(frozen=True, eq=False)
+class _Monomial:
+    """factor · Π ξ^power of the scaled variables; a class, so that other processes can load it.
 
-    def coefficient(values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
+    Parameters
+    ----------
+    factors : of each variable its name, its power, and the centre and half width by which it is scaled
+    """
+
+    factors: tuple[tuple[str, int, float, float], ...]
+
+    def __call__(self, values: Mapping[str, Jet], facts: Mapping[str, NDArray]) -> Jet:
         out = values["FACTOR"]
-        for variable, power, (centre, half) in zip(found.variables, powers, found.scales):
+        for name, power, centre, half in self.factors:
             for _ in range(power):
-                out = out * ((values[variable.name] - centre) * (1.0 / half))
+                out = out * ((values[name] - centre) * (1.0 / half))
         return out
 
-    return coefficient
+
+def _monomial(found: Polynomial, powers: tuple[int, ...]) -> Coefficient:
+    scaled = zip(found.variables, powers, found.scales)
+    return _Monomial(tuple((v.name, power, float(centre), float(half)) for v, power, (centre, half) in scaled))
 
 
 # ----------------------------------------------------------------------------------------------------
