@@ -219,6 +219,9 @@ def test_two_equally_good_optima(bench: Bench) -> None:
     more = "starts = 8\n[correlate]\nmac_gate = 0.2\n[residuals]\nfrequency_sd = 0.002\n"
     found = steps.candidates(bench.study(f"{clamped}{EI}{ONE}{more}", test=None))
     told(found, "candidates.not-unique")
+    both = by_name(found)["both"]
+    assert (both.starts, both.other_optima) == (8, 1)
+    assert 0 < both.starts_at_best + both.starts_unpaired < 8
 
 
 @pytest.mark.parametrize(

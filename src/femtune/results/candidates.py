@@ -67,6 +67,8 @@ class CandidateResults(Record):
     """Number of starts."""
     starts_at_best: int = 1
     """Number of starts that reached this optimum."""
+    starts_unpaired: int = 0
+    """Number of starts that could not be solved, or from which fewer modes found their partners; they are not used."""
     other_optima: int = 0
     """Number of other optima that are equally good within the noise."""
     left_out: tuple[LeftOutPrediction, ...] = ()

@@ -119,19 +119,19 @@ class _Fitting:
             return {"problem": error.what}
 
     def _fitted(self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice) -> Found:
-        result, reached, others = self._updated(problem, method, candidate)
+        result, reached, others, unpaired = self._updated(problem, method, candidate)
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
             **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
-            "at_bound": list(result.at_bound), "reached": reached, "others": others,
+            "at_bound": list(result.at_bound), "reached": reached, "others": others, "unpaired": unpaired,
         }  # fmt: skip
 
     def _updated(
         self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice
-    ) -> tuple[UpdateResult, int, int]:
-        """The best update, the number of starts that reached it, and that of other optima that are equally good."""
+    ) -> tuple[UpdateResult, int, int, int]:
+        """The best update; the numbers of starts that reached it, of other optima as good, and of starts not used."""
         if self.rules.count == 1:
-            return update(problem, method, active=candidate.parameters), 1, 0
+            return update(problem, method, active=candidate.parameters), 1, 0, 0
         drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
         moving = moving_parameters(problem, candidate.parameters)
         points = np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0)
@@ -143,7 +143,8 @@ class _Fitting:
         starts = [StartResult(i, points[i], end.x, end.objective, end.status) for i, end in ends]
         noise = noise_level(best.objective, most, int(moving.sum()))
         optima = distinct_optima(starts, problem.parameters.prior[1], noise)
-        return best, len(optima[0].members) if optima else 0, sum(o.as_good for o in optima[1:])
+        reached = len(optima[0].members) if optima else 0
+        return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(ends)
 
     def _ends(
         self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, points: Reals
@@ -479,6 +480,7 @@ def _record(study: Study, candidate: ParameterChoice, found: Found, starts: int)
         undetermined=tuple(CombinationRecord.model_validate(c) for c in found["undetermined"]),
         worst_residual=found["worst"], worst_label=found["worst_label"],
         starts=starts if candidate.parameters else 1, starts_at_best=found.get("reached", 1),
+        starts_unpaired=found.get("unpaired", 0),
         other_optima=found.get("others", 0),
     )  # fmt: skip
 
