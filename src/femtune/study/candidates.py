@@ -31,7 +31,7 @@ from femtune.status import Status
 from femtune.study.executor import executor_of
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
-from femtune.updating.starts import distinct_optima, noise_level
+from femtune.updating.starts import best_of, comparable, distinct_optima, noise_level
 
 if TYPE_CHECKING:
     from femtune.arrays import Reals
@@ -136,15 +136,12 @@ class _Fitting:
         moving = moving_parameters(problem, candidate.parameters)
         points = np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0)
         ends = self._ends(problem, method, candidate, points)
-        # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
-        most = max(_independent(end.after) for _, end in ends)
-        ends = [(i, end) for i, end in ends if _independent(end.after) == most]
-        best = min((end for _, end in ends), key=lambda end: (not end.status.ok, end.objective))
-        starts = [StartResult(i, points[i], end.x, end.objective, end.status) for i, end in ends]
-        noise = noise_level(best.objective, most, int(moving.sum()))
+        best = ends[best_of([end for _, end in ends])][1]
+        starts = comparable([StartResult.of(i, points[i], end) for i, end in ends])
+        noise = noise_level(best.objective, best.after.independent, int(moving.sum()))
         optima = distinct_optima(starts, problem.parameters.prior[1], noise)
         reached = len(optima[0].members) if optima else 0
-        return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(ends)
+        return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(starts)
 
     def _ends(
         self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, points: Reals
@@ -170,7 +167,7 @@ class _Fitting:
         labels = [b.label for b in at.blocks for _ in b.values]
         return {
             "values": {name: float(v) for name, v in parameters.values(at.x).items()},
-            "error": at.mean_error, "chi2": float(r @ r), "residuals": _independent(at),
+            "error": at.mean_error, "chi2": float(r @ r), "residuals": at.independent,
             "singular": known.singular_values.tolist(), "rank": known.rank,
             "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
@@ -190,11 +187,6 @@ class _Fitting:
             x = update(others, method, active=candidate.parameters).x
         at = replace(problem, cases=(problem.cases[left_out],)).start(x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
-
-
-def _independent(at: Evaluation) -> int:
-    """Number of independent residuals."""
-    return len(at.residuals) - sum(at.lost.values())
 
 
 # ----------------------------------------------------------------------------------------------------
