@@ -316,7 +316,11 @@ def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if run.study.file.bootstrap is None:
         return {}
-    return {"bootstrap": bootstrap_at(run.study, known.parameters.result, run.folder, arrays, run.progress)}
+    return {
+        "bootstrap": bootstrap_at(
+            run.study, known.parameters.result, run.folder, arrays, run.progress, known.parameters.search
+        )
+    }
 
 
 def _specimens(run: Run, known: Known, arrays: Arrays) -> Outcome:
