@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femtune._optional import require
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.study import load_study, solved_by
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
 from femtune.executor import finish
 from femtune.files.study_file import CandidatesTable
-from femtune.files.study_file.candidates import NOMINAL
+from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
+from femtune.global_search import SearchRules, global_minimum
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.model.full_model import direct
@@ -29,12 +31,13 @@ from femtune.selection.candidate_models import CandidateFit, Group, rank_candida
 from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
+from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
 from femtune.updating.starts import distinct_optima, noise_level
 
 if TYPE_CHECKING:
-    from femtune.arrays import Reals
+    from femtune.arrays import Flags, Reals
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.files.study_file import StudyFile
@@ -96,12 +99,14 @@ class _Fitting:
     ----------
     problems, methods : with the ties of some candidates; the first without any
     free : free parameters of the study, by which candidates are compared
+    search : from whose random populations the starts come; None: from the initial values and a Latin hypercube
     """
 
     problems: tuple[UpdateProblem, ...]
     methods: tuple[SensitivityMethod, ...]
     rules: StartRules
     free: ParameterSet
+    search: SearchRules | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
@@ -130,12 +135,13 @@ class _Fitting:
         self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice
     ) -> tuple[UpdateResult, int, int, int]:
         """The best update; the numbers of starts that reached it, of other optima as good, and of starts not used."""
-        if self.rules.count == 1:
+        if self.rules.count == 1 and self.search is None:
             return update(problem, method, active=candidate.parameters), 1, 0, 0
-        drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
         moving = moving_parameters(problem, candidate.parameters)
-        points = np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0)
-        ends = self._ends(problem, method, candidate, points)
+        points, begin = self._starts(problem, moving)
+        ends = self._ends(
+            points, begin, lambda start: update(problem, method, start=start, active=candidate.parameters)
+        )
         # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
         most = max(_independent(end.after) for _, end in ends)
         ends = [(i, end) for i, end in ends if _independent(end.after) == most]
@@ -146,16 +152,30 @@ class _Fitting:
         reached = len(optima[0].members) if optima else 0
         return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(ends)
 
+    def _starts(self, problem: UpdateProblem, moving: Flags) -> tuple[Reals, Callable[[Reals], Evaluation]]:
+        """(n, k) points, and how the update begins at one."""
+        if self.search is None:
+            drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
+            return np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0), problem.start
+        population = _Population(problem, problem.start(np.zeros(len(moving))), moving)
+        lower, upper = (edge[moving] for edge in problem.parameters.bounds)
+        searches = [
+            global_minimum(population, lower, upper, replace(self.search, seed=seed))
+            for seed in range(self.rules.seed, self.rules.seed + self.rules.count)
+        ]
+        points = population.whole(np.array([search.x for search in searches]))
+        return points, lambda x: problem.follow(x, population.before)
+
     def _ends(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, points: Reals
+        self, points: Reals, begin: Callable[[Reals], Evaluation], updated: Callable[[Evaluation], UpdateResult]
     ) -> list[tuple[int, UpdateResult]]:
         """The updates from all starts that can be solved, with their numbers; the initial values must be."""
         ends = []
         for i, point in enumerate(points):
             try:
-                ends.append((i, update(problem, method, start=problem.start(point), active=candidate.parameters)))
+                ends.append((i, updated(begin(point))))
             except FemtuneError:
-                if i == 0:
+                if (self.search is None and i == 0) or (i + 1 == len(points) and not ends):
                     raise
         return ends
 
@@ -190,6 +210,25 @@ class _Fitting:
             x = update(others, method, active=candidate.parameters).x
         at = replace(problem, cases=(problem.cases[left_out],)).start(x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
+
+
+@dataclass(frozen=True, eq=False)
+class _Population:
+    """χ² at points (n, moving) of a generation, with the pairing of the initial values; infinite where it fails."""
+
+    problem: UpdateProblem
+    before: Evaluation
+    moving: Flags
+
+    def whole(self, points: Reals) -> Reals:
+        """(n, k) points of all parameters."""
+        out = np.zeros((len(points), len(self.moving)))
+        out[:, self.moving] = points
+        return out
+
+    def __call__(self, points: Reals) -> Reals:
+        runs = ResidualRuns(self.problem, self.before)
+        return np.array([np.sum(runs(x).values ** 2) for x in self.whole(points)])
 
 
 def _independent(at: Evaluation) -> int:
@@ -252,6 +291,9 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
+        if table.search == "cma-es":
+            # before the first run: what a run misses would be kept as its result
+            require("cma", extra="search")
     # the journal of solutions would keep thousands of them that nobody asks for again
     work = _Comparison(solved_by(study, direct), table, folder, progress)
     work.begin(resume)
@@ -309,8 +351,8 @@ class _Comparison:
         at = problem.start(np.zeros(len(problem.parameters.free)))
         lower, upper = problem.parameters.bounds
         key = digest(
-            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, at.residuals, at.jacobian,
-            lower, upper,
+            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, repr(self._search),
+            at.residuals, at.jacobian, lower, upper,
         )  # fmt: skip
         self.file = FinishedRuns(self.folder / CANDIDATES_FILE, key)
         try:
@@ -318,6 +360,14 @@ class _Comparison:
         except OSError as error:
             raise unwritable(self.folder, error) from error
         self.known = {str(line.get("run")): dict(line) for line in lines}
+
+    @property
+    def _search(self) -> SearchRules | None:
+        """Of the population that each start is the best of."""
+        table = self.table
+        if table.search == NO_SEARCH:
+            return None
+        return SearchRules(table.search, table.population, table.generations)
 
     def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
         """What every candidate reaches with all configurations."""
@@ -344,7 +394,9 @@ class _Comparison:
         tasks = [_Task(candidates[i], at.get(i, 0), left_out) for i, left_out in asked]
         keys = [_key(task) for task in tasks]
         rules = StartRules(self.table.starts, self.table.seed)
-        work = _Fitting(tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters)
+        work = _Fitting(
+            tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters, self._search
+        )
         done = sum(key in self.known for key in keys)
         self.progress.step(what, done, len(tasks))
 
