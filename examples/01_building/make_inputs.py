@@ -178,7 +178,7 @@ def candidates(ratios: Sequence[float] = tuple(p.RATIOS), folder: str = "run") -
 
 def populations(models: Sequence[str], starts: int, folder: str = "run") -> str:
     """The study with models of Table 4 as candidates, each updated from genetic algorithms of random populations."""
-    search = f'starts = {starts}\nsearch = "genetic"\npopulation = 20\ngenerations = 10'
+    search = f'starts = {starts}\nsearch = "genetic"\npopulation = 16\ngenerations = 6'
     table = f"[candidates]\nthreshold = 1.12\nleave_one_out = false\n{search}"
     return _compared([table, *(_candidate(name, p.MODELS[name]) for name in models)], folder)
 

@@ -241,7 +241,7 @@ def _page(found: CandidatesResult, searched: CandidatesResult, best: RunResult, 
         "## Table 5",
         "\n".join(table_5(found)),
         "## From random populations",
-        "A genetic algorithm on the model (20 points, 10 generations) from random populations, each followed by the "
+        "A genetic algorithm on the model (16 points, 6 generations) from random populations, each followed by the "
         "bounded least squares of the update. Points at which modes lose their partners do not survive.",
         "\n".join(population_table(searched)),
         "## Table 6: distances in %, published in brackets",

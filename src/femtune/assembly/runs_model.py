@@ -53,7 +53,8 @@ def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None)
         raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
     runs = Runs(names, table.points(names)[usable], table.freq_hz[usable][:, :count], shapes, dofs)
     position = None if centre is None else int(np.flatnonzero(usable).tolist().index(centre))
-    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position)
+    correlation = file.runs.correlation if file.runs.method == "kriging" else None
+    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position, correlation)
     notices = _notices(file, table, usable, fitted)
     method = EigenMethod(0, "runs", None, None, count)
     return BuiltModel(_files(file), fitted.structure, notices, (), {}, {}, method, None)
@@ -139,7 +140,10 @@ def _notices(file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: Fitt
         "mode": worst + 1,
     }
     poor = not size.max() <= file.runs.tolerance
-    code = "runs.poor-fit" if poor else "runs.fitted"
+    if file.runs.method == "kriging":
+        code = "runs.poor-fit/kriging" if poor else "runs.fitted/kriging"
+    else:
+        code = "runs.poor-fit" if poor else "runs.fitted"
     return (*found, Notice(code, where=where, level="warning" if poor else "info", **facts))
 
 
