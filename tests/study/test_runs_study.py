@@ -154,11 +154,22 @@ def _shown(study: Path, notices: object, code: str) -> str:
     return f"[{found.code}] {found.sentence}"
 
 
+VIBRATION = """[[vibration]]
+name = "table"
+kind = "random"
+input = "2X+"
+outputs = ["2X+"]
+damping_ratio = 0.02
+spectrum_hz = [4.0, 6.0]
+spectrum = [1.0, 1.0]
+"""
 _CHANGES = {
     "runs.no-column": ('name = "k2"', 'name = "k3"'),
     "runs.too-few": ("degree = 1\ncrossed = false", "degree = 4"),
     "runs.study, deck": ('units = "m-kg-s"', 'units = "m-kg-s"\ndeck = "nodes.bdf"'),
     "runs.study, table": ("[residuals]", "[reduction]\n\n[residuals]"),
+    "runs.study, vibration": ("[residuals]", f"{VIBRATION}\n[residuals]"),
+    "runs.study, limit": ("[residuals]", "[validate]\nfrac = 0.9\n\n[residuals]"),
     "runs.study, max hz": ("[residuals]", "[modes]\nmax_hz = 5.0\n\n[residuals]"),
     "runs.study, fields": ('name = "k1"', 'name = "k1"\nfields = ["MAT1 1 E"]'),
     "runs.study, absolute": ("absolute = true\nlower = 1e4", "lower = 0.5"),
