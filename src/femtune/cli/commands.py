@@ -347,6 +347,8 @@ def screen(study: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--population", type=int, help="Points of a generation.")
 @click.option("--generations", type=int, help="The most generations.")
 @click.option("--seeds", type=int, help="Number of searches from different seeds.")
+@click.option("--front", type=int, help="Points of the front of frequency errors against other errors.")
+@click.option("--csv", type=_FILE, metavar="FILE", help="Write a table of the front.")
 @click.option("--report", "page", type=_FILE, metavar="PAGE", help="Write an HTML page with tables and a picture.")
 @_eigensolver
 @_fresh
