@@ -198,15 +198,17 @@ class SettledFrfs(AtFirstState):
     label = FrfResidual.label
 
 
-def calibration(lab: Laboratory, tests: dict[str, FrfSet], ratio: float, sd: float) -> UpdateProblem:
+def calibration(
+    lab: Laboratory, tests: dict[str, FrfSet], ratio: float, sd: float, floor: float = 0.0
+) -> UpdateProblem:
     """FRFs with one damping ratio as the only residuals of the states that were tested.
 
     Parameters
     ----------
     tests : equalised FRFs by the name of the state
-    sd : relative standard deviation of a value
+    sd, floor : standard deviation of a value, as a part of it and of the largest magnitude of its FRF
     """
-    way, scatter = ModelWay(damping=constant_damping(ratio)), FrfScatter(sd)
+    way, scatter = ModelWay(damping=constant_damping(ratio)), FrfScatter(sd, floor)
 
     def settle(test: FrfSet, state: CaseState) -> Settled:
         highest = float(test.freq_hz[-1])

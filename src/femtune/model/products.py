@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from femtune.arrays import Reals
 from femtune.fem.fields import MatrixKind
 from femtune.model.configured import ConfiguredModel, ModelPoint
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.memory import require_memory
 from femtune.parameters.jet import Jet
 
@@ -44,9 +45,9 @@ class Local:
         """(a, b) leftᵀA right for (n_free, a) and (n_free, b)."""
         own = np.ascontiguousarray(right[self.dofs])
         if left is right:
-            one = own.T @ (self.half @ own)
+            one = in_any_order(own.T, self.half @ own)
             return np.asarray(one + one.T)
-        return np.asarray(left[self.dofs].T @ self.times(own))
+        return in_any_order(np.ascontiguousarray(left[self.dofs]).T, self.times(own))
 
 
 def projections(configured: ConfiguredModel, kind: MatrixKind, left: Reals, right: Reals) -> dict[int, Reals]:

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 
 from femtune.arrays import Reals
 from femtune.model.eigen.pencil import pieces
+from femtune.model.linear.dense_products import in_any_order
 from femtune.model.linear.sparse_products import Product, column_major, product, row_major
 from femtune.model.linear.symmetric import SymmetricMatrix
 from femtune.model.reduce.function_estimate import FunctionsWanted, enlarged_modes, function_error, inertia_residual
@@ -190,7 +191,7 @@ def extend(
     # the second pass removes what rounding left of the first; orthonormal to rounding in the end
     for limit in (negligible, 0.5):
         if basis.shape[1]:
-            W = W - basis @ (basis.T @ (metric @ W))
+            W = W - in_any_order(basis, in_any_order(basis.T, metric @ W))
         W = _orthonormal(W, metric, limit)
     return np.ascontiguousarray(np.hstack([basis, W]) if basis.shape[1] else W)
 
@@ -209,8 +210,8 @@ def orthonormal(vectors: Reals, metric: SymmetricMatrix) -> Reals:
 def _orthonormal(W: Reals, metric: SymmetricMatrix, limit: float) -> Reals:
     gram = np.empty((W.shape[1], W.shape[1]))
     for part in pieces(0, len(gram)):
-        gram[:, part] = W.T @ (metric @ W[:, part])
+        gram[:, part] = in_any_order(W.T, metric @ W[:, part])
     values, Q = la.eigh(0.5 * (gram + gram.T))
     keep = values > max(limit, DEPENDENT) ** 2
     # largest first, so that a basis that is cut has the best of them
-    return W @ (Q[:, keep] / np.sqrt(values[keep]))[:, ::-1]
+    return in_any_order(W, np.ascontiguousarray((Q[:, keep] / np.sqrt(values[keep]))[:, ::-1]))
