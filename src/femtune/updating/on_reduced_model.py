@@ -55,8 +55,8 @@ _ABOVE_LINES = 1.1
 _DETERMINED = 1e-10
 _FINER_RESPONSES = 0.1
 _BEGUN = "basis that a training begins with"
-_STEPS = 2
-"""Of inverse iteration in a training. One makes an error of 1 % of a frequency about .01 %."""
+_STEPS = 1
+"""Of inverse iteration in a training: one makes an error of 1 % of a frequency .01 % or less."""
 
 
 class Told(Protocol):
