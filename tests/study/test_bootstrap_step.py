@@ -13,6 +13,7 @@ import pytest
 from tests.messages.shown import check_shown
 
 from femtune import steps
+from femtune.errors import FemtuneError
 from femtune.results.step_results import RunResult
 from femtune.study.bootstrap import BOOTSTRAP_FILE
 
@@ -177,10 +178,11 @@ def test_runs_of_other_data_are_not_used(bench: Bench) -> None:
 
 @pytest.mark.slow
 def test_modes_have_no_lines(beam: Bench) -> None:
-    run = steps.bootstrap(beam.study())
-    assert run.results.bootstrap is None
-    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.no-lines"]
-    assert told.level == "problem"
+    with pytest.raises(FemtuneError, match="measured FRFs") as caught:
+        steps.bootstrap(beam.study())
+    assert caught.value.code == "bootstrap.no-lines"
+    # reported before the update
+    assert not (beam.folder / "run" / "history.jsonl").exists()
     noise = steps.bootstrap(beam.study(f'{beam.parameters}[bootstrap]\nmethod = "noise"\nruns = 200\n'))
     update, found = noise.results.update, noise.results.bootstrap
     assert update is not None
@@ -197,8 +199,11 @@ def test_no_optimum(bench: Bench) -> None:
     check_shown("bootstrap.not-converged", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
 
 
-def test_stages_have_no_bootstrap(bench: Bench) -> None:
+def test_stages_have_no_bootstrap(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = '[[stage]]\nname = "all"\nparameters = ["root", "tip"]\nresiduals = ["frf"]\n'
-    run = steps.bootstrap(bootstrapped(bench, more=stage))
-    (told,) = [a for a in run.results.alerts if a.code == "bootstrap.stages"]
-    check_shown("bootstrap.stages", f"[{told.code}] {told.sentence.removeprefix('bootstrap: ')}")
+    monkeypatch.chdir(bench.folder)
+    bootstrapped(bench, more=stage)
+    with pytest.raises(FemtuneError) as caught:
+        steps.bootstrap(Path("study.toml"))
+    check_shown("bootstrap.stages", caught.value)
+    assert not (bench.folder / "run" / "history.jsonl").exists()

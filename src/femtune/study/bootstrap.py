@@ -20,6 +20,7 @@ from femtune.results.bootstrap import bootstrap_results
 from femtune.results.folder import unwritable
 from femtune.study.executor import executor_of
 from femtune.uncertainty import BootstrapRules, BootstrapRun, bootstrap_of, bootstrap_result
+from femtune.uncertainty.bootstrap import drawn_groups
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,11 +28,28 @@ if TYPE_CHECKING:
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.executor import Executor
+    from femtune.residuals import Evaluation
     from femtune.results.bootstrap import BootstrapResults
     from femtune.uncertainty import Bootstrap
     from femtune.updating import ReducedSearch, UpdateResult
 
 BOOTSTRAP_FILE = "bootstrap.jsonl"
+
+
+def check_bootstrap(study: Study, at: Evaluation) -> None:
+    """Check, before the update, that there is something to draw from.
+
+    Raises
+    ------
+    FemtuneError : ``bootstrap.stages``, ``bootstrap.no-lines``, ``bootstrap.few-lines``
+    """
+    table = study.file.bootstrap
+    assert table is not None
+    with errors_at(study.file.where("bootstrap")):
+        if study.file.stage:
+            raise FemtuneError("bootstrap.stages")
+        if table.method != "noise":
+            drawn_groups(at.weighted, table.method)
 
 
 def bootstrap_at(
@@ -56,8 +74,6 @@ def bootstrap_at(
     table = study.file.bootstrap
     assert table is not None
     with errors_at(study.file.where("bootstrap")):
-        if study.file.stage:
-            raise FemtuneError("bootstrap.stages")
         if not found.status.ok:
             raise FemtuneError("bootstrap.not-converged", status=found.status.value)
         rules = BootstrapRules(
