@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -153,6 +154,28 @@ def test_an_interrupted_comparison_makes_no_run_twice(two: Bench) -> None:
     assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines) + 3
     steps.candidates(study(two, LISTED, sd=0.004))
     assert len(file.read_text(encoding="utf-8").splitlines()) == len(lines)
+
+
+@pytest.mark.slow
+def test_a_candidate_that_is_interrupted_among_its_starts_keeps_them(two: Bench) -> None:
+    path = study(two, LISTED + "\n[candidates]\nstarts = 3\nleave_one_out = false\n")
+    whole = steps.candidates(path)
+    file = path.parent / "run" / CANDIDATES_FILE
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    # the key, the initial values, and three starts of two candidates
+    assert len(lines) == 1 + 1 + 6
+    file.write_text("".join(lines[:4]), encoding="utf-8")
+    made: list[int] = []
+
+    def tell(text: str, done: int, total: int | None) -> None:
+        if text == "updates of candidate models":
+            made.append(done)
+
+    again = steps.candidates(path, progress=SimpleNamespace(step=tell))
+    assert again.record == whole.record
+    # three of seven are known, and each of the others is told of
+    assert made == [3, 4, 5, 6, 7]
+    assert sorted(file.read_text(encoding="utf-8").splitlines(keepends=True)) == sorted(lines)
 
 
 @pytest.mark.slow

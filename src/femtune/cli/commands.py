@@ -204,6 +204,7 @@ def respond(path: Path, page: Path | None, fresh: bool, as_json: bool, quiet: bo
 @click.option("--uniaxial", type=int, help="Number of uniaxial sensors to place.")
 @click.option("--visualisation", type=int, help="Number of further sensors that complete the picture.")
 @click.option("--aim", metavar="WORD", help="modes, or parameters: sensors that determine the parameters best.")
+@click.option("--data", metavar="WORD", help="What the calibration compares: modes, or frfs.")
 @click.option("--exciters", type=int, help="Number of exciters to place.")
 @click.option("--placed", multiple=True, metavar="SENSOR", help="Given sensor: 101, or 101Z+; repeatable.")
 @click.option("--nodes", metavar="LIST", help='Grid points that are candidates: "101 THRU 300".')

@@ -291,6 +291,12 @@ class PlanResult(StepResult):
         return None if lines is None else self.arrays[lines.calibration_key]
 
     @property
+    def chosen_lines(self) -> NDArray[np.float64] | None:
+        """(lines,) those of them, in Hz, that determine the parameters best; None where all are compared."""
+        functions = self.record.functions
+        return None if functions is None or functions.lines_key is None else self.arrays[functions.lines_key]
+
+    @property
     def auto_mac(self) -> NDArray[np.float64]:
         """(m, m) AutoMAC of the target modes at the sensors."""
         return self.arrays[self.record.auto_mac_key]

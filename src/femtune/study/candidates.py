@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert, CitationRecord
     from femtune.selection.candidate_models import CandidateRanking
-    from femtune.updating import SensitivityMethod, UpdateResult
+    from femtune.updating import SensitivityMethod
 
 CANDIDATES_FILE = "candidates.jsonl"
 _SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
@@ -80,11 +80,12 @@ def candidate_citations() -> tuple[CitationRecord, ...]:
 
 @dataclass(frozen=True)
 class _Task:
-    """The candidate, the position of its problem, and the position of the configuration that is left out."""
+    """The candidate, the position of its problem, that of the configuration that is left out, and the start."""
 
     candidate: ParameterChoice
     problem: int
     left_out: int | None = None
+    start: int = 0
 
 
 Found = dict[str, Any]
@@ -119,65 +120,34 @@ class _Fitting:
             if not task.candidate.parameters:
                 at = problem.start(np.zeros(len(problem.parameters.free)))
                 return {**self._facts(problem, at, task.candidate), "status": "CONVERGED"}
-            return self._fitted(problem, method, task.candidate)
+            return self._fitted(problem, method, task.candidate, task.start)
         except FemtuneError as error:
             return {"problem": error.what}
 
-    def _fitted(self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice) -> Found:
-        result, reached, others, unpaired = self._updated(problem, method, candidate)
+    def _fitted(
+        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, number: int
+    ) -> Found:
+        """The update from one start."""
+        start = self._start(problem, moving_parameters(problem, candidate.parameters), number)
+        result = update(problem, method, start=start, active=candidate.parameters)
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
             **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
-            "at_bound": list(result.at_bound), "reached": reached, "others": others, "unpaired": unpaired,
+            "at_bound": list(result.at_bound), "end": result.x.tolist(), "objective": result.objective,
         }  # fmt: skip
 
-    def _updated(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice
-    ) -> tuple[UpdateResult, int, int, int]:
-        """The best update; the numbers of starts that reached it, of other optima as good, and of starts not used."""
-        if self.rules.count == 1 and self.search is None:
-            return update(problem, method, active=candidate.parameters), 1, 0, 0
-        moving = moving_parameters(problem, candidate.parameters)
-        points, begin = self._starts(problem, moving)
-        ends = self._ends(
-            points, begin, lambda start: update(problem, method, start=start, active=candidate.parameters)
-        )
-        # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
-        most = max(_independent(end.after) for _, end in ends)
-        ends = [(i, end) for i, end in ends if _independent(end.after) == most]
-        best = min((end for _, end in ends), key=lambda end: (not end.status.ok, end.objective))
-        starts = [StartResult(i, points[i], end.x, end.objective, end.status) for i, end in ends]
-        noise = noise_level(best.objective, most, int(moving.sum()))
-        optima = distinct_optima(starts, problem.parameters.prior[1], noise)
-        reached = len(optima[0].members) if optima else 0
-        return best, reached, sum(o.as_good for o in optima[1:]), len(points) - len(ends)
-
-    def _starts(self, problem: UpdateProblem, moving: Flags) -> tuple[Reals, Callable[[Reals], Evaluation]]:
-        """(n, k) points, and how the update begins at one."""
-        if self.search is None:
+    def _start(self, problem: UpdateProblem, moving: Flags, number: int) -> Evaluation:
+        """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
+        x = np.zeros(len(moving))
+        if self.search is not None:
+            population = _Population(problem, problem.start(x), moving)
+            lower, upper = (edge[moving] for edge in problem.parameters.bounds)
+            found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
+            return problem.follow(population.whole(found.x[None])[0], population.before)
+        if number:
             drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
-            return np.where(moving, np.vstack([np.zeros(drawn.shape[1]), drawn]), 0.0), problem.start
-        population = _Population(problem, problem.start(np.zeros(len(moving))), moving)
-        lower, upper = (edge[moving] for edge in problem.parameters.bounds)
-        searches = [
-            global_minimum(population, lower, upper, replace(self.search, seed=seed))
-            for seed in range(self.rules.seed, self.rules.seed + self.rules.count)
-        ]
-        points = population.whole(np.array([search.x for search in searches]))
-        return points, lambda x: problem.follow(x, population.before)
-
-    def _ends(
-        self, points: Reals, begin: Callable[[Reals], Evaluation], updated: Callable[[Evaluation], UpdateResult]
-    ) -> list[tuple[int, UpdateResult]]:
-        """The updates from all starts that can be solved, with their numbers; the initial values must be."""
-        ends = []
-        for i, point in enumerate(points):
-            try:
-                ends.append((i, updated(begin(point))))
-            except FemtuneError:
-                if (self.search is None and i == 0) or (i + 1 == len(points) and not ends):
-                    raise
-        return ends
+            x = np.where(moving, drawn[number - 1], 0.0)
+        return problem.start(x)
 
     def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
         """What candidates are compared by."""
@@ -229,6 +199,29 @@ class _Population:
     def __call__(self, points: Reals) -> Reals:
         runs = ResidualRuns(self.problem, self.before)
         return np.array([np.sum(runs(x).values ** 2) for x in self.whole(points)])
+
+
+def _best_start(
+    problem: UpdateProblem, candidate: ParameterChoice, found: Sequence[Found], from_initial: bool
+) -> Found:
+    """The best of the starts of a candidate, with the numbers of starts that reached it, of other optima that are as
+    good, and of starts that are not used. Starts may fail, but not all, and not the one from the initial values."""
+    failed = ["problem" in f for f in found]
+    if all(failed) or (from_initial and failed[0]) or not candidate.parameters:
+        return found[0]
+    # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
+    most = max(f["residuals"] for f in found if "problem" not in f)
+    ends = [(i, f) for i, f in enumerate(found) if "problem" not in f and f["residuals"] == most]
+    best = min((f for _, f in ends), key=lambda f: (not Status[f["status"]].ok, f["objective"]))
+    starts = [
+        StartResult(i, np.array(f["end"]), np.array(f["end"]), f["objective"], Status[f["status"]]) for i, f in ends
+    ]
+    moving = int(moving_parameters(problem, candidate.parameters).sum())
+    optima = distinct_optima(starts, problem.parameters.prior[1], noise_level(best["objective"], most, moving))
+    return {
+        **best, "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
+        "unpaired": len(found) - len(ends),
+    }  # fmt: skip
 
 
 def _independent(at: Evaluation) -> int:
@@ -371,27 +364,34 @@ class _Comparison:
 
     def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
         """What every candidate reaches with all configurations."""
-        return self._run(candidates, [(i, None) for i in range(len(candidates))], "candidate models updated")
+        counts = [self.table.starts if c.parameters else 1 for c in candidates]
+        asked = [(i, None, n) for i, count in enumerate(counts) for n in range(count)]
+        ends = iter(self._run(candidates, asked, "updates of candidate models"))
+        grouped = [[next(ends) for _ in range(count)] for count in counts]
+        return [
+            _best_start(self._problem(candidate)[0], candidate, some, self._search is None)
+            for candidate, some in zip(candidates, grouped)
+        ]
 
     def predicted(self, candidates: Sequence[ParameterChoice], found: Sequence[Found]) -> list[dict[int, Found]]:
         """By configuration, what every solved candidate predicts of it."""
         count = len(self.study.problem().cases)
         if count < 2:
             return [{} for _ in candidates]
-        asked = [(i, j) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
+        asked = [(i, j, 0) for i, f in enumerate(found) if "problem" not in f for j in range(count)]
         ends = self._run(candidates, asked, "configurations left out and predicted")
         out: list[dict[int, Found]] = [{} for _ in candidates]
-        for (i, j), end in zip(asked, ends):
+        for (i, j, _), end in zip(asked, ends):
             out[i][j] = end
         return out
 
     def _run(
-        self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None]], what: str
+        self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None, int]], what: str
     ) -> list[Found]:
-        """The runs of candidates by position, without the configuration at the second position."""
+        """The runs of candidates by position, without the configuration at the second position, by start."""
         problems = [self._without_ties(), *(self._with_ties(c) for c in candidates if c.ties)]
         at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(problems))))
-        tasks = [_Task(candidates[i], at.get(i, 0), left_out) for i, left_out in asked]
+        tasks = [_Task(candidates[i], at.get(i, 0), left_out, start) for i, left_out, start in asked]
         keys = [_key(task) for task in tasks]
         rules = StartRules(self.table.starts, self.table.seed)
         work = _Fitting(
@@ -414,6 +414,9 @@ class _Comparison:
         known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
         return finish(executor_of(self.study), work, tasks, known, name="candidate", finished=keep)
 
+    def _problem(self, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
+        return self._with_ties(candidate) if candidate.ties else self._without_ties()
+
     def _without_ties(self) -> tuple[UpdateProblem, SensitivityMethod]:
         return self.study.problem(), method_of(self.study.file.update, self.study.parameters)
 
@@ -425,7 +428,7 @@ class _Comparison:
 
 
 def _key(task: _Task) -> str:
-    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out)
+    facts = (sorted(task.candidate.parameters), sorted(task.candidate.ties.items()), task.left_out, task.start)
     return digest(*map(repr, facts))
 
 

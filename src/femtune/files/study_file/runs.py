@@ -9,7 +9,8 @@ from pydantic import Field
 
 from femtune.errors import FemtuneError
 from femtune.files.study_file.kinds import Text, TomlTable
-from femtune.files.study_file.source import StudyLines, number, table, tables
+from femtune.files.study_file.source import Place, StudyLines, number, table, tables
+from femtune.files.study_file.validation import FRF_LIMITS
 
 
 class RunsModelTable(TomlTable):
@@ -26,6 +27,11 @@ class RunsModelTable(TomlTable):
 Data = dict[str, Any]
 MOST_TREND = 2
 _KINDS = ("frequency", "shape", "mac", "flexibility")
+_NEEDS_MATRICES = (
+    "matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response", "load",
+    "equalise", "vibration", "plan",
+)  # fmt: skip
+"""Tables that need the matrices of the structure, or shapes in its units."""
 _OF_CONFIGURATIONS = (
     "elements_off", "components", "interface", "spc", "mpc", "supports_added", "supports_removed", "masses",
     "weighed_mass",
@@ -44,10 +50,10 @@ def runs_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
     of_deck = "solver" in data and "deck" in table(data, "study")
     if "deck" in table(data, "study") and not of_deck:
         yield source.error(("study", "deck"), "runs.study/deck", {})
-    without = ("matrix", "variable", "reduction", "component", "generic", "distribution", "frequency_table", "response")
-    for name in (*without, "plan"):
-        if name in data:
-            yield source.error((name,), "runs.study/table", {}, name=name)
+    places: list[Place] = [(name,) for name in _NEEDS_MATRICES if name in data]
+    places += [("validate", key) for key in FRF_LIMITS if key in table(data, "validate")]
+    for place in places:
+        yield source.error(place, "runs.study/table", {}, name=place[-1])
     yield from _method(table(data, "runs"), source)
     if "max_hz" in table(data, "modes"):
         yield source.error(("modes", "max_hz"), "runs.study/max-hz", {})

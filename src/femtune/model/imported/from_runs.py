@@ -45,6 +45,10 @@ _ABOVE = 4.0
 _LEFT_SET = 0.05
 """Least singular value of the modes of a run in those of the central one."""
 _RANK = 1e-9
+_UNSEEN = 1e-6
+"""Size of a shape over that of the largest one of its run, below which it is rounding."""
+_ALIKE = 1e-6
+"""Least singular value of the shapes of the central run, each of length one, that tells them apart."""
 _LEVERAGE = 1.0 - 1e-9
 
 
@@ -114,7 +118,8 @@ def fit_runs(
 
     Raises
     ------
-    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``surrogate.*``
+    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``,
+        ``surrogate.*``
     """
     if centre is None:
         centre = _central(runs)
@@ -166,6 +171,30 @@ def _kriged(
     return FittedRuns(structure, used, error, sum(len(part.parts) for part in found), middle)
 
 
+def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
+    """Frequencies (n, m) and shapes (n, s, m) without modes that do not move at the DOFs, and how many these are.
+
+    The torsion of a straight beam moves none of its nodes: what its shape is made of there is rounding. All runs keep
+    the same number of modes, which at least a part of the runs has.
+
+    Raises
+    ------
+    FemtuneError : ``runs.few-dofs/none``
+    """
+    if not shapes.size:
+        return freq_hz, shapes, 0
+    size = np.linalg.norm(shapes, axis=1)
+    seen = size > _UNSEEN * size.max(axis=1, keepdims=True)
+    counts = np.sort(seen.sum(axis=1))
+    count = int(counts[int((1.0 - part) * len(counts) + 1e-9)])
+    if not count:
+        raise FemtuneError("runs.few-dofs/none")
+    # those that are seen, in their order
+    order = np.argsort(~seen, axis=1, kind="stable")[:, :count]
+    hz = np.take_along_axis(freq_hz, order, axis=1)
+    return hz, np.take_along_axis(shapes, order[:, None, :], axis=2), freq_hz.shape[1] - count
+
+
 def _central(runs: Runs) -> int:
     """The run nearest the middle of the ranges."""
     middle, half = _scales(runs)
@@ -198,6 +227,7 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
         K[:, np.arange(m), np.arange(m)] = values
         return None, np.stack([K, np.broadcast_to(np.eye(m), K.shape)]), np.ones(n, bool)
     phi = runs.shapes[centre]
+    _check_told_apart(phi)
     A = np.linalg.pinv(phi) @ runs.shapes
     used = np.linalg.svd(A, compute_uv=False)[:, -1] > _LEFT_SET
     extra = _directions(phi, runs.shapes[used] - phi @ A[used])
@@ -211,6 +241,15 @@ def _modal(runs: Runs, centre: int) -> tuple[Reals | None, Reals, Flags]:
     M = np.einsum("nai,naj->nij", inverse, inverse)
     K = np.einsum("nai,na,naj->nij", inverse, weights, inverse)
     return np.hstack([phi, extra]), np.stack([K, M]), used
+
+
+def _check_told_apart(phi: Reals) -> None:
+    """Refuse modes that look alike at the DOFs (error ``runs.few-dofs/alike``)."""
+    unit = phi / np.linalg.norm(phi, axis=0)
+    _, size, rows = la.svd(unit, full_matrices=False)
+    if size[-1] < _ALIKE:
+        modes = ", ".join(str(j + 1) for j in np.flatnonzero(np.abs(rows[-1]) > 0.1 * np.abs(rows[-1]).max()))
+        raise FemtuneError("runs.few-dofs/alike", modes=modes)
 
 
 def _directions(phi: Reals, rest: Reals) -> Reals:
