@@ -87,6 +87,25 @@ def test_a_run_with_a_bootstrap(bench: Bench) -> None:
     np.testing.assert_array_equal(more.arrays[found.samples_key][:12], run.arrays[found.samples_key])
 
 
+@pytest.mark.slow
+def test_runs_on_the_reduced_model_are_those_of_the_full_one(bench: Bench) -> None:
+    plain = steps.run(bootstrapped(bench)).results.bootstrap
+    run = steps.run(bootstrapped(bench, more="[reduction]\n"), fresh=True)
+    found, update = run.results.bootstrap, run.results.update
+    assert plain is not None
+    assert found is not None
+    assert update is not None
+    assert update.reduction is not None
+    assert plain.reduced_orders == ()
+    assert len(found.reduced_orders) == 1
+    assert found.reduced_orders[0] >= update.reduction.models[0].order
+    assert "made on a reduced model of order" in found.sentences[-1]
+    for one, other in zip(found.parameters, plain.parameters):
+        assert one.value == pytest.approx(other.value, abs=0.05 * other.sd)
+        assert one.mean == pytest.approx(other.mean, abs=0.05 * other.sd)
+        assert one.sd == pytest.approx(other.sd, rel=0.05)
+
+
 # ends itself without any farewell: before a run is kept, after it, or in the middle of its line
 _KILLED = """
 import os, signal, sys

@@ -330,8 +330,8 @@ def _quantify(run: Run, known: Known, arrays: Arrays) -> Outcome:
 def _bootstrap(run: Run, known: Known, arrays: Arrays) -> Outcome:
     if run.study.file.bootstrap is None:
         return {}
-    study, result = known.parameters.study or run.study, known.parameters.result
-    return {"bootstrap": bootstrap_at(study, result, run.folder, arrays, run.progress)}
+    study, result, search = known.parameters.study or run.study, known.parameters.result, known.parameters.search
+    return {"bootstrap": bootstrap_at(study, result, run.folder, arrays, run.progress, search)}
 
 
 def _specimens(run: Run, known: Known, arrays: Arrays) -> Outcome:
