@@ -392,6 +392,14 @@ class SearchResult(StepResult):
         """(points, 3) convergence of the searches: seed, evaluations, smallest χ² so far."""
         return self.arrays[self.record.history_key]
 
+    @property
+    def front(self) -> NDArray[np.float64]:
+        """(points, parameters + 2) front: values of the free parameters, frequency errors, other errors; (0, …) without
+        one."""
+        if self.record.front is None:
+            return np.zeros((0, len(self.record.parameters) + 2))
+        return self.arrays[self.record.front.front_key]
+
     def _sentences(self) -> list[str]:
         alerts = [f"{a.level}: {a.sentence}" for a in self.record.alerts]
         return [f"{self.record.method} on the {self.record.on}", *self.record.sentences, *alerts, *self.remarks]
