@@ -132,7 +132,18 @@ def _guarded(ctx: click.Context) -> Iterator[None]:
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.EPIPE:
             raise
+        if isinstance(fault, OSError) and fault.errno in _NO_SPACE:
+            click.echo(coloured(str(_disk_full(fault))), err=True)
+            ctx.exit(BAD_INPUT)
         _crashed(ctx, fault)
+
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def _disk_full(fault: OSError) -> FemtuneError:
+    where = "a file" if fault.filename is None else str(fault.filename)
+    return FemtuneError("run.disk-full", file=where, reason=fault.strerror)
 
 
 def _out_of_memory(short: MemoryError) -> FemtuneError:
