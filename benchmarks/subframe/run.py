@@ -28,10 +28,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "size"))
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse.linalg as spla
+from machine import described
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
@@ -297,7 +299,7 @@ def _row(one: dict, i: int) -> str:
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def page(sizes: list[dict], beside: list[dict]) -> str:
+def page(sizes: list[dict], beside: list[dict], machine: dict[str, str]) -> str:
     """The page."""
     lines = [
         "# FRF calibration of a subframe by its size", "",
@@ -306,8 +308,8 @@ def page(sizes: list[dict], beside: list[dict]) -> str:
         "bootstrap runs on the measured lines, each by Gauss-Newton steps with derivatives of its own until a step is "
         "below .01 σ, of which 20 are repeated until a step is below .0001 σ. SciPy's eigsh on PARDISO solves for 50 "
         "modes of the same matrices in the same process, with the shift given. \"Ends\" are the enrichments where the "
-        f"best start ends and the check on the full model. {os.cpu_count()} cores; peak memory is that of the process "
-        "with eigsh in it.",
+        "best start ends and the check on the full model. Peak memory is that of the process, with eigsh in it.", "",
+        "| machine | |", "| --- | --- |", *(f"| {name} | {value} |" for name, value in machine.items()),
     ]  # fmt: skip
     for i, name in enumerate(("Seconds by the wall clock", "Seconds of the processor")):
         lines += ["", f"## {name}", "", f"| {' | '.join(HEAD)} |", "| --- " * len(HEAD) + "|"]
@@ -375,7 +377,9 @@ def main() -> None:
     for kind in ("ours", "paper") if given.paper else ():
         in_own_process(kind, given.paper, given)
     beside = [*kept(given.folder, "ours")[:1], *kept(given.folder, "paper")[:1]]
-    text = page(kept(given.folder, "size"), beside if len(beside) > 1 else [])
+    threads = int(os.environ.get("MKL_NUM_THREADS", os.cpu_count() or 1))
+    machine = described(threads) | {"threads": f"{threads} of sparse factors and products, 1 of small dense matrices"}
+    text = page(kept(given.folder, "size"), beside if len(beside) > 1 else [], machine)
     print(text)
     if given.evidence:
         given.evidence.mkdir(parents=True, exist_ok=True)

@@ -9,8 +9,10 @@ with its Sturm count, certifies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 import scipy.linalg as la
@@ -183,19 +185,28 @@ def extend(
     metric : A, positive definite, of the nominal model: K − σM with σ below the spectrum
     energy : (m,) energies of the motions of which the vectors are parts, to which they are scaled; their own without it
     """
-    if not vectors.shape[1]:
-        return basis
+    return extend_by(basis, [(vectors, negligible, energy)], metric)
+
+
+def extend_by(basis: Reals, groups: Sequence[tuple[Reals, float, Reals | None]], metric: SymmetricMatrix) -> Reals:
+    """As `extend`, by several groups of vectors, each with its limit and energies; one new array is made."""
     times = product(metric) if len(metric.indices) >= LIBRARY_FROM else metric
-    energy = _energies(vectors, times) if energy is None else energy
-    some = energy > 0.0
-    W = vectors[:, some] / np.sqrt(energy[some])
-    # the second pass removes what rounding left of the first; orthonormal to rounding in the end
-    for limit in (negligible, 0.5):
-        if basis.shape[1]:
+    parts = [basis]
+    for vectors, negligible, given in groups:
+        energy = _energies(vectors, times) if given is None and vectors.shape[1] else given
+        some = np.zeros(0, bool) if energy is None else energy > 0.0
+        if not some.any():
+            continue
+        W = vectors[:, some] / np.sqrt(cast(Reals, energy)[some])
+        # the second pass removes what rounding left of the first; orthonormal to rounding in the end
+        for limit in (negligible, 0.5):
             for part in pieces(0, W.shape[1]):
-                W[:, part] -= in_any_order(basis, in_any_order(basis.T, times @ W[:, part]))
-        W = _orthonormal(W, times, limit)
-    return np.ascontiguousarray(np.hstack([basis, W]) if basis.shape[1] else W)
+                driven = times @ W[:, part]
+                for own in parts:
+                    W[:, part] -= in_any_order(own, in_any_order(own.T, driven))
+            W = _orthonormal(W, times, limit)
+        parts.append(W)
+    return np.ascontiguousarray(np.hstack(parts)) if sum(p.shape[1] for p in parts[1:]) else basis
 
 
 def _energies(vectors: Reals, metric: SymmetricMatrix | Product) -> Reals:

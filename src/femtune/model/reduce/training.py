@@ -21,6 +21,7 @@ from femtune.model.reduce.estimate import (
     ErrorEstimator,
     certified_error,
     extend,
+    extend_by,
     frequency_error,
     orthonormal,
 )
@@ -268,6 +269,10 @@ class Trainer:
         if inputs is not None and inputs.shape[1]:
             vectors.append(solution.factor.solve(np.asfortranarray(inputs)))
         basis = self._with_responses(orthonormal(np.hstack(vectors), metric), metric, solution)
+        if self.rules.ranked and self.functions:
+            # nothing here needs them any more, and beside a basis they would fill the memory
+            solution.forget_factors()
+            solution.point.release()
         model = reduce_model(self.configured, basis, self.rows, solution.shift)
         first = Certified(x, solution.eigenvalues[: self.rules.count], np.nan, np.nan, basis.shape[1])
         points = points_of(self.configured, self.rules, x, moving)
@@ -399,6 +404,8 @@ class Trainer:
     def _certified(self, trained: Trained, x: Reals, before: float) -> Trained:
         point = self.configured.at(x)
         solution = self.solve(point, self.rules.count, modes_nearby(trained, point, self.rules.count))
+        if self.rules.ranked:
+            solution.forget_factors()
         # the responses to forces change less over the box than the modes: where a search ends they are added anyway
         return self._enriched(trained, x, solution, before, responses=not self.rules.ranked)
 
@@ -410,11 +417,11 @@ class Trainer:
         error = float(certified_error(trained.model, x, values).max(initial=0.0))
         missed = [missed_responses(solution, wanted.forces) for wanted in self.functions if responses]
         if missed and self.rules.ranked:
-            # nothing here needs them any more, and beside two bases they would fill the memory
+            # as in `start`, and here there are two bases
             solution.forget_factors()
-        basis = extend(trained.basis, solution.shapes, trained.metric, self.rules.negligible)
-        for vectors in missed:
-            basis = extend(basis, vectors, trained.metric, self.rules.responses)
+            solution.point.release()
+        groups = [(solution.shapes, self.rules.negligible, None), *((m, self.rules.responses, None) for m in missed)]
+        basis = extend_by(trained.basis, groups, trained.metric)
         point = Certified(np.asarray(x, float), values, before, error, basis.shape[1])
         at = (trained.points == x).all(axis=1)
         trained = replace(
