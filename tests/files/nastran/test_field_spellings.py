@@ -1,4 +1,4 @@
-"""Decks as they come: absent DMAP files, free text, blanks and commas, fields of the card above, endless INCLUDEs."""
+"""Decks as they come: absent DMAP files, free text, blanks and commas, fields of the card above, nested INCLUDEs."""
 
 from __future__ import annotations
 
