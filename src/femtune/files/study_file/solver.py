@@ -31,7 +31,10 @@ class SolverTable(TomlTable):
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     files: tuple[Text, ...] = ()
     result: Text
-    format: Literal["calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"]
+    format: Literal[
+        "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch",
+        "table",
+    ]  # fmt: skip
     timeout_s: Positive = 3600.0
     retries: Annotated[int, Field(ge=0, le=100)] = 1
     error_texts: tuple[Text, ...] = ()
