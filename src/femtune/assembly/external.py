@@ -201,7 +201,7 @@ class SolverRuns:
         rows = [(point, centre)]
         for i, some in enumerate(offsets):
             rows += self._pair(i, point, some, outcomes)
-        return _table(self.names, rows)
+        return table_of(self.names, rows)
 
     def failed(self, point: Reals, outcome: RunOutcome) -> FemtuneError:
         """The error that a point has no modes."""
@@ -252,7 +252,7 @@ def _within(i: int, point: Reals, steps: Reals, bounds: tuple[Reals, Reals]) -> 
     return found
 
 
-def _table(names: Sequence[str], rows: Sequence[tuple[Reals, RunOutcome]]) -> RunsTable:
+def table_of(names: Sequence[str], rows: Sequence[tuple[Reals, RunOutcome]]) -> RunsTable:
     """The runs as a table; the DOFs are those that every run has."""
     points = np.array([point for point, _ in rows])
     modes = [outcome.modes for _, outcome in rows if outcome.modes is not None]
@@ -312,14 +312,16 @@ def _workers(file: StudyFile) -> int:
     return 1 if file.parallel.how == "serial" else file.parallel.workers
 
 
-def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
-    """The model around the initial values."""
+def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
+    """The model around the initial values; that of the run at these alone, where the step runs other points."""
     runs = solver_runs(file, progress, fresh=fresh)
     try:
         point = nominal_point(file)
         known = runs.run([point])[0]
         if known.modes is None:
             raise runs.failed(point, known)
+        if not around:
+            return _of_one_run(file, runs, table_of(runs.names, [(point, known)]))
         runs.measure_noise(point, known)
         table = runs.around(point)
         with errors_at(file.where("solver")):
@@ -327,9 +329,18 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltMo
     finally:
         runs.journal.close()
     own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
-    # the fit of 2k + 1 runs has nothing to be checked by
-    hidden = [notice for notice in built.notices if notice.code == "runs.hidden-modes"]
-    return replace(built, notices=(*_facts(runs, table), *hidden, *own, *runs.journal.notices))
+    return replace(built, notices=(*_facts(runs, table), *_hidden(built), *own, *runs.journal.notices))
+
+
+def _of_one_run(file: StudyFile, runs: SolverRuns, table: RunsTable) -> BuiltModel:
+    with errors_at(file.where("solver")):
+        built = built_of_table(file, table, 0, degree=0)
+    return replace(built, notices=(*_hidden(built), *runs.journal.notices))
+
+
+def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
+    """What was said of modes that are not visible; what the fit says has no run to be checked by."""
+    return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
 
 
 def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:
@@ -370,7 +381,15 @@ def _facts(runs: SolverRuns, table: RunsTable) -> Iterator[Notice]:
 
 def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
     """The study on the model around another point, with the same parameters, tests and sensors."""
-    built = built_of_table(study.file, runs.around(point), 0)
+    return _on(study, built_of_table(study.file, runs.around(point), 0))
+
+
+def at_outcome(study: Study, runs: SolverRuns, point: Reals, outcome: RunOutcome) -> Study:
+    """The study on the model of one run, which no parameter changes: it has the modes of the run."""
+    return _on(study, built_of_table(study.file, table_of(runs.names, [(point, outcome)]), 0, degree=0))
+
+
+def _on(study: Study, built: BuiltModel) -> Study:
     found = assignments(targets(study.file, built))
     model = parametric_model(built.structure, study.parameters, found)
     size = built.structure.nodes.n_dofs

@@ -45,8 +45,10 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
         return built_of_table(file, table)
 
 
-def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None) -> BuiltModel:
-    """The model of a table at hand; `centre` as of `fit_runs`."""
+def built_of_table(
+    file: StudyFile, table: RunsTable, centre: int | None = None, degree: int | None = None
+) -> BuiltModel:
+    """The model of a table at hand; `centre` as of `fit_runs`, `degree` in place of that of the study."""
     assert file.runs is not None
     names = _columns(file, table)
     usable = table.usable & np.isfinite(table.points(names)).all(axis=1)
@@ -60,7 +62,7 @@ def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None)
         raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
     runs = Runs(names, table.points(names)[usable], hz, shapes, dofs)
     position = None if centre is None else int(np.flatnonzero(usable).tolist().index(centre))
-    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position)
+    fitted = fit_runs(runs, nodes, file.runs.degree if degree is None else degree, file.runs.crossed, position)
     notices = _notices(file, table, usable, fitted, hidden)
     method = EigenMethod(0, "runs", None, None, count)
     return BuiltModel(_files(file), fitted.structure, notices, (), {}, {}, method, None)

@@ -97,7 +97,8 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     Parameters
     ----------
     nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
-    degree : of the polynomials in each parameter, and of products in total
+    degree : of the polynomials in each parameter, and of products in total; 0 for the model of the first run alone,
+        which no parameter changes
     crossed : True with products of parameters
     centre : the run that the basis is taken from; None for the one nearest the middle
 
@@ -112,6 +113,13 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     modal = modal[:, used]
     middle, half = _scales(chosen)
     powers = _powers(len(runs.names), degree, crossed)
+    if not degree:
+        # every parameter has its term, which is zero
+        nothing = np.zeros((len(runs.names), *modal.shape[2:]))
+        parts = tuple(np.concatenate([part[:1], nothing]) for part in modal)
+        linear = _powers(len(runs.names), 1, False)
+        structure = _structure(runs, nodes, basis, (parts[0], parts[1]), (linear, middle, half), 1)
+        return FittedRuns(structure, used, np.full(runs.freq_hz.shape, np.nan), 1, middle)
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -161,6 +169,8 @@ def _scales(runs: Runs) -> tuple[Reals, Reals]:
     if not len(runs.points):
         raise FemtuneError("runs.too-few/none")
     middle, half = runs.scales
+    if len(runs.points) == 1:
+        return middle, np.ones_like(half)
     for name, width, at in zip(runs.names, half, middle):
         if not width > 1e-12 * abs(at):
             raise FemtuneError("runs.one-value", parameter=name, value=at)
@@ -233,7 +243,8 @@ def _structure(
     scales = tuple((float(c), float(h)) for c, h in zip(middle, half))
     assembled = []
     for kind, coefficients in zip(("stiffness", "mass"), parts):
-        terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in zip(powers, coefficients) if c.any())
+        some = [(p, c) for p, c in zip(powers, coefficients) if c.any() or kind == "stiffness"]
+        terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
         name = kind.upper()
         found = Polynomial(name, variables, scales, terms, 0.0, 0)
         factor = values.add(field_of_matrix(name), 1.0)
