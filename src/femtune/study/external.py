@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femtune.assembly.external import SolverRuns, at_outcome, moved_to, nominal_point, solver_runs, table_of
+from femtune.assembly.external import PointRuns, SolverRuns, at_outcome, moved_to, nominal_point, solver_runs
+from femtune.assembly.runs_model import part_of
 from femtune.errors import FemtuneError, Notice
 from femtune.executor.interface import nothing
 from femtune.modal.assignment import linear_sum_assignment
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
     from femtune.arrays import Integers, Reals
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
+    from femtune.files.runs_table import RunsTable
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert
-    from femtune.runs import RunOutcome
     from femtune.updating import Iteration, SensitivityMethod, UpdateResult
 
 _SETTLED = 1e-4
@@ -34,6 +35,7 @@ _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
 _SAME = 1e-6
 _RIGID = 1e-3
 """Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
+_LOST = "fewer modes that move at the nodes than at the initial values"
 _PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
 """Codes of errors at a point from which the way back is shorter steps."""
 
@@ -207,7 +209,7 @@ class SolverFrequencies:
 
     study: Study
     runs: SolverRuns
-    known: RunOutcome
+    known: PointRuns
     followed: tuple[FollowedFrequencies, ...]
 
     @classmethod
@@ -215,56 +217,57 @@ class SolverFrequencies:
         """With the run at the initial values."""
         first = nominal_point(runs.file)
         known = runs.run([first])[0]
-        if known.modes is None:
-            raise runs.failed(first, known)
-        hz = _seen(runs, [(first, known)])[0][0]
-        elastic = np.flatnonzero(hz > _RIGID * hz.max(initial=0.0))
-        case = study.cases[0].name
-        if not len(elastic):
-            raise FemtuneError("screen.no-modes", configuration=case)
-        return cls(study, runs, known, (FollowedFrequencies(case, elastic + 1, hz[elastic]),))
+        if known.failure is not None:
+            raise runs.failed(first, known.failure)
+        tables, found = runs.tables([(first, known)]), []
+        for case in study.cases:
+            hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
+            elastic = np.flatnonzero(hz > _RIGID * hz.max(initial=0.0))
+            if not len(elastic):
+                raise FemtuneError("screen.no-modes", configuration=case.name)
+            found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
+        return cls(study, runs, known, tuple(found))
 
     def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
         """See `ManyAtOnce`."""
         places = [point_of(self.study, self.runs, x) for x in points]
         outcomes = self.runs.run(places)
-        good = [i for i, outcome in enumerate(outcomes) if outcome.modes is not None]
+        good = [i for i, outcome in enumerate(outcomes) if outcome.failure is None]
         first = nominal_point(self.runs.file)
-        hz, shapes = _seen(self.runs, [(first, self.known), *((places[i], outcomes[i]) for i in good)])
-        kept = self.followed[0].numbers - 1
-        if len(kept) and kept[-1] >= hz.shape[1]:
-            kept = kept[kept < hz.shape[1]]
-        found: dict[int, ModelRun] = {}
-        size = len(self.followed[0].numbers)
-        for row, i in enumerate(good, start=1):
-            values, mac = np.full(size, np.nan), np.zeros(size)
-            values[: len(kept)], mac[: len(kept)] = _followed(hz, shapes, row, kept)
-            lost = np.isnan(values).any()
-            problem = "fewer modes that move at the nodes than at the initial values" if lost else ""
-            found[i] = ModelRun(values, mac, problem)
+        tables = self.runs.tables([(first, self.known), *((places[i], outcomes[i]) for i in good)])
+        seen = [_seen(tables[part_of(self.study.file, case.entry)]) for case in self.study.cases]
+        size = sum(len(modes.numbers) for modes in self.followed)
         nothing = np.full(size, np.nan)
-        failed = {i: ModelRun(nothing, nothing, str(o.failures[-1])) for i, o in enumerate(outcomes) if i not in found}
-        return [found[i] if i in found else failed[i] for i in range(len(outcomes))]
+        found = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
+        for row, i in enumerate(good, start=1):
+            ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
+            values, mac = (np.concatenate(parts) for parts in zip(*ends))
+            lost = np.isnan(values).any()
+            found[i] = ModelRun(values, mac, _LOST if lost else "")
+        return found
 
 
-def _seen(runs: SolverRuns, rows: Sequence[tuple[Reals, RunOutcome]]) -> tuple[Reals, Reals | None]:
+def _seen(table: RunsTable) -> tuple[Reals, Reals | None]:
     """Frequencies (n, m) and shapes (n, s, m) of runs, without modes that do not move."""
-    table = table_of(runs.names, rows)
     if table.shapes is None:
         return table.freq_hz, None
     hz, shapes, _ = seen_modes(table.freq_hz, table.shapes)
     return hz, shapes
 
 
-def _followed(hz: Reals, shapes: Reals | None, row: int, kept: Integers) -> tuple[Reals, Reals]:
-    """Frequencies of a run in the order of the modes of the first one, and their MAC with these."""
+def _followed(hz: Reals, shapes: Reals | None, row: int, wanted: Integers) -> tuple[Reals, Reals]:
+    """Frequencies of a run in the order of the modes of the first one, and their MAC; NaN beyond those that it has."""
+    values, mac = np.full(len(wanted), np.nan), np.zeros(len(wanted))
+    there = wanted < hz.shape[1]
+    kept = wanted[there]
     if shapes is None:
-        return hz[row, kept], np.ones(len(kept))
+        values[there], mac[there] = hz[row, kept], 1.0
+        return values, mac
     one, other = shapes[0][:, kept], shapes[row]
-    sizes = np.outer((one**2).sum(axis=0), (other**2).sum(axis=0))
-    mac = (one.T @ other) ** 2 / sizes
-    chosen = linear_sum_assignment(-mac)[1]
-    return hz[row, chosen], mac[np.arange(len(kept)), chosen]
+    every = (one.T @ other) ** 2 / np.outer((one**2).sum(axis=0), (other**2).sum(axis=0))
+    chosen = linear_sum_assignment(-every)[1]
+    values[there], mac[there] = hz[row, chosen], every[np.arange(len(kept)), chosen]
+    return values, mac
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,10 +284,10 @@ class SolverResiduals:
         places = [point_of(self.study, self.runs, x) for x in points]
         return [self._at(*each) for each in zip(points, places, self.runs.run(places))]
 
-    def _at(self, x: Reals, place: Reals, outcome: RunOutcome) -> ModelRun:
+    def _at(self, x: Reals, place: Reals, outcome: PointRuns) -> ModelRun:
         nothing = np.full(len(self.before.residuals), np.nan)
-        if outcome.modes is None:
-            return ModelRun(nothing, np.empty(0), str(outcome.failures[-1]))
+        if outcome.failure is not None:
+            return ModelRun(nothing, np.empty(0), str(outcome.failure))
         try:
             problem = at_outcome(self.study, self.runs, place, outcome).problem()
             found = problem.assess(x, problem.solved(x), derivatives=False)

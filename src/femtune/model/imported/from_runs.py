@@ -12,6 +12,7 @@ vectors than modes, those that are no mode get eigenvalues above the modes. With
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,7 +93,17 @@ class FittedRuns:
 
 
 def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None) -> FittedRuns:
-    """Fit the model to runs.
+    """Fit the model to runs; arguments and errors as of `fit_configurations`."""
+    return fit_configurations([runs], nodes, degree, crossed, centre)[0]
+
+
+def fit_configurations(
+    parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None
+) -> tuple[FittedRuns, ...]:
+    """Fit one model to the runs of one or several configurations.
+
+    Every configuration has coordinates of its own. With several of them, support set i of the structure, from 1, holds
+    the coordinates of all but configuration i. All results have the same structure.
 
     Parameters
     ----------
@@ -106,6 +117,26 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     ------
     FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``
     """
+    fits = [_fit(runs, degree, crossed, centre) for runs in parts]
+    structure = _structure(parts, nodes, fits, degree or 1)
+    return tuple(FittedRuns(structure, f.used, f.error, len(f.powers) if degree else 1, f.middle) for f in fits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass."""
+
+    basis: Reals | None
+    stiffness: Reals
+    mass: Reals
+    powers: list[Powers]
+    middle: Reals
+    half: Reals
+    used: Flags
+    error: Reals
+
+
+def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None) -> _Fit:
     if centre is None:
         centre = _central(runs)
     basis, modal, used = _modal(runs, centre)
@@ -116,10 +147,9 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     if not degree:
         # every parameter has its term, which is zero
         nothing = np.zeros((len(runs.names), *modal.shape[2:]))
-        parts = tuple(np.concatenate([part[:1], nothing]) for part in modal)
-        linear = _powers(len(runs.names), 1, False)
-        structure = _structure(runs, nodes, basis, (parts[0], parts[1]), (linear, middle, half), 1)
-        return FittedRuns(structure, used, np.full(runs.freq_hz.shape, np.nan), 1, middle)
+        K, M = (np.concatenate([part[:1], nothing]) for part in modal)
+        linear, unknown = _powers(len(runs.names), 1, False), np.full(runs.freq_hz.shape, np.nan)
+        return _Fit(basis, K, M, linear, middle, half, used, unknown)
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -130,9 +160,7 @@ def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: i
     if singular[-1] < _RANK * singular[0]:
         raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
     K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
-    structure = _structure(runs, nodes, basis, (K, M), (powers, middle, half), degree)
-    error = _left_out(V, modal, chosen.freq_hz)
-    return FittedRuns(structure, used, error, len(powers), middle)
+    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz))
 
 
 def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
@@ -227,37 +255,44 @@ def _directions(phi: Reals, rest: Reals) -> Reals:
     return np.asarray(typical * U[:, : max(count, 0)])
 
 
-def _structure(
-    runs: Runs, nodes: NodeTable, basis: Reals | None, parts: tuple[Reals, Reals],
-    fitted: tuple[list[Powers], Reals, Reals], degree: int,
-) -> Structure:  # fmt: skip
-    powers, middle, half = fitted
-    r = parts[0].shape[1]
-    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if basis is not None else 1
-    nodes = replace(nodes, scalar_points=np.arange(first, first + r))
-    at = 6 * len(nodes.ids) + np.arange(r)
+def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], degree: int) -> Structure:
+    basis = [fit.basis for fit in fits]
+    sizes = [fit.stiffness.shape[1] for fit in fits]
+    shaped = all(b is not None for b in basis)
+    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if shaped else 1
+    nodes = replace(nodes, scalar_points=np.arange(first, first + sum(sizes)))
+    scalars = 6 * len(nodes.ids) + np.arange(sum(sizes))
+    own = np.split(scalars, np.cumsum(sizes)[:-1])
     values = ValueTableBuilder()
-    for name, nominal in zip(runs.names, middle):
-        values.add(field_of_variable(name), float(nominal))
-    variables = tuple(Variable(name, float(v), degree) for name, v in zip(runs.names, middle))
-    scales = tuple((float(c), float(h)) for c, h in zip(middle, half))
+    nominal: dict[str, float] = {}
+    for runs, fit in zip(parts, fits):
+        for name, value in zip(runs.names, fit.middle):
+            if name not in nominal:
+                nominal[name] = float(value)
+                values.add(field_of_variable(name), float(value))
     assembled = []
-    for kind, coefficients in zip(("stiffness", "mass"), parts):
-        some = [(p, c) for p, c in zip(powers, coefficients) if c.any() or kind == "stiffness"]
-        terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
-        name = kind.upper()
-        found = Polynomial(name, variables, scales, terms, 0.0, 0)
-        factor = values.add(field_of_matrix(name), 1.0)
-        assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
-    moving = np.zeros(0, np.int64) if basis is None or runs.dofs is None else runs.dofs
+    for i, (runs, fit, at) in enumerate(zip(parts, fits, own), start=1):
+        variables = tuple(Variable(name, nominal[name], degree) for name in runs.names)
+        scales = tuple((float(c), float(h)) for c, h in zip(fit.middle, fit.half))
+        for kind, coefficients in (("stiffness", fit.stiffness), ("mass", fit.mass)):
+            some = [(p, c) for p, c in zip(fit.powers, coefficients) if c.any() or kind == "stiffness"]
+            terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
+            name = kind.upper() if len(parts) == 1 else f"{kind.upper()}{i}"
+            found = Polynomial(name, variables, scales, terms, 0.0, 0)
+            factor = values.add(field_of_matrix(name), 1.0)
+            assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
+    dofs = parts[0].dofs
+    moving = np.zeros(0, np.int64) if not shaped or dofs is None else dofs
     permanent = np.setdiff1d(np.arange(6 * len(nodes.ids)), moving)
+    sets = {i: np.setdiff1d(scalars, at) for i, at in enumerate(own, start=1)} if len(parts) > 1 else {}
     structure = Structure(
-        nodes, values.table(), (), permanent=permanent, hold_singular=False, assembled=tuple(assembled)
-    )
-    if basis is None:
+        nodes, values.table(), (), permanent=permanent, hold_singular=False, assembled=tuple(assembled),
+        support_sets=sets,
+    )  # fmt: skip
+    if not shaped:
         return structure
-    rows = follow_rows(moving, np.tile(at, (len(moving), 1)), basis, 0)
-    return replace(structure, rigid=rows)
+    shapes = np.hstack([b for b in basis if b is not None])
+    return replace(structure, rigid=follow_rows(moving, np.tile(scalars, (len(moving), 1)), shapes, 0))
 
 
 def _on_g_set(matrix: Reals, at: Integers, size: int) -> sp.csr_array:
