@@ -75,7 +75,8 @@ def built_of_tables(
     parts = [used.runs for used in found]
     # the central run is the first one, and it is usable
     crossed, order = file.runs.crossed, file.runs.degree if degree is None else degree
-    fitted = fit_configurations(parts, nodes, order, crossed, centre)
+    correlation = file.runs.correlation if file.runs.method == "kriging" else None
+    fitted = fit_configurations(parts, nodes, order, crossed, centre, correlation)
     notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
     count = min(runs.freq_hz.shape[1] for runs in parts)
     method = EigenMethod(0, "runs", None, None, count)
@@ -212,7 +213,10 @@ def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
         "mode": worst + 1,
     }
     poor = not size.max() <= file.runs.tolerance
-    code = "runs.poor-fit" if poor else "runs.fitted"
+    if file.runs.method == "kriging":
+        code = "runs.poor-fit/kriging" if poor else "runs.fitted/kriging"
+    else:
+        code = "runs.poor-fit" if poor else "runs.fitted"
     return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]
 
 

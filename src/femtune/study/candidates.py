@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femtune._optional import require
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.external import moved_to
 from femtune.assembly.study import load_study, solved_by
@@ -17,7 +18,8 @@ from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
 from femtune.executor import Serial, finish
 from femtune.files.study_file import CandidatesTable
-from femtune.files.study_file.candidates import NOMINAL
+from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
+from femtune.global_search import SearchRules, global_minimum
 from femtune.journal.finished import FinishedRuns
 from femtune.model import digest
 from femtune.model.full_model import direct
@@ -31,12 +33,13 @@ from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
 from femtune.study.external import least_squares_on_solver, opened_solver, point_of
+from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
 from femtune.updating.starts import distinct_optima, noise_level
 
 if TYPE_CHECKING:
-    from femtune.arrays import Reals
+    from femtune.arrays import Flags, Reals
     from femtune.assembly.external import SolverRuns
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
@@ -100,12 +103,14 @@ class _Fitting:
     ----------
     problems, methods : with the ties of some candidates; the first without any
     free : free parameters of the study, by which candidates are compared
+    search : from whose random populations the starts come; None: from the initial values and a Latin hypercube
     """
 
     problems: tuple[UpdateProblem, ...]
     methods: tuple[SensitivityMethod, ...]
     rules: StartRules
     free: ParameterSet
+    search: SearchRules | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
@@ -123,31 +128,47 @@ class _Fitting:
             return {"problem": error.what}
 
     def _fitted(self, task: _Task) -> Found:
-        """The update from one start; the first is at the initial values."""
-        problem, moving = self.problems[task.problem], task.candidate.parameters
-        point = np.zeros(len(problem.parameters.free))
-        if task.start:
-            drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
-            point = np.where(moving_parameters(problem, moving), drawn[task.start - 1], 0.0)
-        problem, result = self._updated(task.problem, None, point, moving)
+        """The update from one start."""
+        moving = moving_parameters(self.problems[task.problem], task.candidate.parameters)
+        start = self._start(self.problems[task.problem], moving, task.start)
+        return self._end(*self._updated(task.problem, None, start, task.candidate.parameters), task.candidate)
+
+    def _end(self, problem: UpdateProblem, result: UpdateResult, candidate: ParameterChoice) -> Found:
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
-            **self._facts(problem, result.after, task.candidate), "status": result.status.name, "sd": sd,
+            **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
             "at_bound": list(result.at_bound), "end": result.x.tolist(), "objective": result.objective,
         }  # fmt: skip
 
     def _updated(
-        self, number: int, left_out: int | None, point: Reals, moving: Sequence[str]
+        self, number: int, left_out: int | None, start: Evaluation | None, moving: Sequence[str]
     ) -> tuple[UpdateProblem, UpdateResult]:
-        """The update from a point, without a configuration, and the problem at its end."""
+        """The update without a configuration, from the initial values or another start, and the problem at its end."""
         problem = self.problems[number]
         problem = replace(problem, cases=tuple(c for i, c in enumerate(problem.cases) if i != left_out))
-        return problem, update(problem, self.methods[number], start=problem.start(point), active=moving)
+        return problem, update(problem, self.methods[number], start=start, active=moving)
 
     def _at(self, number: int, left_out: int, x: Reals) -> Evaluation:
         """One configuration at a point."""
         problem = self.problems[number]
         return replace(problem, cases=(problem.cases[left_out],)).start(x)
+
+    def _start(self, problem: UpdateProblem, moving: Flags, number: int) -> Evaluation:
+        """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
+        x = np.zeros(len(moving))
+        if self.search is not None:
+            population = _Population(problem, problem.start(x), moving)
+            lower, upper = (edge[moving] for edge in problem.parameters.bounds)
+            found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
+            return problem.follow(population.whole(found.x[None])[0], population.before)
+        return problem.start(self._drawn(problem, moving, number))
+
+    def _drawn(self, problem: UpdateProblem, moving: Flags, number: int) -> Reals:
+        """The initial values, or a point of the Latin hypercube."""
+        if not number:
+            return np.zeros(len(moving))
+        drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
+        return np.where(moving, drawn[number - 1], 0.0)
 
     def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
         """What candidates are compared by."""
@@ -174,7 +195,7 @@ class _Fitting:
         """
         x = np.zeros(len(self.problems[task.problem].parameters.free))
         if task.candidate.parameters:
-            x = self._updated(task.problem, left_out, x, task.candidate.parameters)[1].x
+            x = self._updated(task.problem, left_out, None, task.candidate.parameters)[1].x
         at = self._at(task.problem, left_out, x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
 
@@ -188,17 +209,31 @@ class _SolverFitting(_Fitting):
     studies : of the problems
     """
 
-    studies: tuple[Study, ...]
-    runs: SolverRuns
+    studies: tuple[Study, ...] = ()
+    runs: SolverRuns | None = None
+
+    def _fitted(self, task: _Task) -> Found:
+        problem = self.problems[task.problem]
+        point = self._drawn(problem, moving_parameters(problem, task.candidate.parameters), task.start)
+        moved = self._moved(task.problem, None, point, task.candidate.parameters)
+        return self._end(*moved, task.candidate)
 
     def _updated(
+        self, number: int, left_out: int | None, start: Evaluation | None, moving: Sequence[str]
+    ) -> tuple[UpdateProblem, UpdateResult]:
+        point = np.zeros(len(self.problems[number].parameters.free)) if start is None else start.x
+        return self._moved(number, left_out, point, moving)
+
+    def _moved(
         self, number: int, left_out: int | None, point: Reals, moving: Sequence[str]
     ) -> tuple[UpdateProblem, UpdateResult]:
+        assert self.runs is not None
         study = self._with_cases(number, lambda i: i != left_out)
         moved = least_squares_on_solver(study, self.runs, self.methods[number], point, moving)
         return moved.study.problem(), moved.result
 
     def _at(self, number: int, left_out: int, x: Reals) -> Evaluation:
+        assert self.runs is not None
         study = self._with_cases(number, lambda i: i == left_out)
         return moved_to(study, self.runs, point_of(study, self.runs, x)).problem().start(x)
 
@@ -209,10 +244,32 @@ class _SolverFitting(_Fitting):
         return replace(study, cases=tuple(case for i, case in enumerate(used) if wanted(i)))
 
 
-def _best_start(problem: UpdateProblem, candidate: ParameterChoice, found: Sequence[Found]) -> Found:
+@dataclass(frozen=True, eq=False)
+class _Population:
+    """χ² at points (n, moving) of a generation, with the pairing of the initial values; infinite where it fails."""
+
+    problem: UpdateProblem
+    before: Evaluation
+    moving: Flags
+
+    def whole(self, points: Reals) -> Reals:
+        """(n, k) points of all parameters."""
+        out = np.zeros((len(points), len(self.moving)))
+        out[:, self.moving] = points
+        return out
+
+    def __call__(self, points: Reals) -> Reals:
+        runs = ResidualRuns(self.problem, self.before)
+        return np.array([np.sum(runs(x).values ** 2) for x in self.whole(points)])
+
+
+def _best_start(
+    problem: UpdateProblem, candidate: ParameterChoice, found: Sequence[Found], from_initial: bool
+) -> Found:
     """The best of the starts of a candidate, with the numbers of starts that reached it, of other optima that are as
-    good, and of starts that are not used. The initial values must be solved; other starts may fail."""
-    if "problem" in found[0] or not candidate.parameters:
+    good, and of starts that are not used. Starts may fail, but not all, and not the one from the initial values."""
+    failed = ["problem" in f for f in found]
+    if all(failed) or (from_initial and failed[0]) or not candidate.parameters:
         return found[0]
     # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
     most = max(f["residuals"] for f in found if "problem" not in f)
@@ -289,6 +346,11 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
+        if table.search != NO_SEARCH and study.file.solver is not None:
+            raise FemtuneError("external.study/update", key="search")
+        if table.search == "cma-es":
+            # before the first run: what a run misses would be kept as its result
+            require("cma", extra="search")
     # the journal of solutions would keep thousands of them that nobody asks for again
     with opened_solver(study, progress) as solver:
         work = _Comparison(solved_by(study, direct), table, folder, progress, solver)
@@ -353,8 +415,8 @@ class _Comparison:
         at = problem.start(np.zeros(len(problem.parameters.free)))
         lower, upper = problem.parameters.bounds
         key = digest(
-            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, at.residuals, at.jacobian,
-            lower, upper,
+            self.study.file.update.model_dump_json(), self.table.starts, self.table.seed, repr(self._search),
+            at.residuals, at.jacobian, lower, upper,
         )  # fmt: skip
         self.file = FinishedRuns(self.folder / CANDIDATES_FILE, key)
         try:
@@ -363,6 +425,14 @@ class _Comparison:
             raise unwritable(self.folder, error) from error
         self.known = {str(line.get("run")): dict(line) for line in lines}
 
+    @property
+    def _search(self) -> SearchRules | None:
+        """Of the population that each start is the best of."""
+        table = self.table
+        if table.search == NO_SEARCH:
+            return None
+        return SearchRules(table.search, table.population, table.generations)
+
     def fitted(self, candidates: Sequence[ParameterChoice]) -> list[Found]:
         """What every candidate reaches with all configurations."""
         counts = [self.table.starts if c.parameters else 1 for c in candidates]
@@ -370,7 +440,7 @@ class _Comparison:
         ends = iter(self._run(candidates, asked, "updates of candidate models"))
         grouped = [[next(ends) for _ in range(count)] for count in counts]
         return [
-            _best_start(self._study(candidate).problem(), candidate, some)
+            _best_start(self._study(candidate).problem(), candidate, some, self._search is None)
             for candidate, some in zip(candidates, grouped)
         ]
 
@@ -415,7 +485,7 @@ class _Comparison:
     def _work(self, studies: tuple[Study, ...]) -> _Fitting:
         facts = (
             tuple(s.problem() for s in studies), tuple(method_of(s.file.update, s.parameters) for s in studies),
-            StartRules(self.table.starts, self.table.seed), self.study.parameters,
+            StartRules(self.table.starts, self.table.seed), self.study.parameters, self._search,
         )  # fmt: skip
         return _Fitting(*facts) if self.solver is None else _SolverFitting(*facts, studies, self.solver)
 

@@ -1,4 +1,4 @@
-"""A model of the runs of another solver: modal matrices of every run, and polynomials through them.
+"""A model of the runs of another solver: modal matrices of every run, and polynomials or Kriging through them.
 
 With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a basis B that spans the shapes of all runs,
 
@@ -7,12 +7,15 @@ With the shapes Φ(p) of m modes, of unit modal mass, in coordinates Ψ(p) of a 
 have exactly the eigenvalues and shapes of the run. They do not depend on the order, the signs, or the choice among
 repeated modes, so that they are smooth in p where modes change places: nothing is tracked. Where the basis has more
 vectors than modes, those that are no mode get eigenvalues above the modes. Without shapes K is the diagonal of ω².
+
+Polynomials are fitted to the entries. Kriging is fitted to principal components of the entries over the runs, or to
+each ω² without shapes.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,10 +24,19 @@ import scipy.sparse as sp
 
 from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
-from femtune.fem import NodeTable, Structure, ValueTableBuilder
+from femtune.fem import AssembledMatrix, NodeTable, Structure, ValueTableBuilder
 from femtune.fem.constraints import follow_rows
-from femtune.model.imported.model import ImportedMatrix, field_of_matrix, field_of_variable, polynomial_terms
+from femtune.model.imported.kriged import Kriged, KrigedCoefficient, kriged
+from femtune.model.imported.model import (
+    ImportedMatrix,
+    factor_of_matrix,
+    field_of_matrix,
+    field_of_variable,
+    polynomial_terms,
+)
 from femtune.model.imported.polynomial import Polynomial, Powers, Variable
+from femtune.surrogates import KrigingRules
+from femtune.surrogates.trend import TRENDS
 
 _NEW_DIRECTION = 1e-4
 """Part of the shapes outside the modes of the central run, over their size, from which it is a direction of its own."""
@@ -79,9 +91,9 @@ class FittedRuns:
     Parameters
     ----------
     structure : with fields ``VARIABLE <name>``
-    used : (n,) runs that the polynomials are fitted to
+    used : (n,) runs that are fitted
     error : (n_used, m) relative error of each frequency if its run is left out; NaN where that cannot be told
-    coefficients : number of coefficients of a polynomial
+    coefficients : number of coefficients of a polynomial, or of surrogates
     nominal : (k,) the centre of the runs
     """
 
@@ -92,14 +104,17 @@ class FittedRuns:
     nominal: Reals
 
 
-def fit_runs(runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None) -> FittedRuns:
+def fit_runs(
+    runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
+) -> FittedRuns:
     """Fit the model to runs; arguments and errors as of `fit_configurations`."""
-    return fit_configurations([runs], nodes, degree, crossed, centre)[0]
+    return fit_configurations([runs], nodes, degree, crossed, centre, correlation)[0]
 
 
 def fit_configurations(
-    parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None
-) -> tuple[FittedRuns, ...]:
+    parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None,
+    correlation: str | None = None,
+) -> tuple[FittedRuns, ...]:  # fmt: skip
     """Fit one model to the runs of one or several configurations.
 
     Every configuration has coordinates of its own. With several of them, support set i of the structure, from 1, holds
@@ -109,22 +124,30 @@ def fit_configurations(
     ----------
     nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
     degree : of the polynomials in each parameter, and of products in total; 0 for the model of the first run alone,
-        which no parameter changes
+        which no parameter changes; of the trend, with Kriging
     crossed : True with products of parameters
     centre : the run that the basis is taken from; None for the one nearest the middle
+    correlation : of Kriging; None for polynomials
 
     Raises
     ------
-    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``
+    FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``,
+        ``surrogate.*``
     """
-    fits = [_fit(runs, degree, crossed, centre) for runs in parts]
+    fits = [_fit(runs, degree, crossed, centre, correlation) for runs in parts]
     structure = _structure(parts, nodes, fits, degree or 1)
-    return tuple(FittedRuns(structure, f.used, f.error, len(f.powers) if degree else 1, f.middle) for f in fits)
+    return tuple(FittedRuns(structure, f.used, f.error, f.coefficients, f.middle) for f in fits)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass."""
+    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass; or Kriging.
+
+    Parameters
+    ----------
+    coefficients : number of coefficients of a polynomial, or of surrogates
+    kriged : surrogates of stiffness and mass in place of the polynomials
+    """
 
     basis: Reals | None
     stiffness: Reals
@@ -134,22 +157,26 @@ class _Fit:
     half: Reals
     used: Flags
     error: Reals
+    coefficients: int
+    kriged: tuple[Kriged, ...] = ()
 
 
-def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None) -> _Fit:
+def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation: str | None) -> _Fit:
     if centre is None:
         centre = _central(runs)
     basis, modal, used = _modal(runs, centre)
     chosen = runs.select(used)
     modal = modal[:, used]
     middle, half = _scales(chosen)
+    if correlation is not None:
+        return _kriged(chosen, basis, modal, used, KrigingRules(tuple(TRENDS)[degree], correlation))
     powers = _powers(len(runs.names), degree, crossed)
     if not degree:
         # every parameter has its term, which is zero
         nothing = np.zeros((len(runs.names), *modal.shape[2:]))
         K, M = (np.concatenate([part[:1], nothing]) for part in modal)
         linear, unknown = _powers(len(runs.names), 1, False), np.full(runs.freq_hz.shape, np.nan)
-        return _Fit(basis, K, M, linear, middle, half, used, unknown)
+        return _Fit(basis, K, M, linear, middle, half, used, unknown, 1)
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -160,7 +187,18 @@ def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None) -> _Fit:
     if singular[-1] < _RANK * singular[0]:
         raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
     K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
-    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz))
+    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz), len(powers))
+
+
+def _kriged(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: KrigingRules) -> _Fit:
+    """Kriging surrogates of the modal matrices."""
+    middle, half = _scales(chosen)
+    K, M = (kriged(chosen.names, chosen.points, part, rules, basis is None) for part in modal)
+    error = np.full(chosen.freq_hz.shape, np.nan)
+    for i, (one, other) in enumerate(zip(K.left_out, M.left_out)):
+        error[i] = _errors(one, other, chosen.freq_hz[i])
+    count = len(K.parts) + len(M.parts)
+    return _Fit(basis, K.mean[None], M.mean[None], [], middle, half, used, error, count, (K, M))
 
 
 def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
@@ -265,21 +303,26 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
     own = np.split(scalars, np.cumsum(sizes)[:-1])
     values = ValueTableBuilder()
     nominal: dict[str, float] = {}
+    places: dict[str, int] = {}
     for runs, fit in zip(parts, fits):
         for name, value in zip(runs.names, fit.middle):
             if name not in nominal:
                 nominal[name] = float(value)
-                values.add(field_of_variable(name), float(value))
-    assembled = []
+                places[name] = values.add(field_of_variable(name), float(value))
+    assembled: list[AssembledMatrix] = []
     for i, (runs, fit, at) in enumerate(zip(parts, fits, own), start=1):
         variables = tuple(Variable(name, nominal[name], degree) for name in runs.names)
         scales = tuple((float(c), float(h)) for c, h in zip(fit.middle, fit.half))
-        for kind, coefficients in (("stiffness", fit.stiffness), ("mass", fit.mass)):
+        for j, (kind, coefficients) in enumerate((("stiffness", fit.stiffness), ("mass", fit.mass))):
+            name = kind.upper() if len(parts) == 1 else f"{kind.upper()}{i}"
+            factor = values.add(field_of_matrix(name), 1.0)
+            if fit.kriged:
+                used = {own_name: places[own_name] for own_name in runs.names}
+                assembled += _kriged_matrices(kind, name, fit.kriged[j], at, nodes.n_dofs, factor, used)
+                continue
             some = [(p, c) for p, c in zip(fit.powers, coefficients) if c.any() or kind == "stiffness"]
             terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
-            name = kind.upper() if len(parts) == 1 else f"{kind.upper()}{i}"
             found = Polynomial(name, variables, scales, terms, 0.0, 0)
-            factor = values.add(field_of_matrix(name), 1.0)
             assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
     dofs = parts[0].dofs
     moving = np.zeros(0, np.int64) if not shaped or dofs is None else dofs
@@ -295,6 +338,19 @@ def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], de
     return replace(structure, rigid=follow_rows(moving, np.tile(scalars, (len(moving), 1)), shapes, 0))
 
 
+def _kriged_matrices(
+    kind: str, name: str, found: Kriged, at: Integers, size: int, factor: int, places: dict[str, int]
+) -> Iterator[AssembledMatrix]:
+    """The mean of the modal matrices, and the parts that surrogates multiply."""
+    label, roles = f"{kind} {name}", {"FACTOR": factor}
+    yield AssembledMatrix(kind, label, _on_g_set(found.mean, at, size), roles, factor_of_matrix)  # type: ignore[arg-type]
+    for j, matrix in enumerate(found.parts):
+        assert found.surrogate is not None
+        moving = KrigedCoefficient(found.surrogate, j)
+        upper = _on_g_set(matrix, at, size)
+        yield AssembledMatrix(kind, label, upper, {**roles, **places}, moving)  # type: ignore[arg-type]
+
+
 def _on_g_set(matrix: Reals, at: Integers, size: int) -> sp.csr_array:
     row, col = np.triu_indices(len(at))
     out = sp.csr_array((matrix[row, col], (at[row], at[col])), shape=(size, size))
@@ -308,16 +364,18 @@ def _left_out(V: Reals, modal: Reals, freq_hz: Reals) -> Reals:
     leverage = np.diag(hat)
     fitted = np.einsum("ij,mjab->miab", hat, modal)
     error = np.full(freq_hz.shape, np.nan)
-    m = freq_hz.shape[1]
     for i in np.flatnonzero(leverage < _LEVERAGE):
         K, M = modal[:, i] - (modal[:, i] - fitted[:, i]) / (1.0 - leverage[i])
-        try:
-            values = la.eigvalsh(K, M)[:m]
-        except la.LinAlgError:
-            # the mass is not positive definite there: the polynomials are of no use at this run
-            error[i] = np.inf
-            continue
-        hz = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
-        known = np.sort(freq_hz[i])
-        error[i] = (hz - known) / np.maximum(known, 1e-3 * known.max())
+        error[i] = _errors(K, M, freq_hz[i])
     return error
+
+
+def _errors(K: Reals, M: Reals, freq_hz: Reals) -> Reals:
+    """(m,) relative errors of the frequencies of two matrices; infinite where M is not positive definite."""
+    try:
+        values = la.eigvalsh(K, M)[: len(freq_hz)]
+    except la.LinAlgError:
+        return np.full(len(freq_hz), np.inf)
+    hz = np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
+    known = np.sort(freq_hz)
+    return np.asarray((hz - known) / np.maximum(known, 1e-3 * known.max()))
