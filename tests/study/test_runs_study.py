@@ -234,16 +234,19 @@ def test_frequencies_alone_do_not_pair_with_a_deck(study: Path) -> None:
     check_shown("study.test-source, no runs", str(caught.value).replace(str(study.parent), "FOLDER"))
 
 
-def test_configurations_and_overlays_are_refused(study: Path) -> None:
+def test_overlays_are_refused(study: Path) -> None:
+    text = '[[configuration]]\nname = "A"\ntest = "chain.uff"\nspc = 1\n'
+    study.write_text(STUDY.replace('[test]\nfile = "chain.uff"\n', text))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    check_shown("runs.study, overlay", str(caught.value).replace(str(study.parent), "FOLDER"))
+
+
+def test_two_tests_of_one_table_are_two_configurations(study: Path) -> None:
     two = '[[configuration]]\nname = "A"\ntest = "chain.uff"\n' * 2
-    for name, text in {
-        "configurations": two.replace('"A"', '"B"', 1),
-        "overlay": '[[configuration]]\nname = "A"\ntest = "chain.uff"\nspc = 1\n',
-    }.items():
-        study.write_text(STUDY.replace('[test]\nfile = "chain.uff"\n', text))
-        with pytest.raises(FemtuneError) as caught:
-            ft.info(study)
-        check_shown(f"runs.study, {name}", str(caught.value).replace(str(study.parent), "FOLDER"))
+    study.write_text(STUDY.replace('[test]\nfile = "chain.uff"\n', two.replace('"A"', '"B"', 1)))
+    found = ft.modes(study).mode_sets
+    np.testing.assert_array_equal(found["A"].freq_hz, found["B"].freq_hz)
 
 
 @pytest.mark.parametrize(("change", "code"), [("one-value", "runs.one-value"), ("line", "runs.not-determined")])

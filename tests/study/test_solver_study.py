@@ -265,6 +265,29 @@ def test_what_is_wrong_is_said(study: Path, name: str, old: str, new: str) -> No
     check_shown(name, "\n".join(line.partition("/external/")[0] for line in shown.splitlines()))
 
 
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        (
+            "rejected",
+            "c = 10.0\n",
+            'c = 10.0\nprint("*ERROR: card *DENSTIY is not known, line 17 of in.txt")\nsys.exit(201)\n',
+        ),
+        ("unreadable output", 'out.write("end\\n")', "pass"),
+        ("no results", 'open("modes.txt", "w")', 'open("other.txt", "w")'),
+    ],
+)
+def test_a_solver_that_fails_at_the_initial_values(study: Path, name: str, old: str, new: str) -> None:
+    """An input that the solver rejects, a file that is cut, and exit code 0 without results."""
+    assert old in SCRIPT
+    (study.parent / "solve.py").write_text(SCRIPT.replace(old, new))
+    study.write_text(study.read_text().replace('format = "table"', 'format = "table"\nerror_texts = ["*ERROR"]'))
+    with pytest.raises(FemtuneError) as caught:
+        ft.info(study)
+    shown = str(caught.value).replace(str(study.parent), "FOLDER")
+    check_shown(f"external.failed, {name}", "\n".join(line.partition("/external/")[0] for line in shown.splitlines()))
+
+
 def test_a_solver_without_repeatable_results_is_refused(study: Path) -> None:
     noisy = SCRIPT.replace("c = 10.0", "c = 10.0 + 1e-8 * (time.time_ns() % 10**9)")
     (study.parent / "solve.py").write_text(noisy)

@@ -6,6 +6,7 @@ is chosen from the noise of the solver's results. All of them are made side by s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -19,7 +20,7 @@ from femtune.assembly.cases import overlay
 from femtune.assembly.error_places import errors_at
 from femtune.assembly.parameters import assignments, parameter_set, targets
 from femtune.assembly.progress import silent
-from femtune.assembly.runs_model import built_of_table
+from femtune.assembly.runs_model import built_of_tables
 from femtune.dofs import DIRECTIONS, Dof, DofSet
 from femtune.errors import FemtuneError, Notice, Where
 from femtune.executor import Cluster, Threads
@@ -27,11 +28,11 @@ from femtune.files.nastran.build import build_structure
 from femtune.files.nastran.deck import read_deck
 from femtune.files.nastran.write import plan_edits, write_deck
 from femtune.files.runs_table import RunsTable
-from femtune.files.study_file import RunsModelTable
+from femtune.files.study_file import ConfigurationSolver, RunsModelTable
 from femtune.files.whole_file import write_whole
 from femtune.journal.runs import RunJournal, open_run_journal
 from femtune.model import configure, parametric_model, solve_modes
-from femtune.runs import ExternalSolver, ResultFile, RunOutcome, Templates, evaluate, read_template
+from femtune.runs import ExternalSolver, Failure, ResultFile, RunOutcome, Templates, evaluate, read_template
 from femtune.runs.external import Checks
 from femtune.runs.repeatable import compare_repeated, described
 from femtune.runs.template import InputFiles, check_names
@@ -94,12 +95,12 @@ class DeckFiles:
             raise FemtuneError("external.folder", where=Where(str(self.folder)), reason=error.strerror) from error
 
 
-def _deck_files(file: StudyFile) -> DeckFiles:
+def _deck_files(file: StudyFile, deck: str) -> DeckFiles:
     """Errors of the deck, and of fields that the parameters name."""
     assert file.solver is not None
     plain = file.model_copy(update={"runs": None, "solver": None})
     plain._path, plain._source, plain._given = file._path, file._source, file._given
-    built = build_structure(read_deck(file.path_of(str(file.study.deck))), bool(file.study.allow_ignored))
+    built = build_structure(read_deck(file.path_of(deck)), bool(file.study.allow_ignored))
     found = targets(plain, built)
     model = parametric_model(built.structure, parameter_set(found, built), assignments(found))
     return DeckFiles(built, model, file.output_folder / RUNS_FOLDER, file.solver.deck_name)
@@ -109,18 +110,32 @@ def of_solver(file: StudyFile) -> StudyFile:
     """The study with initial values for all parameters, and polynomials of degree two without products."""
     assert file.solver is not None
     deck = file.study.deck
-    known = {} if deck is None else {p.name: p.nominal for p in _deck_files(file).model.parameters.free}
+    known = {} if deck is None else {p.name: p.nominal for p in _deck_files(file, deck).model.parameters.free}
     entries = []
     for entry in file.parameter:
         middle = None if entry.lower is None or entry.upper is None else 0.5 * (entry.lower + entry.upper)
         start = known.get(entry.name, middle)
         entries.append(entry if entry.nominal is not None else entry.model_copy(update={"nominal": start}))
     # what the polynomials are good for is told by the next run, not by one that is left out
-    runs = RunsModelTable(file=deck or file.solver.templates[0], degree=2, crossed=False, tolerance=0.5)
+    own = [name for e in file.configuration if e.solver is not None for name in e.solver.templates or ()]
+    templates = [*file.solver.templates, *own]
+    runs = RunsModelTable(file=deck or templates[0], degree=2, crossed=False, tolerance=0.5)
     changed: dict[str, object] = {"parameter": tuple(entries), "runs": runs}
     if deck is not None and file.model.grid is None:
         changed["model"] = file.model.model_copy(update={"grid": deck})
     return file.model_copy(update=changed)
+
+
+@dataclass(frozen=True, eq=False)
+class PointRuns:
+    """The runs of a point, one for each of the inputs that the configurations have."""
+
+    parts: tuple[RunOutcome, ...]
+
+    @property
+    def failure(self) -> Failure | None:
+        """Of the first run that failed for good; None where all have modes."""
+        return next((outcome.failures[-1] for outcome in self.parts if outcome.modes is None), None)
 
 
 @dataclass(eq=False)
@@ -129,12 +144,13 @@ class SolverRuns:
 
     Parameters
     ----------
+    solvers : with the inputs of the configurations, in the order of `sources`
     noise : relative scatter and rounding of the results
     replaced : what was said of runs that failed for good
     """
 
     file: StudyFile
-    solver: ExternalSolver
+    solvers: tuple[ExternalSolver, ...]
     executor: Executor
     journal: RunJournal
     progress: Progress = silent
@@ -161,29 +177,34 @@ class SolverRuns:
         chosen = self.file.solver.step or float(np.clip((3.0 * self.noise) ** (1 / 3), _LEAST_STEP, _LARGEST_STEP))
         return 0.5 * chosen * (upper - lower)
 
-    def run(self, points: Sequence[Reals]) -> tuple[RunOutcome, ...]:
-        """Outcomes at points; what is known is not run again."""
+    def run(self, points: Sequence[Reals]) -> tuple[PointRuns, ...]:
+        """The runs of points; what is known is not run again."""
         told = [dict(zip(self.names, map(float, point))) for point in points]
 
         def say(done: int, outcome: RunOutcome) -> None:
             self.progress.step(f"external runs: {outcome.state}", done, len(points))
 
-        found = evaluate(self.solver, told, self.executor, self.journal, finished=say)
-        self.started += found.started
-        return found.outcomes
+        columns = []
+        for solver in self.solvers:
+            found = evaluate(solver, told, self.executor, self.journal, finished=say)
+            self.started += found.started
+            columns.append(found.outcomes)
+        return tuple(map(PointRuns, zip(*columns)))
 
-    def measure_noise(self, point: Reals, known: RunOutcome) -> None:
+    def measure_noise(self, point: Reals, known: PointRuns) -> None:
         """Run a point twice (error ``external.not-repeatable``); the second run is kept in the journal, too."""
         assert self.file.solver is not None
         values = dict(zip(self.names, map(float, point)))
-        again = replace(self.solver, version=f"{self.solver.version}, repeated")
-        found = evaluate(again, [values], self.executor, self.journal)
-        self.started += found.started
-        tolerance = self.file.solver.repeat_tolerance
-        self.noise = max(_DIGITS, compare_repeated(values, known, found.outcomes[0], tolerance))
+        noise = [_DIGITS]
+        for solver, first in zip(self.solvers, known.parts):
+            again = replace(solver, version=f"{solver.version}, repeated")
+            found = evaluate(again, [values], self.executor, self.journal)
+            self.started += found.started
+            noise.append(compare_repeated(values, first, found.outcomes[0], self.file.solver.repeat_tolerance))
+        self.noise = max(noise)
 
-    def around(self, point: Reals) -> RunsTable:
-        """Runs at a point and two more for each parameter.
+    def around(self, point: Reals) -> tuple[RunsTable, ...]:
+        """Runs at a point and two more for each parameter, by `sources`.
 
         Raises
         ------
@@ -193,32 +214,36 @@ class SolverRuns:
         first = [point + o for some in offsets for o in some[:2]]
         outcomes = dict(zip(map(tuple, [point, *first]), self.run([point, *first])))
         centre = outcomes[tuple(point)]
-        if centre.modes is None:
-            raise self.failed(point, centre)
+        if centre.failure is not None:
+            raise self.failed(point, centre.failure)
         rows = [(point, centre)]
         for i, some in enumerate(offsets):
             rows += self._pair(i, point, some, outcomes)
-        return _table(self.names, rows)
+        return self.tables(rows)
 
-    def failed(self, point: Reals, outcome: RunOutcome) -> FemtuneError:
-        """The error that a point has no modes."""
-        values = {"point": described(dict(zip(self.names, map(float, point))))}
-        folder = outcome.failures[-1].folder
-        return FemtuneError(
-            "external.failed", values=values | ({"folder": folder} if folder else {}), failure=outcome.failures[-1]
+    def tables(self, rows: Sequence[tuple[Reals, PointRuns]]) -> tuple[RunsTable, ...]:
+        """Tables of runs that have modes, by `sources`."""
+        return tuple(
+            _table(self.names, [(point, runs.parts[i]) for point, runs in rows]) for i in range(len(self.solvers))
         )
 
+    def failed(self, point: Reals, failure: Failure) -> FemtuneError:
+        """The error that a point has no modes."""
+        values = {"point": described(dict(zip(self.names, map(float, point))))}
+        folder = failure.folder
+        return FemtuneError("external.failed", values=values | ({"folder": folder} if folder else {}), failure=failure)
+
     def _pair(
-        self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], RunOutcome]
-    ) -> list[tuple[Reals, RunOutcome]]:
+        self, i: int, point: Reals, offsets: list[Reals], outcomes: dict[tuple[float, ...], PointRuns]
+    ) -> list[tuple[Reals, PointRuns]]:
         """Two runs for a parameter; those that fail for good are replaced by others."""
-        good: list[tuple[Reals, RunOutcome]] = []
-        bad: list[RunOutcome] = []
+        good: list[tuple[Reals, PointRuns]] = []
+        bad: list[Failure] = []
         for offset in offsets:
             at = point + offset
             outcome = outcomes[tuple(at)] if tuple(at) in outcomes else self.run([at])[0]
-            if outcome.modes is None:
-                bad.append(outcome)
+            if outcome.failure is not None:
+                bad.append(outcome.failure)
             else:
                 good.append((at, outcome))
             if len(good) == 2:
@@ -230,7 +255,7 @@ class SolverRuns:
             wanted = [float(o[i]) for o in offsets[:2]]
             self.replaced.append(
                 Notice(
-                    "external.replaced", parameter=self.names[i], n_failed=len(bad), failure=bad[0].failures[-1],
+                    "external.replaced", parameter=self.names[i], n_failed=len(bad), failure=bad[0],
                     places=", ".join(f"{point[i] + one:.6g}" for one in h),
                     times=abs(h[0] * h[1]) / abs(wanted[0] * wanted[1]),
                 )
@@ -274,9 +299,29 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     ------
     FemtuneError : ``external.no-program``, ``external.placeholder``, ``external.unreadable``
     """
-    entry = file.solver
-    assert entry is not None
+    assert file.solver is not None
     inputs = _inputs(file)
+    solvers = tuple(_solver(file, own, files) for own, files in zip(_owners(file), inputs))
+    parallel = file.parallel
+    executor: Executor = (
+        Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
+    )
+    return SolverRuns(file, solvers, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
+
+
+def _owners(file: StudyFile) -> tuple[ConfigurationSolver, ...]:
+    """What the configurations have of their own, in the order of `sources`."""
+    found: dict[str, ConfigurationSolver] = {}
+    for entry in file.configurations:
+        own = entry.solver or ConfigurationSolver()
+        found.setdefault(own.model_dump_json(), own)
+    return tuple(found.values())
+
+
+def _solver(file: StudyFile, own: ConfigurationSolver, inputs: InputFiles) -> ExternalSolver:
+    """[solver] with what a configuration has of its own (error ``external.no-program``)."""
+    assert file.solver is not None
+    entry = file.solver.model_copy(update={k: v for k, v in own if v is not None and k != "deck"})
     checks = Checks(file.modes.count or 1, entry.mass, entry.mass_tolerance)
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
@@ -285,57 +330,73 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     )  # fmt: skip
     with errors_at(file.where("solver", "command")):
         solver.check()
-    parallel = file.parallel
-    executor: Executor = (
-        Cluster(parallel.address, parallel.remote) if parallel.how == "cluster" else Threads(_workers(file))
-    )
-    return SolverRuns(file, solver, executor, open_run_journal(file.output_folder, fresh=fresh), progress)
+    return solver
 
 
-def _inputs(file: StudyFile) -> InputFiles:
-    """The deck, or templates whose placeholders are the parameters."""
-    entry = file.solver
-    assert entry is not None
-    if file.study.deck is not None:
-        return _deck_files(file)
-    templates = tuple(read_template(file.path_of(name)) for name in entry.templates)
-    found = Templates(templates, tuple(map(file.path_of, entry.files)))
+def _inputs(file: StudyFile) -> tuple[InputFiles, ...]:
+    """Decks, or templates whose placeholders are the parameters, each of which occurs in one of them at least."""
+    assert file.solver is not None
+    found: list[InputFiles] = []
     names = [p.name for p in file.parameter]
-    check_names(found.names, names, names, file.where("solver", "templates"))
-    return found
+    placeholders: dict[str, None] = {}
+    for own in _owners(file):
+        deck = own.deck or file.study.deck
+        templates = file.solver.templates if own.templates is None else own.templates
+        if deck is not None and not templates:
+            found.append(_deck_files(file, deck))
+            placeholders |= dict.fromkeys(names)
+            continue
+        files = file.solver.files if own.files is None else own.files
+        texts = tuple(read_template(file.path_of(name)) for name in templates)
+        found.append(Templates(texts, tuple(map(file.path_of, files))))
+        placeholders |= dict.fromkeys(found[-1].names)
+    check_names(tuple(placeholders), names, names, file.where("solver", "templates"))
+    return tuple(found)
 
 
 def _workers(file: StudyFile) -> int:
     return 1 if file.parallel.how == "serial" else file.parallel.workers
 
 
-def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
-    """The model around the initial values."""
+def build_of_solver(file: StudyFile, progress: Progress, fresh: bool, around: bool = True) -> BuiltModel:
+    """The model around the initial values; that of the run at these alone, where the step runs other points."""
     runs = solver_runs(file, progress, fresh=fresh)
     try:
         point = nominal_point(file)
         known = runs.run([point])[0]
-        if known.modes is None:
-            raise runs.failed(point, known)
+        if known.failure is not None:
+            raise runs.failed(point, known.failure)
+        if not around:
+            return _of_one_run(file, runs, runs.tables([(point, known)]))
         runs.measure_noise(point, known)
-        table = runs.around(point)
+        tables = runs.around(point)
         with errors_at(file.where("solver")):
-            built = built_of_table(file, table, 0)
+            built = built_of_tables(file, tables, 0)
     finally:
         runs.journal.close()
-    own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
-    # the fit of 2k + 1 runs has nothing to be checked by
-    hidden = [notice for notice in built.notices if notice.code == "runs.hidden-modes"]
-    return replace(built, notices=(*_facts(runs, table), *hidden, *own, *runs.journal.notices))
+    own = _beside_own(file, runs, known) if isinstance(runs.solvers[0].inputs, DeckFiles) else ()
+    return replace(built, notices=(*_facts(runs, tables), *_hidden(built), *own, *runs.journal.notices))
 
 
-def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:
+def _of_one_run(file: StudyFile, runs: SolverRuns, tables: tuple[RunsTable, ...]) -> BuiltModel:
+    with errors_at(file.where("solver")):
+        built = built_of_tables(file, tables, 0, degree=0)
+    return replace(built, notices=(*_hidden(built), *runs.journal.notices))
+
+
+def _hidden(built: BuiltModel) -> tuple[Notice, ...]:
+    """What was said of modes that are not visible; what the fit says has no run to be checked by."""
+    return tuple(notice for notice in built.notices if notice.code == "runs.hidden-modes")
+
+
+def _beside_own(file: StudyFile, runs: SolverRuns, known: PointRuns) -> tuple[Notice, ...]:
     """How far femtune's own elements are from the solver, mode by mode in their order, where they can be solved."""
-    assert isinstance(runs.solver.inputs, DeckFiles)
-    assert known.modes is not None
-    hz, where = known.modes.freq_hz, file.where("solver")
+    inputs, modes = runs.solvers[0].inputs, known.parts[0].modes
+    assert isinstance(inputs, DeckFiles)
+    assert modes is not None
+    hz, where = modes.freq_hz, file.where("solver")
     try:
-        configured = configure(runs.solver.inputs.model, overlay(file.configurations[0]))
+        configured = configure(inputs.model, overlay(file.configurations[0]))
         own = solve_modes(configured.at(np.zeros(len(runs.names))), len(hz)).freq_hz[: len(hz)]
     except FemtuneError as error:
         return (Notice("external.own-elements/not-solved", where=where, level="info", reason=error.what),)
@@ -357,10 +418,10 @@ def nominal_point(file: StudyFile) -> Reals:
     return np.array([entry.nominal for entry in file.parameter], float)
 
 
-def _facts(runs: SolverRuns, table: RunsTable) -> Iterator[Notice]:
+def _facts(runs: SolverRuns, tables: Sequence[RunsTable]) -> Iterator[Notice]:
     where = runs.file.where("solver")
     steps = ", ".join(f"{name} ± {step:.4g}" for name, step in zip(runs.names, runs.steps))
-    count, noise = len(table.freq_hz), 100.0 * runs.noise
+    count, noise = sum(len(table.freq_hz) for table in tables), 100.0 * runs.noise
     yield Notice("external.runs", where=where, level="info", runs=count, noise_percent=noise, steps=steps)
     yield from (replace(notice, where=where) for notice in runs.replaced)
 
@@ -370,11 +431,20 @@ UPDATED_FOLDER = "updated"
 
 def write_updated(runs: SolverRuns, values: Mapping[str, float]) -> Path:
     """The input files with some values, beside the folders of the runs (error ``external.folder``)."""
-    folder = runs.solver.folder / UPDATED_FOLDER
+    folder = runs.solvers[0].folder / UPDATED_FOLDER
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in runs.solver.inputs.files(values).items():
-            write_whole(folder / name, content)
+        for i, solver in enumerate(runs.solvers):
+            own = folder if len(runs.solvers) == 1 else folder / _folder_name(runs.file, i)
+            own.mkdir(parents=True, exist_ok=True)
+            for name, content in solver.inputs.files(values).items():
+                write_whole(own / name, content)
     except OSError as error:
         raise FemtuneError("external.folder", where=Where(str(folder)), reason=error.strerror or error) from error
     return folder
+
+
+def _folder_name(file: StudyFile, part: int) -> str:
+    """Of the first configuration with these inputs, without characters that a file system may refuse."""
+    own = _owners(file)[part].model_dump_json()
+    first = next(c.name for c in file.configurations if (c.solver or ConfigurationSolver()).model_dump_json() == own)
+    return f"{part + 1}-" + re.sub(r"[^A-Za-z0-9_-]", "_", first)[:60]

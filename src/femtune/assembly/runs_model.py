@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +20,13 @@ from femtune.files.nastran.control import EigenMethod
 from femtune.files.nastran.deck import Deck, Executive
 from femtune.files.nastran.source import DeckSource, SourceFile
 from femtune.files.runs_table import RunsTable, read_runs_table
-from femtune.files.study_file import MEASURED, ModesTable
+from femtune.files.study_file import MEASURED, ConfigurationSolver, ModesTable
 from femtune.modal import ModeSet
-from femtune.model.imported.from_runs import FittedRuns, Runs, fit_runs, seen_modes
+from femtune.model.imported.from_runs import FittedRuns, Runs, fit_configurations, seen_modes
 from femtune.testdata import ModalTest
 
 if TYPE_CHECKING:
-    from femtune.files.study_file import StudyFile
+    from femtune.files.study_file import ConfigurationEntry, StudyFile
 
 
 _TYPICAL = 0.9
@@ -40,17 +41,63 @@ def build_of_runs(file: StudyFile) -> BuiltModel:
     FemtuneError : ``runs.*``, ``matrices.points`` for the grid points
     """
     assert file.runs is not None
-    table = read_runs_table(file.path_of(file.runs.file))
+    tables = [read_runs_table(file.path_of(str(name))) for name in sources(file)]
     with errors_at(file.where("runs")):
-        return built_of_table(file, table)
+        return built_of_tables(file, tables)
 
 
-def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None) -> BuiltModel:
-    """The model of a table at hand; `centre` as of `fit_runs`."""
+def sources(file: StudyFile) -> tuple[Hashable, ...]:
+    """What the configurations take their runs from: tables, or input files of a solver; each once."""
+    return tuple(dict.fromkeys(_source(file, entry) for entry in file.configurations))
+
+
+def part_of(file: StudyFile, entry: ConfigurationEntry) -> int:
+    """Position in `sources` of what a configuration takes its runs from."""
+    return sources(file).index(_source(file, entry))
+
+
+def _source(file: StudyFile, entry: ConfigurationEntry) -> Hashable:
+    if file.solver is not None:
+        return (entry.solver or ConfigurationSolver()).model_dump_json()
     assert file.runs is not None
-    names = _columns(file, table)
-    usable = table.usable & np.isfinite(table.points(names)).all(axis=1)
-    nodes, dofs = _nodes(file, table)
+    return entry.runs or file.runs.file
+
+
+def built_of_tables(
+    file: StudyFile, tables: Sequence[RunsTable], centre: int | None = None, degree: int | None = None
+) -> BuiltModel:
+    """The model of tables at hand, one for each of `sources`; `centre` and `degree` as of `fit_configurations`."""
+    assert file.runs is not None
+    names = _columns(file, tables)
+    tables = _at_common_dofs(tables)
+    nodes, dofs = _nodes(file, tables[0])
+    found = [_used(file, table, names, dofs, centre) for table in tables]
+    parts = [used.runs for used in found]
+    # the central run is the first one, and it is usable
+    crossed, order = file.runs.crossed, file.runs.degree if degree is None else degree
+    correlation = file.runs.correlation if file.runs.method == "kriging" else None
+    fitted = fit_configurations(parts, nodes, order, crossed, centre, correlation)
+    notices = [n for used, f in zip(found, fitted) for n in _notices(file, used, f)]
+    count = min(runs.freq_hz.shape[1] for runs in parts)
+    method = EigenMethod(0, "runs", None, None, count)
+    return BuiltModel(_files(file), fitted[0].structure, tuple(notices), (), {}, {}, method, None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Used:
+    """The runs of a table that are used, which of its rows these are, and how many of its modes do not move."""
+
+    runs: Runs
+    usable: np.ndarray
+    count: int
+    hidden: int
+
+
+def _used(
+    file: StudyFile, table: RunsTable, names: Sequence[str], dofs: np.ndarray | None, centre: int | None
+) -> _Used:
+    own = tuple(name for name in names if name in table.columns)
+    usable = table.usable & np.isfinite(table.points(own)).all(axis=1)
     hz, shapes, hidden = table.freq_hz[usable], None if table.shapes is None else table.shapes[usable], 0
     if shapes is not None:
         hz, shapes, hidden = seen_modes(hz, shapes, 1.0 if centre is not None else _TYPICAL)
@@ -58,27 +105,42 @@ def built_of_table(file: StudyFile, table: RunsTable, centre: int | None = None)
     hz, shapes = hz[:, :count], None if shapes is None else shapes[:, :, :count]
     if shapes is not None and shapes.shape[1] < count:
         raise FemtuneError("runs.few-dofs", n_dofs=shapes.shape[1], n_modes=count)
-    runs = Runs(names, table.points(names)[usable], hz, shapes, dofs)
-    position = None if centre is None else int(np.flatnonzero(usable).tolist().index(centre))
-    correlation = file.runs.correlation if file.runs.method == "kriging" else None
-    fitted = fit_runs(runs, nodes, file.runs.degree, file.runs.crossed, position, correlation)
-    notices = _notices(file, table, usable, fitted, hidden)
-    method = EigenMethod(0, "runs", None, None, count)
-    return BuiltModel(_files(file), fitted.structure, notices, (), {}, {}, method, None)
+    runs = Runs(own, table.points(own)[usable], hz, shapes, dofs)
+    return _Used(runs, usable, table.freq_hz.shape[1], hidden)
 
 
-def _columns(file: StudyFile, table: RunsTable) -> tuple[str, ...]:
-    """Parameters that are columns; a free one that is none must be used by a tie."""
+def _at_common_dofs(tables: Sequence[RunsTable]) -> Sequence[RunsTable]:
+    """Shapes at the DOFs that all tables have (errors ``runs.study/shapes``, ``runs.few-dofs/none``)."""
+    if len(tables) == 1:
+        return tables
+    if any(table.shapes is None for table in tables):
+        raise FemtuneError("runs.study/shapes")
+    known = set.intersection(*(set(map(str, table.dofs)) for table in tables))
+    if not known:
+        raise FemtuneError("runs.few-dofs/none")
+    wanted = [dof for dof in tables[0].dofs if str(dof) in known]
+    out = []
+    for table in tables:
+        at = {str(dof): i for i, dof in enumerate(table.dofs)}
+        assert table.shapes is not None
+        shapes = table.shapes[:, [at[str(dof)] for dof in wanted]]
+        out.append(RunsTable(table.columns, table.freq_hz, shapes, DofSet(wanted)))
+    return out
+
+
+def _columns(file: StudyFile, tables: Sequence[RunsTable]) -> tuple[str, ...]:
+    """Parameters that are columns of a table; a free one that is none must be used by a tie."""
     used = {name for p in file.parameter if p.tie is not None for name in _names_in(p.tie)}
+    columns = tuple(dict.fromkeys(name for table in tables for name in table.columns))
     found = []
     for i, entry in enumerate(file.parameter):
-        if entry.name in table.columns:
+        if entry.name in columns:
             found.append(entry.name)
         elif entry.tie is not None or entry.name not in used:
             raise FemtuneError(
                 "runs.no-column",
                 where=file.where("parameter", i, "name"),
-                hint=did_you_mean(entry.name, table.columns) or "name the parameter as its column in the table",
+                hint=did_you_mean(entry.name, columns) or "name the parameter as its column in the table",
                 name=entry.name,
             )
     return tuple(found)
@@ -118,20 +180,19 @@ def _nodes(file: StudyFile, table: RunsTable) -> tuple[NodeTable, np.ndarray | N
 def _files(file: StudyFile) -> Deck:
     """A deck without cards, which names the files that were read."""
     assert file.runs is not None
-    names = [file.runs.file, *([file.model.grid] if file.model.grid else [])]
+    tables = [file.runs.file] if file.solver is not None else [str(name) for name in sources(file)]
+    names = [*tables, *([file.model.grid] if file.model.grid else [])]
     files = tuple(SourceFile(str(file.path_of(name)), "", ()) for name in names)
     return Deck(Path(files[0].file), DeckSource(files, (), (), False), Executive(), CaseControl(), (), {}, ())
 
 
-def _notices(
-    file: StudyFile, table: RunsTable, usable: np.ndarray, fitted: FittedRuns, hidden: int
-) -> tuple[Notice, ...]:
+def _notices(file: StudyFile, table: _Used, fitted: FittedRuns) -> list[Notice]:
     assert file.runs is not None
-    where = file.where("runs")
+    where, usable = file.where("runs"), table.usable
     found = []
-    if hidden:
-        count = table.freq_hz.shape[1]
-        found.append(Notice("runs.hidden-modes", where=where, level="info", hidden=hidden, count=count))
+    if table.hidden:
+        facts: dict[str, Any] = {"hidden": table.hidden, "count": table.count}
+        found.append(Notice("runs.hidden-modes", where=where, level="info", **facts))
     failed = int((~usable).sum())
     if failed:
         found.append(Notice("runs.left-out", where=where, failed=failed, runs=len(usable)))
@@ -141,11 +202,11 @@ def _notices(
     used, error = int(fitted.used.sum()), fitted.error
     known = np.isfinite(error).all(axis=1)
     if not np.isinf(error).any() and not known.any():
-        return (*found, Notice("runs.fitted/unchecked", where=where, level="info", runs=used, n=fitted.coefficients))
+        return [*found, Notice("runs.fitted/unchecked", where=where, level="info", runs=used, n=fitted.coefficients)]
     with np.errstate(invalid="ignore"):
         size = np.sqrt(np.nanmean(error**2, axis=0))
     worst = int(np.argmax(size))
-    facts: dict[str, Any] = {
+    facts = {
         "runs": used,
         "n": fitted.coefficients,
         "percent": 100.0 * float(size.max()),
@@ -156,7 +217,7 @@ def _notices(
         code = "runs.poor-fit/kriging" if poor else "runs.fitted/kriging"
     else:
         code = "runs.poor-fit" if poor else "runs.fitted"
-    return (*found, Notice(code, where=where, level="warning" if poor else "info", **facts))
+    return [*found, Notice(code, where=where, level="warning" if poor else "info", **facts)]
 
 
 def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
@@ -168,6 +229,12 @@ def with_modes_of_runs(file: StudyFile, built: BuiltModel) -> StudyFile:
     if file.test is not None and file.test.freq_hz:
         given = replace(given, tests={**given.tests, MEASURED: _measured(file, nodes, count)})
         changed["sensors"] = file.sensors.model_copy(update={"by_id": True})
+    known = sources(file)
+    if len(known) > 1:
+        # the support set of a configuration holds the coordinates of all others
+        changed["configuration"] = tuple(
+            entry.model_copy(update={"spc": part_of(file, entry) + 1}) for entry in file.configuration
+        )
     file = file.model_copy(update=changed)
     file._given = given
     return file

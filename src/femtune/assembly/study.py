@@ -117,7 +117,9 @@ def _what_is_there(case: StudyCase) -> str:
     return "it is kept for validation"
 
 
-def read_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
+def read_study(
+    source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False, around: bool = True
+) -> Study:
     """As `load_study`, for steps that need a test.
 
     Raises
@@ -126,13 +128,16 @@ def read_study(source: Path | str | StudyFile, progress: Progress = silent, *, f
     """
     if not isinstance(source, StudyFile) and is_deck(source):
         raise FemtuneError("study.deck-alone", where=Where(str(source)))
-    return load_study(source, progress, fresh=fresh)
+    return load_study(source, progress, fresh=fresh, around=around)
 
 
-def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False) -> Study:
+def load_study(
+    source: Path | str | StudyFile, progress: Progress = silent, *, fresh: bool = False, around: bool = True
+) -> Study:
     """Read a study with its deck and tests, or a deck alone; what a study was given as objects is not read again.
 
-    A study of an external solver is run around its initial values; with `fresh` what was run before is run again.
+    A study of an external solver is run around its initial values, or at these alone for a step that runs other points
+    (`around` = False); with `fresh` what was run before is run again.
 
     Raises
     ------
@@ -147,7 +152,7 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, f
         from femtune.assembly.external import of_solver  # noqa: PLC0415  few studies have a solver
 
         file = of_solver(file)
-    built = with_parameters_of_modes(file, _built(file, progress, fresh))
+    built = with_parameters_of_modes(file, _built(file, progress, fresh, around))
     if file.runs is not None:
         from femtune.assembly.runs_model import with_modes_of_runs  # noqa: PLC0415  few studies have runs
 
@@ -170,12 +175,12 @@ def load_study(source: Path | str | StudyFile, progress: Progress = silent, *, f
     return replace(study, units_known=file.given.units_known)
 
 
-def _built(file: StudyFile, progress: Progress, fresh: bool) -> BuiltModel:
+def _built(file: StudyFile, progress: Progress, fresh: bool, around: bool) -> BuiltModel:
     """The model of the deck, or of matrices, whose modes are compared with those that were listed."""
     if file.solver is not None:
         from femtune.assembly.external import build_of_solver  # noqa: PLC0415
 
-        return file.given.model or build_of_solver(file, progress, fresh)
+        return file.given.model or build_of_solver(file, progress, fresh, around)
     if file.runs is not None:
         from femtune.assembly.runs_model import build_of_runs  # noqa: PLC0415
 

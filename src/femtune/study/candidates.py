@@ -15,7 +15,7 @@ from femtune.assembly.error_places import errors_at
 from femtune.assembly.study import load_study, solved_by
 from femtune.assembly.update_method import method_of
 from femtune.errors import FemtuneError
-from femtune.executor import finish
+from femtune.executor import Serial, finish
 from femtune.files.study_file import CandidatesTable
 from femtune.files.study_file.candidates import NO_SEARCH, NOMINAL
 from femtune.global_search import SearchRules, global_minimum
@@ -31,6 +31,7 @@ from femtune.selection.candidate_models import CandidateFit, Group, rank_candida
 from femtune.selection.combinations import listed
 from femtune.status import Status
 from femtune.study.executor import executor_of
+from femtune.study.external import least_squares_on_solver, moved_to, opened_solver, point_of
 from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
@@ -38,6 +39,7 @@ from femtune.updating.starts import comparable, distinct_optima, height, noise_l
 
 if TYPE_CHECKING:
     from femtune.arrays import Flags, Reals
+    from femtune.assembly.external import SolverRuns
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.files.study_file import StudyFile
@@ -45,7 +47,7 @@ if TYPE_CHECKING:
     from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert, CitationRecord
     from femtune.selection.candidate_models import CandidateRanking
-    from femtune.updating import SensitivityMethod
+    from femtune.updating import SensitivityMethod, UpdateResult
 
 CANDIDATES_FILE = "candidates.jsonl"
 _SUBSET = re.compile(r"S[0-9]+(\.[0-9]+)*")
@@ -113,28 +115,42 @@ class _Fitting:
         return {**self.__dict__, "problems": tuple(problem.to_send() for problem in self.problems)}
 
     def __call__(self, task: _Task) -> Found:
-        problem, method = self.problems[task.problem], self.methods[task.problem]
         try:
             if task.left_out is not None:
-                return self._predicted(problem, method, task.candidate, task.left_out)
+                return self._predicted(task, task.left_out)
             if not task.candidate.parameters:
+                problem = self.problems[task.problem]
                 at = problem.start(np.zeros(len(problem.parameters.free)))
                 return {**self._facts(problem, at, task.candidate), "status": "CONVERGED"}
-            return self._fitted(problem, method, task.candidate, task.start)
+            return self._fitted(task)
         except FemtuneError as error:
             return {"problem": error.what}
 
-    def _fitted(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, number: int
-    ) -> Found:
+    def _fitted(self, task: _Task) -> Found:
         """The update from one start."""
-        start = self._start(problem, moving_parameters(problem, candidate.parameters), number)
-        result = update(problem, method, start=start, active=candidate.parameters)
+        moving = moving_parameters(self.problems[task.problem], task.candidate.parameters)
+        start = self._start(self.problems[task.problem], moving, task.start)
+        return self._end(*self._updated(task.problem, None, start, task.candidate.parameters), task.candidate)
+
+    def _end(self, problem: UpdateProblem, result: UpdateResult, candidate: ParameterChoice) -> Found:
         sd = {name: float(value) for name, value in result.sd.items() if np.isfinite(value)}
         return {
             **self._facts(problem, result.after, candidate), "status": result.status.name, "sd": sd,
             "at_bound": list(result.at_bound), "end": result.x.tolist(), "objective": result.objective,
         }  # fmt: skip
+
+    def _updated(
+        self, number: int, left_out: int | None, start: Evaluation | None, moving: Sequence[str]
+    ) -> tuple[UpdateProblem, UpdateResult]:
+        """The update without a configuration, from the initial values or another start, and the problem at its end."""
+        problem = self.problems[number]
+        problem = replace(problem, cases=tuple(c for i, c in enumerate(problem.cases) if i != left_out))
+        return problem, update(problem, self.methods[number], start=start, active=moving)
+
+    def _at(self, number: int, left_out: int, x: Reals) -> Evaluation:
+        """One configuration at a point."""
+        problem = self.problems[number]
+        return replace(problem, cases=(problem.cases[left_out],)).start(x)
 
     def _start(self, problem: UpdateProblem, moving: Flags, number: int) -> Evaluation:
         """The start of a number: the initial values, a drawn point, or the best that a random population reaches."""
@@ -144,10 +160,14 @@ class _Fitting:
             lower, upper = (edge[moving] for edge in problem.parameters.bounds)
             found = global_minimum(population, lower, upper, replace(self.search, seed=self.rules.seed + number))
             return problem.follow(population.whole(found.x[None])[0], population.before)
-        if number:
-            drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
-            x = np.where(moving, drawn[number - 1], 0.0)
-        return problem.start(x)
+        return problem.start(self._drawn(problem, moving, number))
+
+    def _drawn(self, problem: UpdateProblem, moving: Flags, number: int) -> Reals:
+        """The initial values, or a point of the Latin hypercube."""
+        if not number:
+            return np.zeros(len(moving))
+        drawn = starting_points(problem.parameters, replace(self.rules, count=self.rules.count - 1))
+        return np.where(moving, drawn[number - 1], 0.0)
 
     def _facts(self, problem: UpdateProblem, at: Evaluation, candidate: ParameterChoice) -> Found:
         """What candidates are compared by."""
@@ -167,19 +187,60 @@ class _Fitting:
             "undetermined": [combination_record(known, c).model_dump(mode="json") for c in known.undetermined],
         }  # fmt: skip
 
-    def _predicted(
-        self, problem: UpdateProblem, method: SensitivityMethod, candidate: ParameterChoice, left_out: int
-    ) -> Found:
+    def _predicted(self, task: _Task, left_out: int) -> Found:
         """Sum of squares of the residuals of a configuration, and of their weights, from an update without it.
 
         It starts from the initial values: the optimum with all configurations would betray the one that is left out.
         """
-        others = replace(problem, cases=tuple(c for i, c in enumerate(problem.cases) if i != left_out))
-        x = np.zeros(len(problem.parameters.free))
-        if candidate.parameters:
-            x = update(others, method, active=candidate.parameters).x
-        at = replace(problem, cases=(problem.cases[left_out],)).start(x)
+        x = np.zeros(len(self.problems[task.problem].parameters.free))
+        if task.candidate.parameters:
+            x = self._updated(task.problem, left_out, None, task.candidate.parameters)[1].x
+        at = self._at(task.problem, left_out, x)
         return {"squares": at.mean_error**2 * at.weights, "weights": at.weights}
+
+
+@dataclass(frozen=True, eq=False)
+class _SolverFitting(_Fitting):
+    """The runs with an external solver, which makes those around a point side by side.
+
+    Parameters
+    ----------
+    studies : of the problems
+    """
+
+    studies: tuple[Study, ...] = ()
+    runs: SolverRuns | None = None
+
+    def _fitted(self, task: _Task) -> Found:
+        problem = self.problems[task.problem]
+        point = self._drawn(problem, moving_parameters(problem, task.candidate.parameters), task.start)
+        moved = self._moved(task.problem, None, point, task.candidate.parameters)
+        return self._end(*moved, task.candidate)
+
+    def _updated(
+        self, number: int, left_out: int | None, start: Evaluation | None, moving: Sequence[str]
+    ) -> tuple[UpdateProblem, UpdateResult]:
+        point = np.zeros(len(self.problems[number].parameters.free)) if start is None else start.x
+        return self._moved(number, left_out, point, moving)
+
+    def _moved(
+        self, number: int, left_out: int | None, point: Reals, moving: Sequence[str]
+    ) -> tuple[UpdateProblem, UpdateResult]:
+        assert self.runs is not None
+        study = self._with_cases(number, lambda i: i != left_out)
+        moved = least_squares_on_solver(study, self.runs, self.methods[number], point, moving)
+        return moved.study.problem(), moved.result
+
+    def _at(self, number: int, left_out: int, x: Reals) -> Evaluation:
+        assert self.runs is not None
+        study = self._with_cases(number, lambda i: i == left_out)
+        return moved_to(study, self.runs, point_of(study, self.runs, x)).problem().start(x)
+
+    def _with_cases(self, number: int, wanted: Callable[[int], bool]) -> Study:
+        """The study with some of the configurations that the update uses."""
+        study = self.studies[number]
+        used = [case for case in study.cases if case.used is not None]
+        return replace(study, cases=tuple(case for i, case in enumerate(used) if wanted(i)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,11 +342,19 @@ def compare_candidates(
                 raise FemtuneError("candidates.name", name=candidate.name)
         if not study.file.candidate and not groups:
             raise FemtuneError("candidates.none")
+        if table.search != NO_SEARCH and study.file.solver is not None:
+            raise FemtuneError("external.study/update", key="search")
         if table.search == "cma-es":
             # before the first run: what a run misses would be kept as its result
             require("cma", extra="search")
     # the journal of solutions would keep thousands of them that nobody asks for again
-    work = _Comparison(solved_by(study, direct), table, folder, progress)
+    with opened_solver(study, progress) as solver:
+        work = _Comparison(solved_by(study, direct), table, folder, progress, solver)
+        return _compared(work, groups, resume, arrays)
+
+
+def _compared(work: _Comparison, groups: Sequence[Group], resume: bool, arrays: dict[str, Reals]) -> CandidatesResults:
+    study, table = work.study, work.table
     work.begin(resume)
     candidates = list(candidates_of(study))
     found = work.fitted(candidates)
@@ -332,8 +401,9 @@ class _Comparison:
     table: CandidatesTable
     folder: Path
     progress: Progress
+    solver: SolverRuns | None = None
     known: dict[str, Found] = field(default_factory=dict)
-    tied: dict[str, tuple[UpdateProblem, SensitivityMethod]] = field(default_factory=dict)
+    tied: dict[str, Study] = field(default_factory=dict)
 
     def begin(self, resume: bool) -> None:
         """Take over the lines of an earlier comparison of the same study (error ``run.unwritable``)."""
@@ -366,7 +436,7 @@ class _Comparison:
         ends = iter(self._run(candidates, asked, "updates of candidate models"))
         grouped = [[next(ends) for _ in range(count)] for count in counts]
         return [
-            _best_start(self._problem(candidate)[0], candidate, some, self._search is None)
+            _best_start(self._study(candidate).problem(), candidate, some, self._search is None)
             for candidate, some in zip(candidates, grouped)
         ]
 
@@ -386,14 +456,11 @@ class _Comparison:
         self, candidates: Sequence[ParameterChoice], asked: Sequence[tuple[int, int | None, int]], what: str
     ) -> list[Found]:
         """The runs of candidates by position, without the configuration at the second position, by start."""
-        problems = [self._without_ties(), *(self._with_ties(c) for c in candidates if c.ties)]
-        at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(problems))))
+        studies = (self.study, *(self._study(c) for c in candidates if c.ties))
+        at = dict(zip((i for i, c in enumerate(candidates) if c.ties), range(1, len(studies))))
         tasks = [_Task(candidates[i], at.get(i, 0), left_out, start) for i, left_out, start in asked]
         keys = [_key(task) for task in tasks]
-        rules = StartRules(self.table.starts, self.table.seed)
-        work = _Fitting(
-            tuple(p for p, _ in problems), tuple(m for _, m in problems), rules, self.study.parameters, self._search
-        )
+        work, executor = self._work(studies), executor_of(self.study) if self.solver is None else Serial()
         done = sum(key in self.known for key in keys)
         self.progress.step(what, done, len(tasks))
 
@@ -409,18 +476,21 @@ class _Comparison:
             self.progress.step(what, done, len(tasks))
 
         known = {i: self.known[key] for i, key in enumerate(keys) if key in self.known}
-        return finish(executor_of(self.study), work, tasks, known, name="candidate", finished=keep)
+        return finish(executor, work, tasks, known, name="candidate", finished=keep)
 
-    def _problem(self, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
-        return self._with_ties(candidate) if candidate.ties else self._without_ties()
+    def _work(self, studies: tuple[Study, ...]) -> _Fitting:
+        facts = (
+            tuple(s.problem() for s in studies), tuple(method_of(s.file.update, s.parameters) for s in studies),
+            StartRules(self.table.starts, self.table.seed), self.study.parameters, self._search,
+        )  # fmt: skip
+        return _Fitting(*facts) if self.solver is None else _SolverFitting(*facts, studies, self.solver)
 
-    def _without_ties(self) -> tuple[UpdateProblem, SensitivityMethod]:
-        return self.study.problem(), method_of(self.study.file.update, self.study.parameters)
-
-    def _with_ties(self, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
-        """The problem in which some parameters follow others; made once."""
+    def _study(self, candidate: ParameterChoice) -> Study:
+        """The study, with the ties of a candidate where it has some; made once."""
+        if not candidate.ties:
+            return self.study
         if candidate.name not in self.tied:
-            self.tied[candidate.name] = _tied_problem(self.study, candidate)
+            self.tied[candidate.name] = _tied_study(self.study, candidate)
         return self.tied[candidate.name]
 
 
@@ -429,7 +499,7 @@ def _key(task: _Task) -> str:
     return digest(*map(repr, facts))
 
 
-def _tied_problem(study: Study, candidate: ParameterChoice) -> tuple[UpdateProblem, SensitivityMethod]:
+def _tied_study(study: Study, candidate: ParameterChoice) -> Study:
     """The study with the ties of a candidate.
 
     Raises
@@ -458,7 +528,9 @@ def _tied_problem(study: Study, candidate: ParameterChoice) -> tuple[UpdateProbl
         error.where = place
         raise
     with errors_at(place):
-        return tied.problem(), method_of(tied.file.update, tied.parameters)
+        tied.problem()
+        method_of(tied.file.update, tied.parameters)
+    return tied
 
 
 # ----------------------------------------------------------------------------------------------------

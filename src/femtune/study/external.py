@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femtune.assembly.cases import on_model
-from femtune.assembly.external import SolverRuns, nominal_point, solver_runs, write_updated
+from femtune.assembly.external import PointRuns, SolverRuns, nominal_point, solver_runs
 from femtune.assembly.parameters import assignments, targets
-from femtune.assembly.runs_model import built_of_table
+from femtune.assembly.runs_model import built_of_tables, part_of
 from femtune.errors import FemtuneError, Notice
+from femtune.executor.interface import nothing
+from femtune.modal.assignment import linear_sum_assignment
 from femtune.model import parametric_model
+from femtune.model.imported.from_runs import seen_modes
 from femtune.results.model import alert_of
 from femtune.status import Status
+from femtune.study.model_runs import FollowedFrequencies, ModelRun
 from femtune.updating import update
 
 if TYPE_CHECKING:
-    from femtune.arrays import Reals
+    from femtune.arrays import Integers, Reals
     from femtune.assembly.cases import StudyCase
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.correlation import SensorMap
-    from femtune.residuals import Evaluation
+    from femtune.files.nastran.build import BuiltModel
+    from femtune.files.runs_table import RunsTable
+    from femtune.residuals import Evaluation, UpdateProblem
     from femtune.results.base import Alert
     from femtune.updating import Iteration, SensitivityMethod, UpdateResult
 
@@ -32,6 +39,9 @@ _SETTLED = 1e-4
 """Largest change of a parameter, in half ranges, that moves the model no more."""
 _FIRST_RADIUS, _LEAST_RADIUS = 0.5, 1e-3
 _SAME = 1e-6
+_RIGID = 1e-3
+"""Frequency over the highest one of the run, below which a mode is a rigid-body mode."""
+_LOST = "fewer modes that move at the nodes than at the initial values"
 _PASSED = ("external.", "eigen.", "correlate.no-pairs", "runs.")
 """Codes of errors at a point from which the way back is shorter steps."""
 
@@ -60,56 +70,73 @@ class _Place:
         return self.result.history[0].objective
 
 
+@contextmanager
+def opened_solver(study: Study, progress: Progress) -> Iterator[SolverRuns | None]:
+    """The runs of a study of a solver, whose journal is closed at the end; None for another study."""
+    if study.file.solver is None:
+        yield None
+        return
+    runs = solver_runs(study.file, progress)
+    try:
+        yield runs
+    finally:
+        runs.journal.close()
+
+
 def find_on_solver(
     study: Study,
+    runs: SolverRuns,
     method: SensitivityMethod,
     tell: Callable[[Iteration], None],
     at: Evaluation,
-    progress: Progress,
+    active: Sequence[str] | None = None,
 ) -> SolverUpdate:
-    """Update on the model around the initial values, run the solver around the result, and so on until it stays.
+    """Update on the model around a point, run the solver around the result, and so on until it stays.
 
     A step after which the misfit at the point itself has not become smaller, or whose runs fail, is halved.
 
+    Parameters
+    ----------
+    study : on the model around `at`
+    active : parameters that move; None for all free ones
+
     Raises
     ------
-    FemtuneError : what `update` raises at the initial values, ``external.folder``, ``executor.*``
+    FemtuneError : what `update` raises at the point, ``external.folder``, ``executor.*``
     """
     assert study.file.solver is not None
-    runs = solver_runs(study.file, progress)
-    try:
-        first = nominal_point(study.file)
-        runs.measure_noise(first, runs.run([first])[0])
-        place = _Place(at.x, study, at, update(study.problem(), method, tell, at))
-        history = list(place.result.history)
-        told: list[Notice] = []
-        radius, moves, step, predicted = _FIRST_RADIUS, 0, np.inf, None
-        half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
-        while moves < study.file.solver.moves:
-            change = place.result.x - place.x
-            step = float((np.abs(change) / half).max())
-            if step <= _SETTLED or radius < _LEAST_RADIUS:
-                break
-            moves += 1
-            short = min(1.0, radius / step)
-            there = _tried(runs, place, method, tell, place.x + short * change, told)
-            if there is None:
-                radius = 0.5 * short * step
-                continue
-            predicted = _difference(place, there)
-            place, radius = there, max(radius, 2.0 * short * step)
-            history += _numbered(place.result.history, len(history))
-        settled = step <= _SETTLED
-        told.append(_told(moves, runs.started, predicted) if settled else _stopped(moves, step))
-        told += [*runs.replaced, *runs.journal.notices]
-    finally:
-        runs.journal.close()
-    # the journal is closed, and nothing is run any more
+    first = nominal_point(runs.file)
+    runs.measure_noise(first, runs.run([first])[0])
+
+    def updated(there: Study, start: Evaluation) -> UpdateResult:
+        return update(there.problem(), method, tell, start, active=active)
+
+    place = _Place(at.x, study, at, updated(study, at))
+    history = list(place.result.history)
+    told: list[Notice] = []
+    radius, moves, step, predicted = _FIRST_RADIUS, 0, np.inf, None
+    half = 0.5 * np.subtract(*reversed(study.parameters.bounds))
+    while moves < study.file.solver.moves:
+        change = place.result.x - place.x
+        step = float((np.abs(change) / half).max())
+        if step <= _SETTLED or radius < _LEAST_RADIUS:
+            break
+        moves += 1
+        short = min(1.0, radius / step)
+        there = _tried(runs, place, updated, place.x + short * change, told)
+        if there is None:
+            radius = 0.5 * short * step
+            continue
+        predicted = _difference(place, there)
+        place, radius = there, max(radius, 2.0 * short * step)
+        history += _numbered(place.result.history, len(history))
+    settled = step <= _SETTLED
+    told.append(_told(moves, runs.started, predicted) if settled else _stopped(moves, step))
+    told += [*runs.replaced, *runs.journal.notices]
     first_number = len(history) - len(place.result.history)
     result = replace(place.result, before=at, history=tuple(history), number=first_number + place.result.number)
     if not settled:
         result = _at_place(result, place, first_number, radius)
-    write_updated(runs, result.values)
     return SolverUpdate(result, place.study, tuple(map(alert_of, dict.fromkeys(told))))
 
 
@@ -122,18 +149,21 @@ def _at_place(result: UpdateResult, place: _Place, number: int, radius: float) -
     )  # fmt: skip
 
 
-def _tried(
-    runs: SolverRuns, place: _Place, method: SensitivityMethod, tell: Callable[[Iteration], None], x: Reals,
-    told: list[Notice],
-) -> _Place | None:  # fmt: skip
-    """The model around a point and the update from there; None where it is no better, or its runs fail."""
-    parameters = place.study.parameters
-    point = np.array([parameters.values(x)[name] for name in runs.names])
+def point_of(study: Study, runs: SolverRuns, x: Reals) -> Reals:
+    """Values of the parameters of the runs at normalised parameters, within their bounds."""
+    values = study.parameters.values(x)
     lower, upper = runs.bounds
+    return np.clip(np.array([values[name] for name in runs.names]), lower, upper)
+
+
+def _tried(
+    runs: SolverRuns, place: _Place, updated: Callable[[Study, Evaluation], UpdateResult], x: Reals, told: list[Notice]
+) -> _Place | None:
+    """The model around a point and the update from there; None where it is no better, or its runs fail."""
     try:
-        study = _moved_to(place.study, runs, np.clip(point, lower, upper))
+        study = moved_to(place.study, runs, point_of(place.study, runs, x))
         start = study.problem().start(x)
-        there = _Place(x, study, start, update(study.problem(), method, tell, start))
+        there = _Place(x, study, start, updated(study, start))
     except FemtuneError as error:
         if not error.code.startswith(_PASSED) or error.code in ("external.folder", "external.no-program"):
             raise
@@ -142,9 +172,17 @@ def _tried(
     return there if there.objective <= place.objective * (1.0 + _SAME) else None
 
 
-def _moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
+def moved_to(study: Study, runs: SolverRuns, point: Reals) -> Study:
     """The study on the model around another point, with the same parameters, tests and sensors."""
-    built = built_of_table(study.file, runs.around(point), 0)
+    return _on(study, built_of_tables(study.file, runs.around(point), 0))
+
+
+def at_outcome(study: Study, runs: SolverRuns, point: Reals, outcome: PointRuns) -> Study:
+    """The study on the model of one run, which no parameter changes: it has the modes of the run."""
+    return _on(study, built_of_tables(study.file, runs.tables([(point, outcome)]), 0, degree=0))
+
+
+def _on(study: Study, built: BuiltModel) -> Study:
     found = assignments(targets(study.file, built))
     model = parametric_model(built.structure, study.parameters, found)
     size = built.structure.nodes.n_dofs
@@ -191,3 +229,116 @@ def _told(moves: int, started: int, difference: float | None) -> Notice:
 
 def _stopped(moves: int, step: float) -> Notice:
     return Notice("external.not-settled", moves=moves, step=step)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The solver at many points: frequencies of modes that are followed, or residuals.
+
+
+@dataclass(frozen=True, eq=False)
+class SolverFrequencies:
+    """Frequencies of the solver, whose modes are followed by their shapes from the initial values.
+
+    Parameters
+    ----------
+    known : the run at the initial values
+    """
+
+    study: Study
+    runs: SolverRuns
+    known: PointRuns
+    followed: tuple[FollowedFrequencies, ...]
+
+    @classmethod
+    def of(cls, study: Study, runs: SolverRuns) -> SolverFrequencies:
+        """With the run at the initial values."""
+        first = nominal_point(runs.file)
+        known = runs.run([first])[0]
+        if known.failure is not None:
+            raise runs.failed(first, known.failure)
+        tables, found = runs.tables([(first, known)]), []
+        for case in study.cases:
+            hz = _seen(tables[part_of(study.file, case.entry)])[0][0]
+            elastic = np.flatnonzero(hz > _RIGID * hz.max(initial=0.0))
+            if not len(elastic):
+                raise FemtuneError("screen.no-modes", configuration=case.name)
+            found.append(FollowedFrequencies(case.name, elastic + 1, hz[elastic]))
+        return cls(study, runs, known, tuple(found))
+
+    def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
+        """See `ManyAtOnce`."""
+        places = [point_of(self.study, self.runs, x) for x in points]
+        outcomes = self.runs.run(places)
+        good = [i for i, outcome in enumerate(outcomes) if outcome.failure is None]
+        first = nominal_point(self.runs.file)
+        tables = self.runs.tables([(first, self.known), *((places[i], outcomes[i]) for i in good)])
+        seen = [_seen(tables[part_of(self.study.file, case.entry)]) for case in self.study.cases]
+        size = sum(len(modes.numbers) for modes in self.followed)
+        nothing = np.full(size, np.nan)
+        found = [ModelRun(nothing, nothing, str(outcome.failure)) for outcome in outcomes]
+        for row, i in enumerate(good, start=1):
+            ends = [_followed(*own, row, modes.numbers - 1) for own, modes in zip(seen, self.followed)]
+            values, mac = (np.concatenate(parts) for parts in zip(*ends))
+            lost = np.isnan(values).any()
+            found[i] = ModelRun(values, mac, _LOST if lost else "")
+        return found
+
+
+def _seen(table: RunsTable) -> tuple[Reals, Reals | None]:
+    """Frequencies (n, m) and shapes (n, s, m) of runs, without modes that do not move."""
+    if table.shapes is None:
+        return table.freq_hz, None
+    hz, shapes, _ = seen_modes(table.freq_hz, table.shapes)
+    return hz, shapes
+
+
+def _followed(hz: Reals, shapes: Reals | None, row: int, wanted: Integers) -> tuple[Reals, Reals]:
+    """Frequencies of a run in the order of the modes of the first one, and their MAC; NaN beyond those that it has."""
+    values, mac = np.full(len(wanted), np.nan), np.zeros(len(wanted))
+    there = wanted < hz.shape[1]
+    kept = wanted[there]
+    if shapes is None:
+        values[there], mac[there] = hz[row, kept], 1.0
+        return values, mac
+    one, other = shapes[0][:, kept], shapes[row]
+    every = (one.T @ other) ** 2 / np.outer((one**2).sum(axis=0), (other**2).sum(axis=0))
+    chosen = linear_sum_assignment(-every)[1]
+    values[there], mac[there] = hz[row, chosen], every[np.arange(len(kept)), chosen]
+    return values, mac
+
+
+@dataclass(frozen=True, eq=False)
+class SolverResiduals:
+    """The residuals of an update problem at runs of the solver, paired afresh by the shapes of the test."""
+
+    study: Study
+    runs: SolverRuns
+    problem: UpdateProblem
+    before: Evaluation
+
+    def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
+        """See `ManyAtOnce`."""
+        places = [point_of(self.study, self.runs, x) for x in points]
+        return [self._at(*each) for each in zip(points, places, self.runs.run(places))]
+
+    def _at(self, x: Reals, place: Reals, outcome: PointRuns) -> ModelRun:
+        nothing = np.full(len(self.before.residuals), np.nan)
+        if outcome.failure is not None:
+            return ModelRun(nothing, np.empty(0), str(outcome.failure))
+        try:
+            problem = at_outcome(self.study, self.runs, place, outcome).problem()
+            found = problem.assess(x, problem.solved(x), derivatives=False)
+            problem.check_compared(found)
+        except FemtuneError as error:
+            return ModelRun(nothing, np.empty(0), f"[{error.code}] {error.what}")
+        if len(found.residuals) != len(nothing):
+            return ModelRun(nothing, np.empty(0), "another number of residuals than at the initial values")
+        return ModelRun(found.residuals, np.empty(0))
+
+
+def least_squares_on_solver(
+    study: Study, runs: SolverRuns, method: SensitivityMethod, x: Reals, active: Sequence[str] | None = None
+) -> SolverUpdate:
+    """The update with the solver from a point (arguments and errors as of `find_on_solver`)."""
+    there = moved_to(study, runs, point_of(study, runs, x))
+    return find_on_solver(there, runs, method, nothing, there.problem().start(x), active)

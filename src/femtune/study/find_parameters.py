@@ -68,9 +68,14 @@ def find_parameters(study: Study, folder: Path, at: Evaluation, progress: Progre
         tell(iteration, f"stage {stage}, seed {seed}" if seed else f"stage {stage}", None)
 
     if study.file.solver is not None:
-        from femtune.study.external import find_on_solver  # noqa: PLC0415  few studies have a solver
+        # few studies have a solver
+        from femtune.assembly.external import write_updated  # noqa: PLC0415
+        from femtune.study.external import find_on_solver, opened_solver  # noqa: PLC0415
 
-        moved = find_on_solver(study, method, tell, at, progress)
+        with opened_solver(study, progress) as runs:
+            assert runs is not None
+            moved = find_on_solver(study, runs, method, tell, at)
+            write_updated(runs, moved.result.values)
         return FoundParameters(moved.result, study=moved.study, alerts=moved.alerts)
     if study.file.stage:
         told = TrainingProgress(progress, 0 if reduction is None else reduction.full_solutions)

@@ -35,7 +35,8 @@ from femtune.results.solved import nominal
 from femtune.results.step_results import SearchResult
 from femtune.results.update import citations
 from femtune.study.executor import check_executor, executor_of
-from femtune.study.model_runs import ModelRun, ResidualRuns, failures
+from femtune.study.external import SolverResiduals, least_squares_on_solver, opened_solver
+from femtune.study.model_runs import ModelRun, ResidualRuns, failures, runs_at
 from femtune.study.search_front import ErrorParts
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
@@ -45,6 +46,7 @@ from femtune.surrogates.trend import term_count
 from femtune.updating import StartRules, UpdateResult, multi_start
 
 if TYPE_CHECKING:
+    from femtune.assembly.external import SolverRuns
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.executor import Executor
@@ -83,7 +85,7 @@ def search_minimum(
     """
     watch = Stopwatch(call("search", source))
     with watch.step("read"):
-        study = read_study(source, progress)
+        study = read_study(source, progress, fresh=fresh, around=False)
         check_parameters(study)
         study.problem()
         table = with_search(study.file, options).search
@@ -91,8 +93,8 @@ def search_minimum(
         check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
-    with looking_up(study, fresh) as found:
-        search = _Search.begin(found.study, table, progress)
+    with looking_up(study, fresh) as found, opened_solver(found.study, progress) as solver:
+        search = _Search.begin(found.study, table, progress, solver)
         if table.front:
             # what it cannot compare is said before the first run
             _ = search.parts
@@ -144,16 +146,22 @@ class _Search:
     study: Study
     table: SearchTable
     progress: Progress
-    work: ResidualRuns
+    work: ResidualRuns | SolverResiduals
     executor: Executor
+    solver: SolverRuns | None = None
     runs: list[ModelRun] = field(default_factory=list)
+    told: tuple[Alert, ...] = ()
 
     @classmethod
-    def begin(cls, study: Study, table: SearchTable, progress: Progress) -> _Search:
+    def begin(cls, study: Study, table: SearchTable, progress: Progress, solver: SolverRuns | None) -> _Search:
         """With the residuals at the initial values."""
         progress.step("residuals at the initial values", 0, None)
         problem = study.problem()
-        return cls(study, table, progress, ResidualRuns(problem, problem.start(nominal(study))), executor_of(study))
+        before = problem.start(nominal(study))
+        work: ResidualRuns | SolverResiduals = ResidualRuns(problem, before)
+        if solver is not None:
+            work = SolverResiduals(study, solver, problem, before)
+        return cls(study, table, progress, work, executor_of(study), solver)
 
     @cached_property
     def parts(self) -> ErrorParts:
@@ -174,14 +182,7 @@ class _Search:
 
     def run(self, points: Reals, what: str) -> Reals:
         """(n, m) residuals at points (n, k), NaN where a run failed."""
-        done: list[int] = []
-
-        def tell(position: int, _: ModelRun) -> None:
-            done.append(position)
-            self.progress.step(what, len(done), len(points))
-
-        self.progress.step(what, 0, len(points))
-        found = self.executor.run(self.work, list(points), name="run", finished=tell)
+        found = runs_at(self.work, list(points), self.executor, self.progress, what)
         self.runs += found
         return np.array([run.values for run in found])
 
@@ -297,7 +298,7 @@ class _Search:
             front=front,
             sentences=(),
         )
-        return record.model_copy(update={"sentences": _sentences(record), "alerts": tuple(_alerts(record))})
+        return record.model_copy(update={"sentences": _sentences(record), "alerts": (*_alerts(record), *self.told)})
 
     def _front_results(self, front: Front, arrays: dict[str, Any]) -> FrontResults:
         """Some points of the front with a run of the model at each; all of it among the arrays."""
@@ -332,6 +333,10 @@ class _Search:
         table = self.study.file.update
         with errors_at(self.study.file.where("update", "regularisation")):
             method = method_of(table, self.study.parameters)
+        if self.solver is not None:
+            moved = least_squares_on_solver(self.study, self.solver, method, ended.points[ended.best])
+            self.told = moved.alerts
+            return moved.result
         points: list[Reals] = []
         width = self.bounds[1] - self.bounds[0]
         for i in np.argsort(ended.chi2, kind="stable"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from femtune.results.solved import nominal, solve
 
 if TYPE_CHECKING:
     from femtune.assembly.cases import StudyCase
+    from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
+    from femtune.executor import Executor
     from femtune.model import ConfiguredModel, EigenSolution
     from femtune.model.full_model import ModelSolver
     from femtune.residuals import Evaluation, UpdateProblem
@@ -42,15 +44,21 @@ class ModelRun:
 
 
 @dataclass(frozen=True, eq=False)
-class FollowedModes:
-    """The elastic modes of one configuration at the initial values, and how they are found again at other points."""
+class FollowedFrequencies:
+    """The elastic modes of one configuration at the initial values: their numbers, from 1, and frequencies."""
 
     case: str
+    numbers: Integers
+    freq_hz: Reals
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedModes(FollowedFrequencies):
+    """How the elastic modes of one configuration at the initial values are found again at other points."""
+
     configured: ConfiguredModel
     solver: ModelSolver
     shapes: Reals
-    numbers: Integers
-    freq_hz: Reals
     count: int
 
     def at(self, x: Reals) -> tuple[Reals, Reals]:
@@ -74,11 +82,11 @@ def followed_modes(study: Study, case: StudyCase) -> FollowedModes:
     solver = study.solver if case.compared is None else case.compared.solver
     return FollowedModes(
         case.name,
+        elastic + 1,
+        solution.freq_hz[elastic],
         case.configured,
         solver,
         np.ascontiguousarray(solution.shapes[:, elastic]),
-        elastic + 1,
-        solution.freq_hz[elastic],
         min(solution.wanted + _SPARE, case.configured.n_free),
     )
 
@@ -119,6 +127,31 @@ class ResidualRuns:
         if len(found.residuals) != len(none):
             return ModelRun(none, np.empty(0), "another number of residuals than at the initial values")
         return ModelRun(found.residuals, np.empty(0))
+
+
+class ManyAtOnce(Protocol):
+    """Work that makes the runs of many points itself, side by side."""
+
+    def at_points(self, points: Sequence[Reals]) -> list[ModelRun]:
+        """What the runs gave, in the order of the points; a run that failed is named and gives NaN."""
+        ...
+
+
+def runs_at(
+    work: FrequencyRuns | ResidualRuns | ManyAtOnce, points: Sequence[Reals], executor: Executor, progress: Progress,
+    what: str,
+) -> list[ModelRun]:  # fmt: skip
+    """The runs of points, by the executor unless the work makes them itself."""
+    if not isinstance(work, FrequencyRuns | ResidualRuns):
+        return work.at_points(points)
+    done: list[int] = []
+
+    def tell(position: int, _: ModelRun) -> None:
+        done.append(position)
+        progress.step(what, len(done), len(points))
+
+    progress.step(what, 0, len(points))
+    return executor.run(work, list(points), name="run", finished=tell)
 
 
 def alone(study: Study, name: str | None) -> Study:

@@ -23,13 +23,15 @@ from femtune.results.screen import FailedModelRun, MainEffect, ScreenedMode, Scr
 from femtune.results.step_results import ScreenResult
 from femtune.results.update import citations
 from femtune.study.executor import check_executor, executor_of
-from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes
+from femtune.study.external import SolverFrequencies, opened_solver
+from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes, runs_at
 from femtune.study.respond import check_places
 from femtune.study.select import check_parameters
 from femtune.study.solutions import looking_up
 from femtune.study.tables import write_csv
 
 if TYPE_CHECKING:
+    from femtune.assembly.external import SolverRuns
     from femtune.assembly.progress import Progress
     from femtune.assembly.study import Study
     from femtune.files.study_file import ScreenTable, StudyFile
@@ -68,7 +70,7 @@ def screen_parameters(
     """
     watch = Stopwatch(call("screen", source))
     with watch.step("read"):
-        study = load_study(source, progress)
+        study = load_study(source, progress, fresh=fresh, around=False)
         check_parameters(study)
         file = with_screen(study.file, options)
         asked = file.screen
@@ -80,8 +82,8 @@ def screen_parameters(
             check_places(study, [table], None)
         check_executor(study)
         inputs = inputs_of(study)
-    with watch.step("runs"), looking_up(study, fresh) as found:
-        runs = _Runs.of(found.study, design, progress)
+    with watch.step("runs"), looking_up(study, fresh) as found, opened_solver(found.study, progress) as solver:
+        runs = _Runs.of(found.study, design, progress, solver)
     arrays = {"screen_runs": runs.table}
     if table is not None:
         write_csv(table, [*(p.name for p in study.parameters.free), *runs.labels], runs.table)
@@ -120,25 +122,22 @@ class _Runs:
     study: Study
     design: Design
     levels: Integers
-    work: FrequencyRuns
+    work: FrequencyRuns | SolverFrequencies
     found: tuple[ModelRun, ...]
     effects: Effects
 
     @classmethod
-    def of(cls, study: Study, design: Design, progress: Progress) -> _Runs:
+    def of(cls, study: Study, design: Design, progress: Progress, solver: SolverRuns | None) -> _Runs:
         """Make the runs (errors ``screen.*``)."""
         assert design.levels is not None
-        work = FrequencyRuns(tuple(followed_modes(study, case) for case in study.cases))
+        work: FrequencyRuns | SolverFrequencies
+        if solver is None:
+            work = FrequencyRuns(tuple(followed_modes(study, case) for case in study.cases))
+        else:
+            work = SolverFrequencies.of(study, solver)
         lower, upper = study.parameters.bounds
         points = list(lower + design.points * (upper - lower))
-        done: list[int] = []
-
-        def tell(position: int, _: ModelRun) -> None:
-            done.append(position)
-            progress.step("runs of the design", len(done), len(points))
-
-        progress.step("runs of the design", 0, len(points))
-        found = executor_of(study).run(work, points, name="run", finished=tell)
+        found = runs_at(work, points, executor_of(study), progress, "runs of the design")
         good = [i for i, run in enumerate(found) if not run.problem]
         if not good:
             raise FemtuneError("screen.all-failed", runs=len(found), reason=found[0].problem)

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from tests.messages.shown import check_shown
 
 from femtune.errors import FemtuneError
+from femtune.files.matrices.ansys import read_ansys
 from femtune.files.modes.registry import READERS, ModesFormat, read_modes
 
 _DAT = """
@@ -72,9 +74,30 @@ def _punch() -> str:
     return "\n".join(lines) + "\n"
 
 
+_ABAQUS = """
+   Abaqus 2024                                  Date 01-Jan-2024   Time 10:00:00
+
+                              E I G E N V A L U E    O U T P U T
+
+ MODE NO      EIGENVALUE              FREQUENCY         GENERALIZED MASS   COMPOSITE MODAL DAMPING
+                             (RAD/TIME)   (CYCLES/TIME)
+
+       1       39.478         6.2832         1.0000         151.92         0.0000
+       2      1.57914E+02     12.566         2.0000         30.206         0.0000
+
+                   P A R T I C I P A T I O N   F A C T O R S
+
+ MODE NO          X-COMPONENT     Y-COMPONENT     Z-COMPONENT     X-ROTATION      Y-ROTATION      Z-ROTATION
+
+       1          1.0             2.0             3.0             4.0             5.0             6.0
+
+     THE ANALYSIS HAS BEEN COMPLETED
+"""
+
 _TABLE = "# frequencies\n1.0, 2.0\nmass 2.5\n5X 0.5 1\n5Y- 1 1\n7RZ+ 1 2\nend\n"
 _WHOLE: dict[ModesFormat, str] = {
-    "calculix-dat": _DAT, "calculix-frd": _frd(), "nastran-f06": _f06(), "nastran-punch": _punch(), "table": _TABLE,
+    "abaqus-dat": _ABAQUS, "calculix-dat": _DAT, "calculix-frd": _frd(), "nastran-f06": _f06(),
+    "nastran-punch": _punch(), "table": _TABLE,
 }  # fmt: skip
 
 
@@ -146,6 +169,8 @@ def test_a_negative_eigenvalue_is_no_frequency(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("format", "text", "name"),
     [
+        ("abaqus-dat", _ABAQUS.replace("E I G E N", "E I G E M"), "no modes in abaqus"),
+        ("abaqus-dat", _ABAQUS.replace("HAS BEEN COMPLETED", ""), "cut abaqus"),
         ("calculix-dat", "nothing", "no modes"),
         ("calculix-frd", "    1C\n 9999\n", "no modes in frd"),
         ("calculix-frd", _frd().replace(" -1        12", " -1        13", 1), "shapes differ"),
@@ -165,8 +190,9 @@ def test_what_is_wrong_is_said(format: ModesFormat, text: str, name: str, tmp_pa
 
 @pytest.mark.parametrize("format", READERS)
 def test_absent_files_and_bytes_of_another_kind(format: ModesFormat, tmp_path: Path) -> None:
-    if format == "nastran-op2":
-        pytest.importorskip("pyyeti", reason="the extra op2 is not installed")
+    extras = {"nastran-op2": ("pyyeti", "op2"), "ansys-rst": ("ansys.mapdl.reader", "ansys")}
+    if format in extras:
+        pytest.importorskip(extras[format][0], reason=f"the extra {extras[format][1]} is not installed")
     with pytest.raises(FemtuneError) as caught:
         read_modes(tmp_path / "modes", format)
     assert caught.value.code == "external.output"
@@ -190,3 +216,52 @@ def test_an_op2_of_commercial_nastran(shared_data: Path) -> None:
     found = read_modes(shared_data / "nastran_decks" / "satk.op2", "nastran-op2")
     np.testing.assert_allclose(found.freq_hz[:3], [89.5607, 89.5607, 1044.76], rtol=1e-5)
     assert found.has_shapes
+
+
+def test_the_rows_of_an_abaqus_listing(tmp_path: Path) -> None:
+    """Rows of the cargo crane in Getting Started with Abaqus, numbered anew: ω of each row is 2πf."""
+    rows = [("1773.4", "42.112", "6.7023"), ("7016.8", "83.766", "13.332"), ("2.26885E+05", "476.32", "75.809")]
+    listed = "".join(f"{i:8d} {'   '.join(row)}   151.92   0.0000    \n" for i, row in enumerate(rows, start=1))
+    head, rest = _ABAQUS.split("       1       39.478")
+    (tmp_path / "a.dat").write_text(head + listed + rest[rest.index("\n\n") :])
+    omega = [float(row[1]) for row in rows]
+    np.testing.assert_allclose(2 * np.pi * read_modes(tmp_path / "a.dat", "abaqus-dat").freq_hz, omega, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("eigenvalue", "known"), [("-39.478", False), ("-1.0000E-09", True)])
+def test_negative_eigenvalues_of_abaqus(eigenvalue: str, known: bool, tmp_path: Path) -> None:
+    """A rigid-body mode is rounding, an elastic one with a negative eigenvalue has no frequency."""
+    (tmp_path / "a.dat").write_text(_ABAQUS.replace(" 39.478 ", f" {eigenvalue} "))
+    assert np.isfinite(read_modes(tmp_path / "a.dat", "abaqus-dat").freq_hz).tolist() == [known, True]
+
+
+def test_the_last_step_of_abaqus_counts(tmp_path: Path) -> None:
+    first, rest = _ABAQUS.split("                   P A R T", 1)
+    second = first.replace("1.0000         151.92", "3.0000         151.92").replace("2.0000 ", "4.0000 ")
+    (tmp_path / "a.dat").write_text(f"{first}\n{second}                   P A R T{rest}")
+    assert read_modes(tmp_path / "a.dat", "abaqus-dat").freq_hz.tolist() == [3.0, 4.0]
+
+
+def test_a_result_file_of_ansys_solves_the_equations_of_its_matrices(tmp_path: Path) -> None:
+    """The beam of the reading library: free in the .rst file, held at one end in the .full file.
+
+    Kφ = ω²Mφ holds in all rows of nodes that share no element with a held one: 30 of 321 nodes do.
+    """
+    examples = pytest.importorskip("ansys.mapdl.reader.examples", reason="the extra ansys is not installed")
+    found = read_modes(Path(examples.rstfile), "ansys-rst")
+    K, M = (read_ansys(Path(examples.fullfile), name) for name in "KM")
+    assert K.rows is not None
+    assert M.rows is not None
+    np.testing.assert_array_equal(K.rows, M.rows)
+    phi = found.shapes[np.searchsorted(found.nodes, K.rows[:, 0]), K.rows[:, 1] - 1]
+    stiffness, mass = (m.upper + sp.triu(m.upper, 1).T for m in (K, M))
+    residual = np.abs(stiffness @ phi - (mass @ phi) * (2 * np.pi * found.freq_hz) ** 2)
+    wrong = np.unique(K.rows[(residual > 1e-6 * (abs(stiffness) @ np.abs(phi))).any(axis=1), 0])
+    assert len(K.held) == 63
+    assert len(found.nodes) == 321
+    assert len(wrong) == 30
+    whole = Path(examples.rstfile).read_bytes()
+    (tmp_path / "cut.rst").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FemtuneError) as caught:
+        read_modes(tmp_path / "cut.rst", "ansys-rst")
+    assert caught.value.code == "external.output"

@@ -6,15 +6,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal
 
+from femtune.files.modes.abaqus import read_abaqus_dat
+from femtune.files.modes.ansys_rst import read_rst
 from femtune.files.modes.calculix import read_dat, read_frd
 from femtune.files.modes.nastran_op2 import read_op2_modes
 from femtune.files.modes.nastran_text import read_f06, read_punch
 from femtune.files.modes.plain_table import read_plain_table
 from femtune.files.modes.solved import SolvedModes
 
-ModesFormat = Literal["calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"]
+ModesFormat = Literal[
+    "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
+]
 
 READERS: Mapping[ModesFormat, Callable[[Path], SolvedModes]] = {
+    "abaqus-dat": read_abaqus_dat,
+    "ansys-rst": read_rst,
     "calculix-dat": read_dat,
     "calculix-frd": read_frd,
     "nastran-f06": read_f06,
@@ -24,6 +30,8 @@ READERS: Mapping[ModesFormat, Callable[[Path], SolvedModes]] = {
 }
 
 ERROR_TEXTS: Mapping[ModesFormat, tuple[str, ...]] = {
+    "abaqus-dat": ("***ERROR",),
+    "ansys-rst": ("*** ERROR ***",),
     "calculix-dat": ("*ERROR",),
     "calculix-frd": ("*ERROR",),
     "nastran-f06": ("FATAL MESSAGE", "*ERROR"),

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from femtune.files.study_file.configuration import (
         MEASURED,
         ConfigurationEntry,
+        ConfigurationSolver,
         LeaveOutEntry,
         MassEntry,
         PairEntry,
@@ -73,6 +74,7 @@ __all__ = [
     "Comparison",
     "ComponentEntry",
     "ConfigurationEntry",
+    "ConfigurationSolver",
     "CorrelateTable",
     "DerivedEntry",
     "DistributionEntry",

@@ -7,8 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from femtune.files.study_file.kinds import (
+    Command,
     ElementsOff,
     Inertia,
+    ModesFormatName,
     NotNegative,
     Number,
     Positive,
@@ -85,6 +87,18 @@ class SingleTest(TestKeys):
     units: Units | None = None
 
 
+class ConfigurationSolver(TomlTable):
+    """What the solver of a configuration has of its own, in place of the keys of [solver] and of the deck."""
+
+    command: Command | None = None
+    deck: Text | None = None
+    templates: tuple[Text, ...] | None = None
+    files: tuple[Text, ...] | None = None
+    result: Text | None = None
+    format: ModesFormatName | None = None
+    mass: Positive | None = None
+
+
 class ConfigurationEntry(TestKeys):
     """[[configuration]]: changes of the deck, and the test of this configuration."""
 
@@ -103,6 +117,8 @@ class ConfigurationEntry(TestKeys):
     masses_file: Text | None = None
     weighed_mass: Positive | None = None
     use: Literal["update", "validation"] = "update"
+    runs: Text | None = None
+    solver: ConfigurationSolver | None = None
 
 
 def switched_off(entry: ConfigurationEntry) -> frozenset[int]:

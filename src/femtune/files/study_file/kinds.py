@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, StringConstraints
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, StringConstraints
 from pydantic_core import PydanticCustomError
 
 from femtune.dofs import parse_dof
@@ -285,3 +286,19 @@ class TomlTable(BaseModel):
     """Frozen; unknown keys, values of another type, NaN and infinity are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+
+
+def _words(value: object) -> object:
+    """A command as one text is split as a shell would, and nothing in it is replaced."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return tuple(shlex.split(value))
+    except ValueError as error:
+        raise ValueError(f"the command cannot be split into words: {error}") from error
+
+
+Command = Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
+ModesFormatName = Literal[
+    "abaqus-dat", "ansys-rst", "calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"
+]

@@ -21,7 +21,7 @@ from femtune.files.study_file.parameter import parameter_rules
 from femtune.files.study_file.plan import plan_rules
 from femtune.files.study_file.residual import residual_rules
 from femtune.files.study_file.response import response_rules
-from femtune.files.study_file.runs import is_of_runs, runs_rules
+from femtune.files.study_file.runs import configuration_rules, is_of_runs, runs_rules
 from femtune.files.study_file.solver import solver_rules
 from femtune.files.study_file.source import Place, StudyLines, falls, named_twice, table, tables, texts
 from femtune.files.study_file.specimens import specimen_rules
@@ -40,6 +40,7 @@ def rules(data: Data, source: StudyLines) -> Problems:
     """All breaches of rules between keys."""
     yield from matrix_rules(data, source)
     yield from runs_rules(data, source)
+    yield from configuration_rules(data, source)
     yield from solver_rules(data, source)
     yield from _modes(data, source)
     yield from _configurations(data, source)

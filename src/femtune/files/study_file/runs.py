@@ -89,10 +89,21 @@ def _parameters(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
 
 
 def _configurations(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
-    entries = list(tables(data, "configuration"))
-    if len(entries) > 1:
-        yield source.error(entries[1][0], "runs.study/configurations", {})
-    for place, entry in entries:
+    of_solver = "solver" in data
+    for place, entry in tables(data, "configuration"):
         for key in _OF_CONFIGURATIONS:
             if key in entry:
                 yield source.error((*place, key), "runs.study/overlay", {}, key=key)
+        other = "runs" if of_solver else "solver"
+        if other in entry:
+            yield source.error((*place, other), "runs.study/other", {}, key=other)
+
+
+def configuration_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
+    """What a configuration has of runs and solvers belongs to [runs] and [solver]."""
+    if is_of_runs(data):
+        return
+    for place, entry in tables(data, "configuration"):
+        for key in ("runs", "solver"):
+            if key in entry:
+                yield source.error((*place, key), "runs.study/alone", {}, key=key)

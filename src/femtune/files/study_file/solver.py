@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from femtune.errors import FemtuneError
-from femtune.files.study_file.kinds import NotNegative, Positive, Text, TomlTable
+from femtune.files.study_file.kinds import Command, ModesFormatName, NotNegative, Positive, Text, TomlTable
 from femtune.files.study_file.source import StudyLines, table, tables
-
-
-def _words(value: object) -> object:
-    """A command as one text is split as a shell would, and nothing in it is replaced."""
-    if not isinstance(value, str):
-        return value
-    try:
-        return tuple(shlex.split(value))
-    except ValueError as error:
-        raise ValueError(f"the command cannot be split into words: {error}") from error
 
 
 class SolverTable(TomlTable):
     """[solver]: command, input and output files, and when a run is tried again."""
 
-    command: Annotated[tuple[Text, ...], Field(min_length=1), BeforeValidator(_words)]
+    command: Command
     templates: tuple[Text, ...] = ()
     deck_name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}$")] = "model.bdf"
     files: tuple[Text, ...] = ()
     result: Text
-    format: Literal["calculix-dat", "calculix-frd", "nastran-f06", "nastran-op2", "nastran-punch", "table"]
+    format: ModesFormatName
     timeout_s: Positive = 3600.0
     retries: Annotated[int, Field(ge=0, le=100)] = 1
     error_texts: tuple[Text, ...] = ()
@@ -58,9 +47,7 @@ def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
         return
     if "runs" in data:
         yield source.error(("runs",), "external.study/runs", {})
-    solver = table(data, "solver")
-    if bool(solver.get("templates")) == ("deck" in table(data, "study")):
-        yield source.error(("solver",), "external.study/input", {})
+    yield from _inputs(data, source)
     if "count" not in table(data, "modes"):
         yield source.error(("solver",), "external.study/count", {})
     for place, entry in tables(data, "parameter"):
@@ -72,3 +59,13 @@ def solver_rules(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
             yield source.error(("update", key), "external.study/update", {}, key=key)
     if "stage" in data:
         yield source.error(("stage",), "external.study/update", {}, key="[[stage]]")
+
+
+def _inputs(data: Data, source: StudyLines) -> Iterator[FemtuneError]:
+    """Every configuration has a deck or templates, of its own or those of all."""
+    solver = table(data, "solver")
+    deck = table(data, "study").get("deck")
+    for place, entry in list(tables(data, "configuration")) or [((), {})]:
+        own = table(entry, "solver")
+        if bool(own.get("templates", solver.get("templates"))) == bool(own.get("deck", deck)):
+            yield source.error((*place, "solver") if own else ("solver",), "external.study/input", {})

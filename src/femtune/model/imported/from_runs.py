@@ -15,6 +15,7 @@ each ω² without shapes.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from femtune.arrays import Flags, Integers, Reals
 from femtune.errors import FemtuneError
 from femtune.fem import AssembledMatrix, NodeTable, Structure, ValueTableBuilder
 from femtune.fem.constraints import follow_rows
-from femtune.model.imported.kriged import KrigedCoefficient, kriged
+from femtune.model.imported.kriged import Kriged, KrigedCoefficient, kriged
 from femtune.model.imported.model import (
     ImportedMatrix,
     factor_of_matrix,
@@ -106,12 +107,24 @@ class FittedRuns:
 def fit_runs(
     runs: Runs, nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None, correlation: str | None = None
 ) -> FittedRuns:
-    """Fit the model to runs.
+    """Fit the model to runs; arguments and errors as of `fit_configurations`."""
+    return fit_configurations([runs], nodes, degree, crossed, centre, correlation)[0]
+
+
+def fit_configurations(
+    parts: Sequence[Runs], nodes: NodeTable, degree: int, crossed: bool, centre: int | None = None,
+    correlation: str | None = None,
+) -> tuple[FittedRuns, ...]:  # fmt: skip
+    """Fit one model to the runs of one or several configurations.
+
+    Every configuration has coordinates of its own. With several of them, support set i of the structure, from 1, holds
+    the coordinates of all but configuration i. All results have the same structure.
 
     Parameters
     ----------
     nodes : grid points of the shapes; without shapes, or beside them, its scalar points are those of the model
-    degree : of the polynomials in each parameter, and of products in total; of the trend, with Kriging
+    degree : of the polynomials in each parameter, and of products in total; 0 for the model of the first run alone,
+        which no parameter changes; of the trend, with Kriging
     crossed : True with products of parameters
     centre : the run that the basis is taken from; None for the one nearest the middle
     correlation : of Kriging; None for polynomials
@@ -121,6 +134,34 @@ def fit_runs(
     FemtuneError : ``runs.one-value``, ``runs.too-few``, ``runs.not-determined``, ``runs.few-dofs/alike``,
         ``surrogate.*``
     """
+    fits = [_fit(runs, degree, crossed, centre, correlation) for runs in parts]
+    structure = _structure(parts, nodes, fits, degree or 1)
+    return tuple(FittedRuns(structure, f.used, f.error, f.coefficients, f.middle) for f in fits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Polynomials of one configuration: powers, and coefficients (p, r, r) of stiffness and mass; or Kriging.
+
+    Parameters
+    ----------
+    coefficients : number of coefficients of a polynomial, or of surrogates
+    kriged : surrogates of stiffness and mass in place of the polynomials
+    """
+
+    basis: Reals | None
+    stiffness: Reals
+    mass: Reals
+    powers: list[Powers]
+    middle: Reals
+    half: Reals
+    used: Flags
+    error: Reals
+    coefficients: int
+    kriged: tuple[Kriged, ...] = ()
+
+
+def _fit(runs: Runs, degree: int, crossed: bool, centre: int | None, correlation: str | None) -> _Fit:
     if centre is None:
         centre = _central(runs)
     basis, modal, used = _modal(runs, centre)
@@ -128,8 +169,14 @@ def fit_runs(
     modal = modal[:, used]
     middle, half = _scales(chosen)
     if correlation is not None:
-        return _kriged(runs, chosen, nodes, basis, modal, used, KrigingRules(tuple(TRENDS)[degree], correlation))
+        return _kriged(chosen, basis, modal, used, KrigingRules(tuple(TRENDS)[degree], correlation))
     powers = _powers(len(runs.names), degree, crossed)
+    if not degree:
+        # every parameter has its term, which is zero
+        nothing = np.zeros((len(runs.names), *modal.shape[2:]))
+        K, M = (np.concatenate([part[:1], nothing]) for part in modal)
+        linear, unknown = _powers(len(runs.names), 1, False), np.full(runs.freq_hz.shape, np.nan)
+        return _Fit(basis, K, M, linear, middle, half, used, unknown, 1)
     if len(chosen.points) < len(powers):
         raise FemtuneError(
             "runs.too-few", n_runs=len(chosen.points), n_coefficients=len(powers), degree=degree,
@@ -140,35 +187,18 @@ def fit_runs(
     if singular[-1] < _RANK * singular[0]:
         raise FemtuneError("runs.not-determined", n_runs=len(V), n_coefficients=len(powers))
     K, M = (np.einsum("pn,nij->pij", np.linalg.pinv(V), part) for part in modal)
-    structure = _structure(runs, nodes, basis, (K, M), (powers, middle, half), degree)
-    error = _left_out(V, modal, chosen.freq_hz)
-    return FittedRuns(structure, used, error, len(powers), middle)
+    return _Fit(basis, K, M, powers, middle, half, used, _left_out(V, modal, chosen.freq_hz), len(powers))
 
 
-def _kriged(
-    runs: Runs, chosen: Runs, nodes: NodeTable, basis: Reals | None, modal: Reals, used: Flags, rules: KrigingRules
-) -> FittedRuns:
-    """The model of Kriging surrogates."""
-    middle, _ = _scales(chosen)
-    found = [kriged(runs.names, chosen.points, part, rules, basis is None) for part in modal]
-    nodes, at = _with_scalar_points(nodes, modal.shape[2], basis)
-    values, assembled = _values(runs.names, middle), []
-    places = {name: values.add(field_of_variable(name), float(v)) for name, v in zip(runs.names, middle)}
-    for kind, part in zip(("stiffness", "mass"), found):
-        roles = {"FACTOR": values.add(field_of_matrix(kind.upper()), 1.0)}
-        label = f"{kind} {kind.upper()}"
-        mean = _on_g_set(part.mean, at, nodes.n_dofs)
-        assembled.append(AssembledMatrix(kind, label, mean, roles, factor_of_matrix))  # type: ignore[arg-type]
-        for j, matrix in enumerate(part.parts):
-            assert part.surrogate is not None
-            moving = KrigedCoefficient(part.surrogate, j)
-            upper = _on_g_set(matrix, at, nodes.n_dofs)
-            assembled.append(AssembledMatrix(kind, label, upper, {**roles, **places}, moving))  # type: ignore[arg-type]
-    structure = _whole(runs, nodes, basis, values, assembled, at)
+def _kriged(chosen: Runs, basis: Reals | None, modal: Reals, used: Flags, rules: KrigingRules) -> _Fit:
+    """Kriging surrogates of the modal matrices."""
+    middle, half = _scales(chosen)
+    K, M = (kriged(chosen.names, chosen.points, part, rules, basis is None) for part in modal)
     error = np.full(chosen.freq_hz.shape, np.nan)
-    for i, (K, M) in enumerate(zip(found[0].left_out, found[1].left_out)):
-        error[i] = _errors(K, M, chosen.freq_hz[i])
-    return FittedRuns(structure, used, error, sum(len(part.parts) for part in found), middle)
+    for i, (one, other) in enumerate(zip(K.left_out, M.left_out)):
+        error[i] = _errors(one, other, chosen.freq_hz[i])
+    count = len(K.parts) + len(M.parts)
+    return _Fit(basis, K.mean[None], M.mean[None], [], middle, half, used, error, count, (K, M))
 
 
 def seen_modes(freq_hz: Reals, shapes: Reals, part: float = 1.0) -> tuple[Reals, Reals, int]:
@@ -205,6 +235,8 @@ def _scales(runs: Runs) -> tuple[Reals, Reals]:
     if not len(runs.points):
         raise FemtuneError("runs.too-few/none")
     middle, half = runs.scales
+    if len(runs.points) == 1:
+        return middle, np.ones_like(half)
     for name, width, at in zip(runs.names, half, middle):
         if not width > 1e-12 * abs(at):
             raise FemtuneError("runs.one-value", parameter=name, value=at)
@@ -261,52 +293,62 @@ def _directions(phi: Reals, rest: Reals) -> Reals:
     return np.asarray(typical * U[:, : max(count, 0)])
 
 
-def _structure(
-    runs: Runs, nodes: NodeTable, basis: Reals | None, parts: tuple[Reals, Reals],
-    fitted: tuple[list[Powers], Reals, Reals], degree: int,
-) -> Structure:  # fmt: skip
-    powers, middle, half = fitted
-    nodes, at = _with_scalar_points(nodes, parts[0].shape[1], basis)
-    values = _values(runs.names, middle)
-    variables = tuple(Variable(name, float(v), degree) for name, v in zip(runs.names, middle))
-    scales = tuple((float(c), float(h)) for c, h in zip(middle, half))
-    assembled = []
-    for kind, coefficients in zip(("stiffness", "mass"), parts):
-        terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in zip(powers, coefficients) if c.any())
-        name = kind.upper()
-        found = Polynomial(name, variables, scales, terms, 0.0, 0)
-        factor = values.add(field_of_matrix(name), 1.0)
-        assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
-    return _whole(runs, nodes, basis, values, assembled, at)
-
-
-def _with_scalar_points(nodes: NodeTable, r: int, basis: Reals | None) -> tuple[NodeTable, Integers]:
-    """Nodes with a scalar point for each vector of the basis, and their DOFs."""
-    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if basis is not None else 1
-    nodes = replace(nodes, scalar_points=np.arange(first, first + r))
-    return nodes, 6 * len(nodes.ids) + np.arange(r)
-
-
-def _values(names: tuple[str, ...], middle: Reals) -> ValueTableBuilder:
+def _structure(parts: Sequence[Runs], nodes: NodeTable, fits: Sequence[_Fit], degree: int) -> Structure:
+    basis = [fit.basis for fit in fits]
+    sizes = [fit.stiffness.shape[1] for fit in fits]
+    shaped = all(b is not None for b in basis)
+    first = int(max([0, *nodes.ids, *nodes.scalar_points])) + 1 if shaped else 1
+    nodes = replace(nodes, scalar_points=np.arange(first, first + sum(sizes)))
+    scalars = 6 * len(nodes.ids) + np.arange(sum(sizes))
+    own = np.split(scalars, np.cumsum(sizes)[:-1])
     values = ValueTableBuilder()
-    for name, nominal in zip(names, middle):
-        values.add(field_of_variable(name), float(nominal))
-    return values
-
-
-def _whole(
-    runs: Runs, nodes: NodeTable, basis: Reals | None, values: ValueTableBuilder, assembled: list[AssembledMatrix],
-    at: Integers,
-) -> Structure:  # fmt: skip
-    moving = np.zeros(0, np.int64) if basis is None or runs.dofs is None else runs.dofs
+    nominal: dict[str, float] = {}
+    places: dict[str, int] = {}
+    for runs, fit in zip(parts, fits):
+        for name, value in zip(runs.names, fit.middle):
+            if name not in nominal:
+                nominal[name] = float(value)
+                places[name] = values.add(field_of_variable(name), float(value))
+    assembled: list[AssembledMatrix] = []
+    for i, (runs, fit, at) in enumerate(zip(parts, fits, own), start=1):
+        variables = tuple(Variable(name, nominal[name], degree) for name in runs.names)
+        scales = tuple((float(c), float(h)) for c, h in zip(fit.middle, fit.half))
+        for j, (kind, coefficients) in enumerate((("stiffness", fit.stiffness), ("mass", fit.mass))):
+            name = kind.upper() if len(parts) == 1 else f"{kind.upper()}{i}"
+            factor = values.add(field_of_matrix(name), 1.0)
+            if fit.kriged:
+                used = {own_name: places[own_name] for own_name in runs.names}
+                assembled += _kriged_matrices(kind, name, fit.kriged[j], at, nodes.n_dofs, factor, used)
+                continue
+            some = [(p, c) for p, c in zip(fit.powers, coefficients) if c.any() or kind == "stiffness"]
+            terms = tuple((p, _on_g_set(c, at, nodes.n_dofs)) for p, c in some)
+            found = Polynomial(name, variables, scales, terms, 0.0, 0)
+            assembled += polynomial_terms(ImportedMatrix(name, kind, ()), found, factor, values)  # type: ignore[arg-type]
+    dofs = parts[0].dofs
+    moving = np.zeros(0, np.int64) if not shaped or dofs is None else dofs
     permanent = np.setdiff1d(np.arange(6 * len(nodes.ids)), moving)
+    sets = {i: np.setdiff1d(scalars, at) for i, at in enumerate(own, start=1)} if len(parts) > 1 else {}
     structure = Structure(
-        nodes, values.table(), (), permanent=permanent, hold_singular=False, assembled=tuple(assembled)
-    )
-    if basis is None:
+        nodes, values.table(), (), permanent=permanent, hold_singular=False, assembled=tuple(assembled),
+        support_sets=sets,
+    )  # fmt: skip
+    if not shaped:
         return structure
-    rows = follow_rows(moving, np.tile(at, (len(moving), 1)), basis, 0)
-    return replace(structure, rigid=rows)
+    shapes = np.hstack([b for b in basis if b is not None])
+    return replace(structure, rigid=follow_rows(moving, np.tile(scalars, (len(moving), 1)), shapes, 0))
+
+
+def _kriged_matrices(
+    kind: str, name: str, found: Kriged, at: Integers, size: int, factor: int, places: dict[str, int]
+) -> Iterator[AssembledMatrix]:
+    """The mean of the modal matrices, and the parts that surrogates multiply."""
+    label, roles = f"{kind} {name}", {"FACTOR": factor}
+    yield AssembledMatrix(kind, label, _on_g_set(found.mean, at, size), roles, factor_of_matrix)  # type: ignore[arg-type]
+    for j, matrix in enumerate(found.parts):
+        assert found.surrogate is not None
+        moving = KrigedCoefficient(found.surrogate, j)
+        upper = _on_g_set(matrix, at, size)
+        yield AssembledMatrix(kind, label, upper, {**roles, **places}, moving)  # type: ignore[arg-type]
 
 
 def _on_g_set(matrix: Reals, at: Integers, size: int) -> sp.csr_array:

@@ -1,0 +1,108 @@
+"""Screening, search and candidates on an external solver and on a table of runs; nothing is run twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.study.test_runs_study import study as table_study
+from tests.study.test_solver_study import TRUTH, exact, started, study, write
+
+import femtune as ft
+
+__all__ = ["study", "table_study"]
+
+
+def modes_at(k1: float, k2: float) -> np.ndarray:
+    """Frequencies of the masses 1 and 2, in the order of the masses: how they are followed by their shapes."""
+    hz, shapes = exact(k1, k2)
+    return hz[np.argmax(np.abs(shapes), axis=1)]
+
+
+def test_a_screening_runs_each_point_of_the_design_once_and_follows_modes(study: Path) -> None:
+    found = ft.screen(study)
+    # nine points; the initial values are none of them
+    assert started(study) == 1 + 9
+    table = found.arrays["screen_runs"]
+    # the initial values are 800 and 1000: mode 1 is that of the first mass
+    np.testing.assert_allclose(np.sort(table[:, 2:]), [exact(*row[:2])[0] for row in table], rtol=1e-5)
+    # with equal springs both masses move in both modes
+    apart = table[np.abs(table[:, 0] - table[:, 1]) > 1.0]
+    np.testing.assert_allclose(apart[:, 2:], [modes_at(*row[:2]) for row in apart], rtol=1e-5)
+    assert (np.diff(table[:, 2:], axis=1) < 0.0).any()
+    # the first mass hardly feels the second spring
+    effects = {(e.parameter, e.mode): e.contribution for e in found.record.effects}
+    assert effects["k1", 1] > 0.9
+    assert effects["k2", 1] < 0.1
+    again = ft.screen(study)
+    assert started(study) == 10
+    assert again.record == found.record
+    ft.screen(study, fresh=True)
+    assert started(study) == 20
+
+
+def test_runs_of_a_screening_that_fail_are_named(study: Path) -> None:
+    write(study.parent, FAKE_ABOVE="1400")
+    found = ft.screen(study)
+    points = found.arrays["screen_runs"][:, 0]
+    assert [f.run for f in found.record.failed] == (np.flatnonzero(points > 1400.0) + 1).tolist()
+    assert {f.reason for f in found.record.failed} == {"exit code: the solver ended with exit code 2"}
+
+
+@pytest.mark.slow
+def test_a_search_on_the_solver_finds_the_truth_and_a_second_one_costs_nothing(study: Path) -> None:
+    found = ft.search(study, runs=12)
+    np.testing.assert_allclose([found.values["k1"], found.values["k2"]], TRUTH, rtol=1e-4)
+    before = started(study)
+    again = ft.search(study, runs=12)
+    assert started(study) == before
+    assert again.record.chi2 == found.record.chi2
+    # the points of the search are those that an update of the same study may use
+    ft.run(study)
+    assert started(study) > before
+
+
+@pytest.mark.slow
+def test_a_search_where_some_runs_fail(study: Path) -> None:
+    write(study.parent, FAKE_ABOVE="1300")
+    found = ft.search(study, runs=16)
+    assert found.record.failed
+    np.testing.assert_allclose([found.values["k1"], found.values["k2"]], TRUTH, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_search_on_the_model_without_surrogate(study: Path) -> None:
+    found = ft.search(study, on="model", population=8, generations=5, seeds=1)
+    np.testing.assert_allclose([found.values["k1"], found.values["k2"]], TRUTH, rtol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", ["screen", "search", "candidates"])
+def test_steps_on_a_table_of_runs(table_study: Path, step: str) -> None:
+    options = {"candidates": {"subsets": "all"}} if step == "candidates" else {}
+    found = getattr(ft, step)(table_study, **options)
+    if step == "search":
+        np.testing.assert_allclose([found.values["k1"], found.values["k2"]], [9e3, 2.4e4], rtol=1e-3)
+    if step == "candidates":
+        assert [c.name for c in found.record.candidates if c.admissible] == ["S1.2"]
+    if step == "screen":
+        assert len(found.record.modes) == 4
+
+
+@pytest.mark.slow
+def test_candidates_on_the_solver_with_starts_and_ties(study: Path) -> None:
+    listed = '\n[candidates]\nstarts = 2\n\n[[candidate]]\nname = "both"\nparameters = ["k1", "k2"]\n'
+    tied = '\n[[candidate]]\nname = "one"\nparameters = ["k1"]\nties = { k2 = "k1*0.9" }\n'
+    study.write_text(study.read_text() + listed + tied)
+    found = {c.name: c for c in ft.candidates(study).record.candidates}
+    both = {value.parameter: value.value for value in found["both"].values}
+    np.testing.assert_allclose([both["k1"], both["k2"]], TRUTH, rtol=1e-4)
+    assert [c.name for c in found.values() if c.admissible] == ["both"]
+    tied_values = {value.parameter: value.value for value in found["one"].values}
+    assert tied_values["k2"] == pytest.approx(0.9 * tied_values["k1"])
+    before = started(study)
+    (study.parent / "run" / "candidates.jsonl").unlink()
+    again = {c.name: c for c in ft.candidates(study).record.candidates}
+    assert again["both"].chi2 == found["both"].chi2
+    assert started(study) == before
