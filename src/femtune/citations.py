@@ -319,6 +319,15 @@ _register(
     year="2004",
 )
 _register(
+    "allman1984",
+    "article",
+    author="Allman, D. J.",
+    title="A compatible triangular element including vertex rotations for plane elasticity analysis",
+    journal="Computers and Structures",
+    volume="19",
+    year="1984",
+)
+_register(
     "bathe1986",
     "article",
     author="Bathe, K.-J. and Dvorkin, E. N.",

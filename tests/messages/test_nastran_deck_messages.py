@@ -121,13 +121,12 @@ def test_notices(tmp_path: Path) -> None:
     text = (
         "SOL 103\nCEND\nSUBCASE 1\nSUBCASE 2\nBEGIN BULK\nPARAM,POST,0\nPARAM,POST,-1\nPBAR,1,2,,,,,,,+A\n"
         + "GRID           1".ljust(81)
-        + "x\nBEGIN SUPER=4\n"
+        + "x\n"
     )
     notices = read_deck(_deck(tmp_path, text)).notices
     assert [notice.code for notice in notices] == [
         "deck.several-subcases",
         "deck.beyond-column-80",
-        "deck.superelement",
         "deck.dangling-continuation",
         "deck.repeated-param",
         "deck.no-enddata",

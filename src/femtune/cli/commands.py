@@ -456,7 +456,7 @@ def validate(study: Path, output: Path | None, fresh: bool, as_json: bool, quiet
 @_fresh
 @_quiet
 def run(study: Path, output: Path | None, wide: bool | None, fresh: bool, quiet: bool) -> None:
-    """Run all steps: the run folder receives results, updated deck and report.
+    """Correlate, select, update, validate and report: the run folder receives results, updated deck and report.
 
     An interrupted run continues from the solutions in its journal.
     """

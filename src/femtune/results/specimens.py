@@ -238,9 +238,7 @@ def _common(study: Study, joint: UpdateResult, separate: Mapping[str, UpdateResu
         return None
     restrictions = len(shared) * (len(separate) - 1)
     after = [found.after for found in separate.values()]
-    freedom = sum(len(at.residuals) - sum(at.lost.values()) for at in after) - sum(
-        len(found.active) for found in separate.values()
-    )
+    freedom = sum(at.independent for at in after) - sum(len(found.active) for found in separate.values())
     own = sum(_squares(study, found, name) for name, found in separate.items())
     test = common_test(sum(_squares(study, joint, name) for name in separate), own, restrictions, freedom)
     chance = f"than chance explains ({_probability(test.p_value)})"

@@ -34,7 +34,7 @@ from femtune.study.executor import executor_of
 from femtune.study.model_runs import ResidualRuns
 from femtune.updating import StartResult, StartRules, starting_points, update
 from femtune.updating.sensitivity_method import moving_parameters
-from femtune.updating.starts import distinct_optima, noise_level
+from femtune.updating.starts import comparable, distinct_optima, height, noise_level
 
 if TYPE_CHECKING:
     from femtune.arrays import Flags, Reals
@@ -160,7 +160,7 @@ class _Fitting:
         labels = [b.label for b in at.blocks for _ in b.values]
         return {
             "values": {name: float(v) for name, v in parameters.values(at.x).items()},
-            "error": at.mean_error, "chi2": float(r @ r), "residuals": _independent(at),
+            "error": at.mean_error, "chi2": float(r @ r), "residuals": at.independent,
             "singular": known.singular_values.tolist(), "rank": known.rank,
             "prior_misfit": float((((at.x - prior_mean) / prior_sd)[stated] ** 2).sum()),
             "worst": float(abs(r[worst])), "worst_label": labels[worst],
@@ -209,24 +209,21 @@ def _best_start(
     failed = ["problem" in f for f in found]
     if all(failed) or (from_initial and failed[0]) or not candidate.parameters:
         return found[0]
-    # a start from which fewer modes find their partners ends with smaller residuals for this reason alone
-    most = max(f["residuals"] for f in found if "problem" not in f)
-    ends = [(i, f) for i, f in enumerate(found) if "problem" not in f and f["residuals"] == most]
-    best = min((f for _, f in ends), key=lambda f: (not Status[f["status"]].ok, f["objective"]))
-    starts = [
-        StartResult(i, np.array(f["end"]), np.array(f["end"]), f["objective"], Status[f["status"]]) for i, f in ends
-    ]
+    starts = comparable([_start_result(i, f) for i, f in enumerate(found) if "problem" not in f])
+    best = found[min(starts, key=height).number]
     moving = int(moving_parameters(problem, candidate.parameters).sum())
-    optima = distinct_optima(starts, problem.parameters.prior[1], noise_level(best["objective"], most, moving))
+    optima = distinct_optima(
+        starts, problem.parameters.prior[1], noise_level(best["objective"], best["residuals"], moving)
+    )
     return {
         **best, "reached": len(optima[0].members) if optima else 0, "others": sum(o.as_good for o in optima[1:]),
-        "unpaired": len(found) - len(ends),
+        "unpaired": len(found) - len(starts),
     }  # fmt: skip
 
 
-def _independent(at: Evaluation) -> int:
-    """Number of independent residuals."""
-    return len(at.residuals) - sum(at.lost.values())
+def _start_result(number: int, found: Found) -> StartResult:
+    end = np.array(found["end"])
+    return StartResult(number, end, end, found["objective"], Status[found["status"]], residuals=found["residuals"])
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ from femtune.results.screen import FailedModelRun
 from femtune.results.solved import nominal
 from femtune.results.step_results import SearchResult
 from femtune.results.update import citations
-from femtune.study.executor import executor_of
+from femtune.study.executor import check_executor, executor_of
 from femtune.study.model_runs import ModelRun, ResidualRuns, failures
 from femtune.study.search_front import ErrorParts
 from femtune.study.select import check_parameters
@@ -88,6 +88,7 @@ def search_minimum(
         study.problem()
         table = with_search(study.file, options).search
         assert table is not None
+        check_executor(study)
         inputs = inputs_of(study)
     arrays: dict[str, Any] = {}
     with looking_up(study, fresh) as found:

@@ -22,7 +22,7 @@ from femtune.results.results import Results
 from femtune.results.screen import FailedModelRun, MainEffect, ScreenedMode, ScreenedParameter, ScreenResults
 from femtune.results.step_results import ScreenResult
 from femtune.results.update import citations
-from femtune.study.executor import executor_of
+from femtune.study.executor import check_executor, executor_of
 from femtune.study.model_runs import FrequencyRuns, ModelRun, alone, failures, followed_modes
 from femtune.study.respond import check_places
 from femtune.study.select import check_parameters
@@ -78,6 +78,7 @@ def screen_parameters(
             design = design_of(asked, len(study.parameters.free))
         if table is not None:
             check_places(study, [table], None)
+        check_executor(study)
         inputs = inputs_of(study)
     with watch.step("runs"), looking_up(study, fresh) as found:
         runs = _Runs.of(found.study, design, progress)

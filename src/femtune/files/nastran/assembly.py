@@ -195,7 +195,7 @@ class _Assembly:
         begin = _BEGIN.match(body) if body.lstrip()[:1] in "bB" else None
         if begin:
             self._close()
-            self._begin(line, begin)
+            self._begin(begin)
             return
         cut = split_line(line, body)
         self._note_width(cut, body)
@@ -302,14 +302,11 @@ class _Assembly:
     def _replicate(self, cut: FieldLine) -> None:
         self.cards.extend(replicate(self.cards, cut, self.superelement))
 
-    def _begin(self, line: SourceLine, begin: re.Match[str]) -> None:
+    def _begin(self, begin: re.Match[str]) -> None:
         if begin[1].upper() == "BULK" or begin[2] in ("", "0"):
             self.superelement = 0
             return
         self.superelement = int(begin[2])
-        self.notices.append(
-            Notice("deck.superelement", where=Where(line.file, line.number, "BEGIN SUPER"), number=begin[2])
-        )
 
     def _note_width(self, cut: FieldLine, body: str) -> None:
         if beyond_last_column(cut, body):

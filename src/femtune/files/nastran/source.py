@@ -24,7 +24,7 @@ _ENDDATA = re.compile(r"\s*ENDDATA\b", re.IGNORECASE)
 _CEND = re.compile(r"\s*CEND\s*(\$.*)?", re.IGNORECASE)
 _BEGIN = re.compile(r"\s*BEGIN\b", re.IGNORECASE)
 # nested INCLUDEs of real decks are a few levels deep; files that include others twice can double without end
-_DEEPEST, _MOST_INCLUDES, _MOST_LINES = 100, 100_000, 100_000_000
+_DEEPEST, _MOST_INCLUDES, _MOST_LINES = 100, 5_000, 100_000_000
 _CONTROL = re.compile(r"[\x01-\x08\x0b\x0e-\x19\x1b-\x1f]")
 
 
@@ -147,7 +147,7 @@ class _Expansion:
 
     def __init__(self, cend: SourceLine | None) -> None:
         self.files: dict[str, SourceFile] = {}
-        self.includes: list[IncludeStatement] = []
+        self.includes: dict[IncludeStatement, None] = {}
         self.lines: list[SourceLine] = []
         self.notices: list[Notice] = []
         self.ended = False
@@ -183,10 +183,11 @@ class _Expansion:
             where = Where(statement.file, statement.first, "INCLUDE")
             self.notices.append(Notice("deck.missing-include/executive", where=where, written=written))
             return after
-        _check_include(statement, parents)
-        self._check_size(statement, parents)
         if statement not in self.includes:
-            self.includes.append(statement)
+            # what was expanded once leads to none of the files above it
+            _check_include(statement, parents)
+            self.includes[statement] = None
+        self._check_size(statement, parents)
         self.read(self.files.get(target) or read_file(target), parents)
         return after
 
@@ -266,7 +267,7 @@ def _check_include(statement: IncludeStatement, parents: tuple[str, ...]) -> Non
             hint=_missing_hint(target),
             written=statement.written,
         )
-    if target.resolve() in {Path(parent).resolve() for parent in parents}:
+    if os.path.realpath(target) in map(os.path.realpath, parents):
         raise FemtuneError(
             "deck.circular-include",
             where=where,
