@@ -105,6 +105,16 @@ _register(
     year="2001",
 )
 _register(
+    "deb2002",
+    "article",
+    author="Deb, K. and Pratap, A. and Agarwal, S. and Meyarivan, T.",
+    title="A fast and elitist multiobjective genetic algorithm: {NSGA-II}",
+    journal="IEEE Transactions on Evolutionary Computation",
+    volume="6",
+    pages="182--197",
+    year="2002",
+)
+_register(
     "hansen2001",
     "article",
     author="Hansen, N. and Ostermeier, A.",

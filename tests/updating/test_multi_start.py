@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,7 +22,8 @@ from femtune.updating import (
     multi_start,
     starting_points,
 )
-from femtune.updating.starts import distinct_optima, noise_level, outcomes, start_sentences
+from femtune.updating import starts as starts_module
+from femtune.updating.starts import distinct_optima, follow_up, noise_level, outcomes, start_sentences
 from structures.springs import factor_model, simulated_case, spring_structure
 
 CHAIN = [(-1, 0, 900.0), (0, 1, 700.0), (1, 2, 800.0), (2, 3, 500.0)]
@@ -76,6 +79,33 @@ def test_two_answers_that_the_data_cannot_tell_apart(twins: UpdateProblem):
     assert ends == {(0.5, -0.4), (-0.4, 0.5)}
     assert not found.unique
     assert any("the result is not unique" in s for s in found.sentences)
+
+
+@pytest.mark.parametrize("unfinished", [False, True])
+def test_one_end_of_each_optimum_is_followed(
+    twins: UpdateProblem, unfinished: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On another problem of the same truth: both optima are followed once, and all their starts end with them."""
+    found = multi_start(twins, rules=StartRules(10, seed=0))
+    lost = found.starts[-1].number
+    starts = tuple(replace(s, status=Status.MAX_ITERATIONS) if s.number == lost else s for s in found.starts)
+    optima = distinct_optima(starts, twins.parameters.prior[1], found.noise)
+    members = [o.members for o in optima if len(o.members) > 1]
+    assert len(members) == 2
+    begun = []
+    real = starts_module.update
+    monkeypatch.setattr(starts_module, "update", lambda *a, **k: begun.append(k["start"].x) or real(*a, **k))
+    other = replace(twins, residuals=(FrequencyResidual(0.02),))
+    after = follow_up(
+        replace(found, starts=starts, optima=optima), other, SensitivityMethod(), found.best.side, unfinished=unfinished
+    )
+    assert len(begun) == len(optima) + unfinished
+    for numbers in members:
+        ends = np.array([s.end for s in after.starts if s.number in numbers])
+        np.testing.assert_array_equal(ends, np.tile(ends[0], (len(ends), 1)))
+    assert {o.members for o in after.optima} >= set(members) or unfinished
+    if not unfinished:
+        assert after.starts[-1] is starts[-1]
 
 
 @pytest.mark.slow

@@ -284,7 +284,7 @@ def solver_runs(file: StudyFile, progress: Progress = silent, *, fresh: bool = F
     solver = ExternalSolver(
         entry.command, inputs, ResultFile(entry.result, entry.format), file.output_folder / RUNS_FOLDER, checks,
         entry.timeout_s, entry.retries, entry.error_texts, entry.licence_texts, entry.licence_wait_s,
-        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep,
+        entry.licence_tries, tuple(sorted(entry.environment.items())), entry.version, entry.keep, entry.keep_most,
     )  # fmt: skip
     with errors_at(file.where("solver", "command")):
         solver.check()
@@ -327,7 +327,9 @@ def build_of_solver(file: StudyFile, progress: Progress, fresh: bool) -> BuiltMo
     finally:
         runs.journal.close()
     own = _beside_own(file, runs, known) if isinstance(runs.solver.inputs, DeckFiles) else ()
-    return replace(built, notices=(*_facts(runs, table), *own, *runs.journal.notices))
+    # the fit of 2k + 1 runs has nothing to be checked by
+    hidden = [notice for notice in built.notices if notice.code == "runs.hidden-modes"]
+    return replace(built, notices=(*_facts(runs, table), *hidden, *own, *runs.journal.notices))
 
 
 def _beside_own(file: StudyFile, runs: SolverRuns, known: RunOutcome) -> tuple[Notice, ...]:

@@ -91,6 +91,13 @@ class ConfiguredModel:
         return digest(*parts)
 
 
+_MATRICES = (
+    "stiffness", "mass", "viscous", "hysteretic", "element_hysteretic", "stiffness_derivatives", "mass_derivatives",
+    "viscous_derivatives", "hysteretic_derivatives", "element_hysteretic_derivatives", "symmetric_stiffness",
+    "symmetric_mass",
+)  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class ModelPoint:
     """Matrices and their derivatives at one x (real, or complex for checks by complex step).
@@ -286,6 +293,11 @@ class ModelPoint:
     def symmetric_mass(self) -> SymmetricMatrix:
         """M as its upper triangle, on the pattern of K."""
         return self._upper("mass")
+
+    def release(self) -> None:
+        """Give the memory of all matrices back; whoever asks for one gets it made again."""
+        for name in _MATRICES:
+            self.__dict__.pop(name, None)
 
     @property
     def table(self) -> NDArray:

@@ -81,7 +81,8 @@ def build_search_page(results: Results, arrays: Mapping[str, NDArray[Any]]) -> D
     source = ReportSource(results, arrays)
     assert results.search is not None
     sentence, level = search_verdict(results.search)
-    sections = tuple(_section(text, source) for text in section_texts("search"))
+    found = (_section(text, source) for text in section_texts("search"))
+    sections = tuple(s for s in found if s.blocks)
     return Document(results.study.title, sentence, level, _facts(results), sections, genre="Global search")
 
 

@@ -122,7 +122,8 @@ class Sensitivity(Record):
     test_label: str
     """Label of the test mode whose partner it is."""
     percent_per_percent: tuple[float, ...]
-    """Change of the model's frequency in % for a change of 1 % of the initial value, by free parameter."""
+    """Change of the model's frequency in % by free parameter, for a change of 1 % of the initial value, or of the width
+    of the bounds where that is zero."""
 
 
 class SelectionResults(Record):

@@ -335,14 +335,35 @@ def follow_up(
     method: SensitivityMethod,
     side: SideConstraint,
     active: Sequence[str] | None = None,
+    unfinished: bool = False,
 ) -> MultiStart:
-    """Every result continued on another problem: a reduced model that has become better, other residuals.
+    """The results continued on another problem: a reduced model that has become better, other residuals.
 
-    A start that cannot be continued has failed at its old result.
+    Of starts that ended at one optimum the best is continued, and the others end where it ends. Starts that did not
+    converge stay where they are, but for the best of all where none converged. A start that cannot be continued has
+    failed at its old result.
+
+    Parameters
+    ----------
+    unfinished : continue the starts that did not converge too, each by itself: the other problem is no better model of
+        the same, but asks for something else
     """
     tries = _Tries(problem, replace(method, regularisation=side), (), active)
     search = _Search(tries, DEFAULT_RULES, {}, nothing, Serial())
-    return search.further(found.starts, problem.start(found.best.before.x))
+    return search.further(found, problem.start(found.best.before.x), unfinished)
+
+
+def _followed(found: MultiStart, unfinished: bool) -> dict[int, int]:
+    """By the number of each start that is continued or ends with another one, the number of that one."""
+    by_number = {s.number: s for s in found.starts}
+    out = {}
+    for optimum in found.optima:
+        leader = min(optimum.members, key=lambda n: (by_number[n].objective, n))
+        out.update(dict.fromkeys(optimum.members, leader))
+    open_ = [s for s in found.starts if s.status is not None and s.number not in out]
+    if not unfinished:
+        open_ = sorted(open_, key=lambda s: (s.objective, s.number))[:1] if not out else []
+    return {**out, **{s.number: s.number for s in open_}}
 
 
 _Task = tuple[StartResult, Reals]
@@ -421,13 +442,13 @@ class _Search:
                 starts[i] = found
         return self._result(tuple(starts), before)
 
-    def further(self, starts: Sequence[StartResult], before: Evaluation) -> MultiStart:
-        """All ends from where they are."""
-        again = []
-        for s in starts:
-            found = self._remembered(self.tries((s, s.end))) if s.status is not None else s
-            again.append(replace(found, tries=s.tries, end=s.end if found.status is None else found.end))
-        return self._result(tuple(again), before)
+    def further(self, found: MultiStart, before: Evaluation, unfinished: bool) -> MultiStart:
+        """The ends from where they are, see `follow_up`."""
+        leaders, ends = _followed(found, unfinished), dict[int, StartResult]()
+        for s in found.starts:
+            if leaders.get(s.number) == s.number:
+                ends[s.number] = self._remembered(self.tries((s, s.end)))
+        return self._result(tuple(_ended(s, ends.get(leaders.get(s.number, 0))) for s in found.starts), before)
 
     def _set_out(self, tasks: Sequence[_Task]) -> list[StartResult]:
         """One more run of some starts; of each the better result is kept."""
@@ -487,6 +508,17 @@ def _better(so_far: StartResult, found: StartResult) -> StartResult:
     if better or so_far.status is None:
         return found
     return replace(so_far, tries=found.tries, iterations=found.iterations)
+
+
+def _ended(start: StartResult, leader: StartResult | None) -> StartResult:
+    """A start that ends where another one, or it itself, has ended; as it is without."""
+    if leader is None:
+        return start
+    end = start.end if leader.status is None else leader.end
+    iterations = leader.iterations if leader.number == start.number else start.iterations
+    return replace(
+        start, end=end, objective=leader.objective, status=leader.status, problem=leader.problem, iterations=iterations
+    )  # fmt: skip
 
 
 def _least(starts: Sequence[StartResult]) -> float:
