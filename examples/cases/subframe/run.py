@@ -207,7 +207,7 @@ def _page(found: Sequence[Calibrated]) -> Iterator[str]:
 def main() -> None:
     """Simulate, calibrate, check, report."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="the same; it takes half a minute of processor time")
+    parser.add_argument("--quick", action="store_true", help="the same; it takes some 20 s of processor time")
     parser.add_argument("--evidence", type=Path, help="folder for the page of the documentation")
     options = parser.parse_args()
     found = [calibrated(Laboratory(N_DOFS), 0, FREE_TEST, EFFORT, HERE / "run" / "component_1")]
