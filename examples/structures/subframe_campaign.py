@@ -15,18 +15,22 @@ import numpy as np
 from femtune.arrays import Reals
 from femtune.fem import FieldRef, Structure
 from femtune.files.nastran import build_structure, read_deck
+from femtune.files.uff import write_uff_frfs
 from femtune.modal import FrfSet
 from femtune.model import (
     AddedMass,
     Assignment,
     Configuration,
     ConfiguredModel,
+    EigenSolution,
     ParametricModel,
     configure,
     constant_damping,
+    damping_by_mode,
     parametric_model,
+    solve_modes,
 )
-from femtune.model.response import Ports, make_ports
+from femtune.model.response import Ports, frf, make_ports
 from femtune.parameters import Parameter, ParameterSet
 from femtune.residuals import (
     CaseState,
@@ -38,6 +42,8 @@ from femtune.residuals import (
     frf_residual,
 )
 from femtune.residuals.frf.model_way import AtFirstState, Settled
+from femtune.testdata import NO_GEOMETRY, ModalTest
+from femtune.units import SI
 from structures.subframe import MATERIALS, MOUNT_INERTIA, MOUNT_MASS, Subframe, subframe, write_subframe
 
 STEEL, SHEET, RUBBER = 0.15, 0.20, 0.45
@@ -46,6 +52,11 @@ SCATTER = 0.5
 """Truths are uniform within this part of the bounds."""
 LEVEL = 0.002
 """σ of the noise of real and imaginary part, as a part of the largest magnitude of each FRF."""
+
+ZETA_RUBBER, ZETA_STEEL = 0.03, (0.001, 0.01)
+"""Damping ratios in a test: of modes of rubber alone, and limits of the uneven ones of steel."""
+REACH = 4.0
+"""Tests are simulated by the modes up to so many times their highest line, with residual vectors."""
 
 NINE = {
     "E_sides": (("MAT1", 1),),
@@ -95,6 +106,27 @@ class State:
     name: str
     loaded: bool
     band_hz: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Lines and noise of a test.
+
+    Parameters
+    ----------
+    band_hz, step_hz : of the lines
+    relative, floor : σ of real and imaginary part, relative to the magnitude, and to the largest of the FRF
+    """
+
+    band_hz: tuple[float, float]
+    step_hz: float = 0.5
+    relative: float = 0.01
+    floor: float = 0.001
+
+    @property
+    def lines(self) -> Reals:
+        """In Hz."""
+        return np.arange(self.band_hz[0], self.band_hz[1] + 1e-9, self.step_hz)
 
 
 FREE = State("free", False, (100.0, 400.0))
@@ -188,6 +220,33 @@ class Laboratory:
         """Normalised parameters of a component, drawn from its number alone."""
         chance = np.random.default_rng([15, component, self.parameters])
         return np.array([SCATTER * half_width(n) for n in self.names]) * chance.uniform(-1.0, 1.0, len(self.names))
+
+    def damping(self, solution: EigenSolution, component: int) -> Reals:
+        """Damping ratios of modes: that of rubber by its part of the strain energy, that of steel uneven by mode."""
+        point, squares = solution.point, np.maximum(solution.eigenvalues, 1.0)
+        rubber = np.zeros(len(squares))
+        for i in (i for i, name in enumerate(self.names) if "rubber" in name):
+            # the stiffness is linear in a modulus: so much it changes if the modulus doubles
+            more = point.configured.at(point.x + (1.0 + point.x) * np.eye(self.parameters)[i]).stiffness
+            rubber += np.einsum("ij,ij->j", solution.shapes, (more - point.stiffness) @ solution.shapes) / squares
+        low, high = np.log(ZETA_STEEL)
+        steel = np.exp(np.random.default_rng([16, component]).uniform(low, high, len(squares)))
+        return np.asarray(rubber * ZETA_RUBBER + (1.0 - rubber) * steel)
+
+    def test(self, state: State, component: int, measured: Measured) -> FrfSet:
+        """Simulated accelerances of a component."""
+        top = REACH * measured.band_hz[1]
+        solved = solve_modes(self.configured[state.name].at(self.truth(component)), None, top)
+        damping = damping_by_mode(self.damping(solved, component))
+        exact = frf(solved, self.ports(state), measured.lines, "accelerance", damping=damping)
+        chance = np.random.default_rng([17, component, state.loaded]).standard_normal((2, *exact.values.shape))
+        size = np.abs(exact.values)
+        noise = np.hypot(measured.relative * size, measured.floor * size.max(axis=2, keepdims=True))
+        return replace(exact, values=exact.values + noise * (chance[0] + 1j * chance[1]))
+
+    def write_test(self, path: Path, test: FrfSet) -> Path:
+        """A Universal File."""
+        return write_uff_frfs(path, ModalTest("subframe", SI, NO_GEOMETRY, frfs=test))
 
 
 @dataclass(frozen=True, eq=False)

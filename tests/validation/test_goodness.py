@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
-from scipy.stats import chi2, kstest
+from scipy.stats import chi2, kstest, norm
 
 from femtune.residuals import ResidualBlock
 from femtune.validation import Outcome, goodness_of_fit
@@ -207,6 +207,15 @@ def test_chance_of_few_runs_by_counting_all_orders(first: int, second: int) -> N
     runs = np.array([1 + np.count_nonzero(np.diff(o)) for o in orders])
     for r in range(1, first + second + 1):
         assert fewest_runs(r, first, second) == pytest.approx(np.mean(runs <= r))
+
+
+@pytest.mark.parametrize("distance", [-2.0, 0.0, 1.5])
+def test_chance_of_few_runs_of_many_residuals_is_that_of_the_normal_distribution(distance: float) -> None:
+    first, second = 31_000, 29_000
+    mean = 1.0 + 2.0 * first * second / (first + second)
+    sd = np.sqrt((mean - 1.0) * (mean - 2.0) / (first + second - 1))
+    runs = round(mean + distance * sd)
+    assert fewest_runs(runs, first, second) == pytest.approx(norm.cdf((runs + 0.5 - mean) / sd), abs=1e-3)
 
 
 def test_one_sign_only_says_nothing() -> None:

@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import comb
 
 import numpy as np
-from scipy.special import chdtrc
+from numpy.typing import NDArray
+from scipy.special import chdtrc, gammaln, logsumexp
 
 from femtune.arrays import Reals
 from femtune.residuals import ResidualBlock
@@ -273,13 +273,19 @@ def fewest_runs(runs: int, first: int, second: int) -> float:
     """Chance of `runs` or fewer runs in a random order of `first` signs of one kind and `second` of the other."""
     if not first or not second:
         return 1.0
-    ways = sum(_orders(r, first, second) for r in range(2, runs + 1))
-    return ways / comb(first + second, first)
+    if runs < 2:
+        return 0.0
+    half, odd = np.divmod(np.arange(2, runs + 1), 2)
+    # of the first and of the second kind as many groups, or one more of either; in logarithms, as residuals are many
+    equal = np.log(2.0) + _log_ways(first - 1, half - 1) + _log_ways(second - 1, half - 1)
+    more = _log_ways(first - 1, half) + _log_ways(second - 1, half - 1)
+    fewer = _log_ways(first - 1, half - 1) + _log_ways(second - 1, half)
+    ways = np.where(odd, np.logaddexp(more, fewer), equal)
+    return float(min(np.exp(logsumexp(ways) - _log_ways(first + second, np.array(first))), 1.0))
 
 
-def _orders(runs: int, first: int, second: int) -> int:
-    """Number of orders with exactly so many runs."""
-    half, odd = divmod(runs, 2)
-    if not odd:
-        return 2 * comb(first - 1, half - 1) * comb(second - 1, half - 1)
-    return comb(first - 1, half) * comb(second - 1, half - 1) + comb(first - 1, half - 1) * comb(second - 1, half)
+def _log_ways(count: int, chosen: NDArray[np.int64]) -> Reals:
+    """Logarithm of the number of choices of some out of `count`; minus infinity where these are not there."""
+    left = np.maximum(count - chosen, 0)
+    ways = gammaln(count + 1.0) - gammaln(chosen + 1.0) - gammaln(left + 1.0)
+    return np.where(chosen > count, -np.inf, ways)
