@@ -117,6 +117,10 @@ class ValidationVerdict(Record):
     """Whether noise explains a failure, in words; "" without a failure, or if it is not known."""
     sentence: str
     """The verdict in a sentence."""
+    before: float | None = None
+    """The worst value of the model at the initial values, in `unit`; only for vibration tests."""
+    before_verdict: VerdictWord | None = None
+    """The verdict on it."""
 
 
 class HeldOutShape(Record):
@@ -155,7 +159,7 @@ class ValidationResults(Record):
     curves: tuple[PredictedCurves, ...] = ()
     """These FRFs line by line, by configuration."""
     vibrations: tuple[VibrationResults, ...] = ()
-    """Sine sweeps and random vibration tests, beside the updated model."""
+    """Sine sweeps and random vibration tests, beside the initial and the updated model."""
     deviations: FrfDeviations | None = None
     """Deviation δ of the FRFs before and after the update; None if the update uses no FRFs."""
 
@@ -337,7 +341,7 @@ def validation(
     verdicts = [v for s in scopes for v in _verdicts(study, s, asked, after, predicted, shapes.get(s))]
     verdicts += [v for one in frfs for v in _frf_verdicts(study, one)]
     shaken = ((one, v) for one in vibrations for v in vibration_verdicts(study, one))
-    verdicts += [_verdict(one.configuration, _VIBRATION, v) for one, v in shaken]
+    verdicts += [_verdict(one.configuration, _VIBRATION, after, before) for one, (after, before) in shaken]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
         not_tested=tuple(_not_tested(study, scopes, after, frfs)),
@@ -432,7 +436,7 @@ def _frf_verdicts(study: Study, one: UnusedFrfs) -> Iterable[ValidationVerdict]:
     return (_verdict(one.case.name, _frf_data(study, one.case), v) for v in verdicts)
 
 
-def _verdict(configuration: str, data: str, v: Verdict) -> ValidationVerdict:
+def _verdict(configuration: str, data: str, v: Verdict, before: Verdict | None = None) -> ValidationVerdict:
     c = v.criterion
     scale = 100.0 if c.percent else 1.0
     return ValidationVerdict(
@@ -447,6 +451,8 @@ def _verdict(configuration: str, data: str, v: Verdict) -> ValidationVerdict:
         remark=v.remark,
         noise=v.noise,
         sentence=f"{configuration}, {data}: {v.sentence}",
+        before=None if before is None or before.measured is None else scale * before.measured,
+        before_verdict=None if before is None else before.outcome.value,
     )
 
 

@@ -1,17 +1,18 @@
-"""Vibration tests that the update did not use, beside the updated model, as records with verdicts."""
+"""Vibration tests that the update did not use, beside the initial and the updated model, with verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femtune.arrays import Reals
 from femtune.errors import FemtuneError
-from femtune.files.vibration_table import read_vibration_table
-from femtune.model.damping import constant_damping
+from femtune.files.vibration_table import read_signal, read_vibration_table
+from femtune.model.damping import constant_damping, damping_table
 from femtune.model.response import make_ports
 from femtune.model.vibration import (
     ModalTransfer,
@@ -19,47 +20,80 @@ from femtune.model.vibration import (
     Sweep,
     base_transfer,
     force_transfer,
+    response_density,
     response_rms,
     swept_response,
+    transient_response,
 )
 from femtune.results.base import Record
 from femtune.results.criteria import of_vibration
 from femtune.results.solved import solve
 from femtune.validation import judge, not_tested
-from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY
+from femtune.validation.criteria import RMS, SWEEP_AMPLITUDE, SWEEP_FREQUENCY, TRANSIENT_PEAK
 
 if TYPE_CHECKING:
+    from femtune.assembly.cases import StudyCase
     from femtune.assembly.study import Study
     from femtune.files.study_file import VibrationEntry
-    from femtune.validation import Verdict
+    from femtune.model.response.modal_damping import DampingRatios
+    from femtune.validation import Criterion, Verdict
 
 
 class VibrationPoint(Record):
-    """A point of a vibration test: the updated model beside what was measured."""
+    """A point of a vibration test: the model at the initial and the updated values beside what was measured."""
 
     output: str
     """Degree of freedom."""
     peak: float | None
-    """Largest amplitude of the model in a sweep, over the band that was measured; None for random vibration."""
+    """Largest amplitude of the updated model in a sweep, or magnitude in a transient; None for random vibration."""
     peak_hz: float | None
     """Its frequency, Hz."""
     rms: float | None
-    """Root mean square of the model in random vibration, over the band that was measured; None for a sweep."""
+    """Root mean square of the updated model in random vibration, over the band that is compared; None for others."""
     test_peak: float | None = None
-    """Largest measured amplitude; None if nothing was measured."""
+    """Largest measured amplitude or magnitude; None if nothing was measured."""
     test_peak_hz: float | None = None
     """Its frequency, Hz."""
     test_rms: float | None = None
     """Measured root mean square; None if nothing was measured."""
+    before_peak: float | None = None
+    """Largest amplitude of the model at the initial values; None for random vibration."""
+    before_peak_hz: float | None = None
+    """Its frequency, Hz."""
+    before_rms: float | None = None
+    """Root mean square of the model at the initial values; None for other kinds."""
+    peak_s: float | None = None
+    """Time of the largest magnitude of the updated model, s; only for a transient."""
+    test_peak_s: float | None = None
+    """Time of the largest measured magnitude, s."""
+    before_peak_s: float | None = None
+    """Time of the largest magnitude of the model at the initial values, s."""
+
+
+class VibrationCurves(Record):
+    """Responses in a vibration test: amplitudes of a sweep, power spectral densities, or time histories."""
+
+    before_lines_key: str
+    """Key of the frequencies in Hz, or times in s, of the model at the initial values, shape (lines,)."""
+    before_key: str
+    """Key of its responses, shape (outputs, lines)."""
+    after_lines_key: str
+    """The same of the updated model."""
+    after_key: str
+    """The same of the updated model."""
+    test_lines_key: str | None
+    """Key of the measured frequencies or times; None if nothing was measured."""
+    test_key: str | None
+    """Key of what was measured."""
 
 
 class VibrationResults(Record):
-    """A sine sweep or a random vibration test of the updated model."""
+    """A sine sweep, random vibration or a transient of the model, beside what was measured."""
 
     name: str
     """Name of the test."""
     kind: str
-    """"sweep" or "random"."""
+    """"sweep", "random" or "transient"."""
     configuration: str
     """Name of the configuration."""
     excitation: str
@@ -68,116 +102,249 @@ class VibrationResults(Record):
     """One record a point; none if it could not be computed."""
     problem: str = ""
     """Why it could not be computed; "" otherwise."""
+    damping: str = ""
+    """Damping of the model, in words."""
+    damping_source: str = ""
+    """Where the damping is from, as the study states it; "" if it does not."""
+    compared_hz: tuple[float, float] | None = None
+    """Band over which the largest amplitudes or the root mean squares are taken; None for a transient."""
+    compared_s: tuple[float, float] | None = None
+    """Times over which the largest magnitudes are taken; only for a transient."""
+    curves: VibrationCurves | None = None
+    """Responses over frequency; None if they could not be computed."""
 
 
 Curve = tuple[Reals, Reals]
+Band = tuple[float, float]
+Arrays = dict[str, NDArray]
+_MOST_LINES = {"sweep": 3000, "random": 3000, "transient": 20_000}
+"""Of a curve in the arrays of the results."""
 
 
 @dataclass(frozen=True, eq=False)
 class VibrationTests:
-    """The vibration tests of a study with their measured curves, by name."""
+    """The vibration tests of a study with their measured curves, and signals of transients, by name."""
 
     measured: dict[str, Curve] = field(default_factory=dict)
+    signals: dict[str, Curve] = field(default_factory=dict)
 
     @classmethod
     def of(cls, study: Study) -> VibrationTests:
-        """Read the files (errors ``vibration.file``)."""
-        entries = (e for e in study.file.vibration if e.measured is not None)
-        return cls({e.name: read_vibration_table(study.file.path_of(str(e.measured)), len(e.outputs)) for e in entries})
+        """Read the files (errors ``vibration.file``, ``vibration.signal``)."""
+        path, entries = study.file.path_of, study.file.vibration
+        measured = {
+            e.name: read_vibration_table(path(e.measured), len(e.outputs), history=e.kind == "transient")
+            for e in entries
+            if e.measured is not None
+        }
+        return cls(measured, {e.name: read_signal(path(e.signal)) for e in entries if e.signal is not None})
 
-    def beside(self, study: Study, x: Reals) -> tuple[VibrationResults, ...]:
-        """All tests with the model at normalised parameters."""
-        return tuple(self._one(study, entry, x) for entry in study.file.vibration)
+    def beside(self, study: Study, before: Reals, after: Reals, arrays: Arrays) -> tuple[VibrationResults, ...]:
+        """All tests with the model at the initial and the updated normalised parameters; curves go into `arrays`."""
+        entries = enumerate(study.file.vibration)
+        return tuple(self._one(study, entry, (before, after), f"vibration_{i}", arrays) for i, entry in entries)
 
-    def _one(self, study: Study, entry: VibrationEntry, x: Reals) -> VibrationResults:
+    def _one(
+        self, study: Study, entry: VibrationEntry, points: tuple[Reals, Reals], key: str, arrays: Arrays
+    ) -> VibrationResults:
         case = next(c for c in study.cases if entry.configuration in (None, c.name))
         motion = f"base {entry.base}" if entry.base is not None else f"force at {entry.input}"
-        facts = {"name": entry.name, "kind": entry.kind, "configuration": case.name}
+        facts: dict[str, Any] = {
+            "name": entry.name, "kind": entry.kind, "configuration": case.name,
+            "damping_source": entry.damping_source or "",
+        }  # fmt: skip
+        measured, signal = self.measured.get(entry.name), self.signals.get(entry.name)
         try:
-            modes = solve(study, case, x)
-            ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
-            damping = study.built.modal_damping
-            if entry.damping_ratio is not None:
-                damping = constant_damping(entry.damping_ratio)
-            if damping is None:
-                raise FemtuneError("vibration.no-damping")
-            if entry.base is not None:
-                transfer = base_transfer(modes, ports, entry.base, damping)
-            else:
-                transfer = force_transfer(modes, ports, damping)
-            find = _swept if entry.kind == "sweep" else _random
-            points = tuple(find(entry, transfer, self.measured.get(entry.name)))
+            damping, facts["damping"] = _damping(study, entry)
+            before, after = (_transfer(study, case, entry, x, damping) for x in points)
+            band = _band(entry, measured, signal)
+            found = [_response(entry, transfer, signal, band) for transfer in (before, after)]
+            test = _measured_levels(entry, measured, band)
         except FemtuneError as error:
             return VibrationResults(**facts, excitation=motion, points=(), problem=f"{error.what} ({error.code})")
-        return VibrationResults(**facts, excitation=f"{motion}, {_words(entry)}", points=points)
+        levels = zip(after.outputs, found[0].levels, found[1].levels, test or [{}] * len(after.outputs), strict=True)
+        return VibrationResults(
+            **facts,
+            excitation=f"{motion}, {_words(entry)}",
+            points=tuple(
+                VibrationPoint(output=output, **{**_NO_LEVELS, **of_after}, **_named("before", of_before),
+                               **_named("test", of_test))
+                for output, of_before, of_after, of_test in levels
+            ),
+            compared_hz=None if entry.kind == "transient" else band,
+            compared_s=band if entry.kind == "transient" else None,
+            curves=_kept((key, entry.kind), arrays, found[0].curve, found[1].curve, measured),
+        )  # fmt: skip
+
+
+_NO_LEVELS: dict[str, float | None] = {"peak": None, "peak_hz": None, "rms": None}
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Levels of each output in the band that is compared, by name, and the whole curve."""
+
+    levels: list[dict[str, float]]
+    curve: Curve
+
+
+def _damping(study: Study, entry: VibrationEntry) -> tuple[DampingRatios, str]:
+    """Damping of the modes, and in words (error ``vibration.no-damping``)."""
+    if isinstance(entry.damping_ratio, tuple):
+        ratios, hz = entry.damping_ratio, entry.damping_hz
+        words = ", ".join(f"{100.0 * r:.3g} % at {f:.4g} Hz" for f, r in zip(hz, ratios, strict=True))
+        return damping_table(hz, ratios, flat=True), f"damping ratio {words}, linear between them"
+    if entry.damping_ratio is not None:
+        return constant_damping(entry.damping_ratio), f"damping ratio {100.0 * entry.damping_ratio:.3g} % of all modes"
+    if study.built.modal_damping is None:
+        raise FemtuneError("vibration.no-damping")
+    return study.built.modal_damping, "modal damping of the deck (SDAMPING)"
+
+
+def _transfer(study: Study, case: StudyCase, entry: VibrationEntry, x: Reals, damping: DampingRatios) -> ModalTransfer:
+    modes = solve(study, case, x)
+    ports = make_ports(modes.point.configured, [entry.input or entry.outputs[0]], entry.outputs)
+    if entry.base is not None:
+        return base_transfer(modes, ports, entry.base, damping)
+    return force_transfer(modes, ports, damping)
+
+
+def _band(entry: VibrationEntry, measured: Curve | None, signal: Curve | None) -> Band:
+    """What excitation, measured curve and `band_hz` have in common (error ``vibration.no-overlap``)."""
+    bands = [_excited(entry) if signal is None else (float(signal[0][0]), float(signal[0][-1]))]
+    if measured is not None:
+        bands.append((float(measured[0][0]), float(measured[0][-1])))
+    if entry.band_hz is not None and signal is None:
+        bands.append(entry.band_hz)
+    low, high = max(b[0] for b in bands), min(b[1] for b in bands)
+    if not low < high:
+        raise FemtuneError("vibration.no-overlap", name=entry.name)
+    return low, high
+
+
+def _excited(entry: VibrationEntry) -> Band:
+    if entry.kind == "random":
+        return entry.spectrum_hz[0], entry.spectrum_hz[-1]
+    assert entry.from_hz is not None
+    assert entry.to_hz is not None
+    return min(entry.from_hz, entry.to_hz), max(entry.from_hz, entry.to_hz)
 
 
 def _words(entry: VibrationEntry) -> str:
+    if entry.kind == "transient":
+        return f"signal {entry.signal}"
     if entry.kind == "random":
         return f"{entry.spectrum_hz[0]:g} to {entry.spectrum_hz[-1]:g} Hz"
     unit = "octaves per minute" if entry.law == "logarithmic" else "Hz/s"
     return f"{entry.from_hz:g} to {entry.to_hz:g} Hz with {entry.rate:g} {unit}, amplitude {entry.amplitude:g}"
 
 
-def _swept(entry: VibrationEntry, transfer: ModalTransfer, measured: Curve | None) -> Iterable[VibrationPoint]:
+def _response(entry: VibrationEntry, transfer: ModalTransfer, signal: Curve | None, band: Band) -> Response:
+    if signal is not None:
+        times = signal[0]
+        values = transient_response(transfer, signal[1], float(times[-1] - times[0]) / (len(times) - 1))
+        return Response(_peaks(entry, (times, values), band), (times, values))
+    return _swept(entry, transfer, band) if entry.kind == "sweep" else _random(entry, transfer, band)
+
+
+def _swept(entry: VibrationEntry, transfer: ModalTransfer, band: Band) -> Response:
     assert entry.from_hz is not None
     assert entry.to_hz is not None
     assert entry.rate is not None
-    hz, envelope = swept_response(transfer, Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude))
-    if measured is not None:
-        seen = (hz >= measured[0][0]) & (hz <= measured[0][-1])
-        if not seen.any():
-            raise FemtuneError("vibration.no-overlap", name=entry.name)
-        hz, envelope = hz[seen], envelope[:, seen]
-    for i, output in enumerate(transfer.outputs):
-        top = int(np.argmax(envelope[i]))
-        test = {}
-        if measured is not None:
-            at = int(np.argmax(measured[1][i]))
-            test = {"test_peak": float(measured[1][i][at]), "test_peak_hz": float(measured[0][at])}
-        yield VibrationPoint(output=output, peak=float(envelope[i][top]), peak_hz=float(hz[top]), rms=None, **test)
+    sweep = Sweep(entry.from_hz, entry.to_hz, entry.rate, entry.law, entry.amplitude)
+    hz, envelope = swept_response(transfer, sweep)
+    return Response(_peaks(entry, (hz, envelope), band), (hz, envelope))
 
 
-def _random(entry: VibrationEntry, transfer: ModalTransfer, measured: Curve | None) -> Iterable[VibrationPoint]:
-    whole = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
-    spectrum = whole if measured is None else whole.within(measured[0][0], measured[0][-1])
-    if spectrum is None:
+def _peaks(entry: VibrationEntry, curve: Curve, band: Band) -> list[dict[str, float]]:
+    """Largest amplitudes or magnitudes, with their frequencies or times."""
+    lines, sizes = curve[0], np.abs(curve[1])
+    seen = (lines >= band[0]) & (lines <= band[1])
+    if not seen.any():
         raise FemtuneError("vibration.no-overlap", name=entry.name)
-    rms = response_rms(transfer, [spectrum])
-    for i, output in enumerate(transfer.outputs):
-        test = {}
-        if measured is not None:
-            seen = Spectrum(measured[0], measured[1][i]).within(spectrum.freq_hz[0], spectrum.freq_hz[-1])
-            test = {} if seen is None else {"test_rms": seen.root_mean_square}
-        yield VibrationPoint(output=output, peak=None, peak_hz=None, rms=float(rms[i]), **test)
+    at, of = "peak_s" if entry.kind == "transient" else "peak_hz", sizes[:, seen]
+    tops = np.argmax(of, axis=1)
+    return [{"peak": float(v[top]), at: float(lines[seen][top])} for v, top in zip(of, tops, strict=True)]
+
+
+def _random(entry: VibrationEntry, transfer: ModalTransfer, band: Band) -> Response:
+    whole = Spectrum(np.array(entry.spectrum_hz), np.array(entry.spectrum))
+    compared = whole.within(*band)
+    assert compared is not None
+    # lines beside each pole, so that no resonance is missed
+    near = np.abs(transfer.poles)[:, None] - np.outer(transfer.poles.real, np.linspace(-6.0, 6.0, 25))
+    lines = np.concatenate([np.geomspace(*_excited(entry), 800), near.ravel() / (2.0 * np.pi)])
+    lines = np.unique(lines[(lines >= whole.freq_hz[0]) & (lines <= whole.freq_hz[-1])])
+    levels = [{"rms": float(rms)} for rms in response_rms(transfer, [compared])]
+    return Response(levels, (lines, response_density(transfer, [whole], lines)))
+
+
+def _measured_levels(entry: VibrationEntry, measured: Curve | None, band: Band) -> list[dict[str, float]] | None:
+    """None where nothing was measured."""
+    if measured is None:
+        return None
+    if entry.kind != "random":
+        return _peaks(entry, measured, band)
+    spectra = (Spectrum(measured[0], values).within(*band) for values in measured[1])
+    return [{"rms": spectrum.root_mean_square} for spectrum in spectra if spectrum is not None]
+
+
+def _named(head: str, levels: dict[str, float]) -> dict[str, float]:
+    return {f"{head}_{name}": value for name, value in levels.items()}
+
+
+def _kept(of: tuple[str, str], arrays: Arrays, before: Curve, after: Curve, test: Curve | None) -> VibrationCurves:
+    """Put thinned curves into the arrays under a key, with their largest values; `of` is the key and the kind."""
+    key, kind = of
+    names: dict[str, str | None] = {"test_lines_key": None, "test_key": None}
+    for name, curve in (("before", before), ("after", after), ("test", test)):
+        if curve is None:
+            continue
+        hz, values = curve
+        kept = np.arange(0, len(hz), -(-len(hz) // _MOST_LINES[kind]))
+        tops = np.argmax(np.abs(values), axis=1)
+        kept = np.unique([*kept, *tops, len(hz) - 1])
+        arrays[f"{key}_{name}_lines"], arrays[f"{key}_{name}"] = hz[kept], values[:, kept]
+        names |= {f"{name}_lines_key": f"{key}_{name}_lines", f"{name}_key": f"{key}_{name}"}
+    return VibrationCurves(**names)  # type: ignore[arg-type]
 
 
 # ----------------------------------------------------------------------------------------------------
 # Verdicts.
 
 
-def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[Verdict]:
-    """A verdict on each criterion of this kind of test, by the worst point."""
+def vibration_verdicts(study: Study, found: VibrationResults) -> Iterable[tuple[Verdict, Verdict | None]]:
+    """Verdicts of the updated and of the initial model on each criterion of this kind of test, by the worst point."""
     for criterion in of_vibration(study):
-        if (criterion.quantity == RMS) != (found.kind == "random"):
+        if found.kind != _KINDS[criterion.quantity]:
             continue
         if found.problem:
-            yield not_tested(criterion, found.problem)
+            yield not_tested(criterion, found.problem), None
             continue
-        errors = [(error, p.output) for p in found.points if (error := _ERRORS[criterion.quantity](p)) is not None]
-        if errors:
-            worst, output = max(errors)
-            yield judge(criterion, worst, f"{found.name}, {output}")
+        error = _ERRORS[criterion.quantity]
+        after, before = (
+            [(size, p.output) for p in found.points if (size := error(p, head)) is not None] for head in ("", "before_")
+        )
+        if after:
+            yield _judged(criterion, found, after), _judged(criterion, found, before)
         else:
-            yield not_tested(criterion, f"{found.name}: nothing was measured")
+            yield not_tested(criterion, f"{found.name}: nothing was measured"), None
 
 
-def _relative(model: float | None, test: float | None) -> float | None:
+def _judged(criterion: Criterion, found: VibrationResults, errors: list[tuple[float, str]]) -> Verdict:
+    worst, output = max(errors)
+    return judge(criterion, worst, f"{found.name}, {output}")
+
+
+def _relative(p: VibrationPoint, name: str, head: str) -> float | None:
+    model, test = getattr(p, head + name), getattr(p, f"test_{name}")
     return None if model is None or test is None else abs(model / test - 1.0)
 
 
-_ERRORS: dict[str, Callable[[VibrationPoint], float | None]] = {
-    SWEEP_FREQUENCY: lambda p: _relative(p.peak_hz, p.test_peak_hz),
-    SWEEP_AMPLITUDE: lambda p: _relative(p.peak, p.test_peak),
-    RMS: lambda p: _relative(p.rms, p.test_rms),
+_KINDS = {SWEEP_FREQUENCY: "sweep", SWEEP_AMPLITUDE: "sweep", RMS: "random", TRANSIENT_PEAK: "transient"}
+_ERRORS: dict[str, Callable[[VibrationPoint, str], float | None]] = {
+    SWEEP_FREQUENCY: lambda p, head: _relative(p, "peak_hz", head),
+    SWEEP_AMPLITUDE: lambda p, head: _relative(p, "peak", head),
+    RMS: lambda p, head: _relative(p, "rms", head),
+    TRANSIENT_PEAK: lambda p, head: _relative(p, "peak", head),
 }
