@@ -125,6 +125,9 @@ def test_the_updated_model_meets_the_curves_of_the_true_one(beam: Bench) -> None
     verdicts = [v for v in found.results.validation.verdicts if v.data == "vibration test"]
     assert [v.verdict for v in verdicts] == ["pass"] * 3
     assert all(v.measured is not None and v.measured < 0.5 for v in verdicts)
+    untested = " ".join(found.results.validation.not_tested)
+    assert "forced response" not in untested
+    assert "no configurations or modes were held out" not in untested
     sweep, random = _vibrations(found)
     assert sweep.excitation == "base Y, 10 to 80 Hz with 4 octaves per minute, amplitude 0.5"
     for point in sweep.points:
@@ -258,6 +261,7 @@ def test_what_cannot_be_compared_is_not_tested(beam: Bench) -> None:
     assert "vibration.no-damping" in random.problem
     verdicts = [v for v in found.results.validation.verdicts if v.data == "vibration test"]
     assert {v.verdict for v in verdicts} == {"not tested"}
+    assert "no configurations or modes were held out" in " ".join(found.results.validation.not_tested)
     for code, test in (("vibration.no-overlap", sweep), ("vibration.no-damping", random)):
         check_shown(code, f"[{code}] {test.problem.removesuffix(f' ({code})')}")
 

@@ -344,7 +344,7 @@ def validation(
     verdicts += [_verdict(one.configuration, _VIBRATION, after, before) for one, (after, before) in shaken]
     return ValidationResults(
         predictions=tuple(p for c in study.cases for p in _predictions(study, c, before, after, predicted)),
-        not_tested=tuple(_not_tested(study, scopes, after, frfs)),
+        not_tested=tuple(_not_tested(study, scopes, after, frfs, vibrations)),
         profile=asked.name,
         verdicts=tuple(verdicts),
         frfs=tuple(f for one in frfs for f in predicted_frfs(one, _frf_data(study, one.case))),
@@ -521,16 +521,21 @@ def _answer(c: Correlation, i: int) -> tuple[bool, int | None]:
 
 
 def _not_tested(
-    study: Study, scopes: Sequence[Scope], after: ModelRecords, frfs: Sequence[UnusedFrfs]
+    study: Study,
+    scopes: Sequence[Scope],
+    after: ModelRecords,
+    frfs: Sequence[UnusedFrfs],
+    vibrations: Sequence[VibrationResults],
 ) -> Iterable[str]:
     yield from (f"{c.name}: the configuration has no test with modes" for c in study.cases if c.modal is None)
     of_frfs_only = [_frf_data(study, one.case) for one in frfs if one.found is not None and one.found.matches]
     kinds = {word for s in scopes for word in s.data.split(", ")} | {w for d in of_frfs_only for w in d.split(", ")}
-    if not kinds:
-        yield _NOTHING
-    else:
+    shaken = any(v.compared for v in vibrations)
+    if kinds:
         yield from _kinds_not_tested(kinds)
-    yield from responses_not_tested(study, bool(of_frfs_only), after.responses)
+    elif not shaken:
+        yield _NOTHING
+    yield from responses_not_tested(study, bool(of_frfs_only) or shaken, after.responses)
     yield _LINEARITY
     if _of_ratio(study):
         yield _MASS
@@ -557,7 +562,7 @@ def responses_not_tested(study: Study, predicted: bool, responses: Iterable[Resp
 
     Parameters
     ----------
-    predicted : whether FRFs that were not used are beside those of the model
+    predicted : whether FRFs that were not used, or vibration tests, are beside those of the model
     responses : those of [response] at the end
     """
     with_ratios = any(c.entry.kind in ("complex-eigenvalue", "damping") for c in study.file.comparisons)

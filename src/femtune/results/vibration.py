@@ -113,6 +113,11 @@ class VibrationResults(Record):
     curves: VibrationCurves | None = None
     """Responses over frequency; None if they could not be computed."""
 
+    @property
+    def compared(self) -> bool:
+        """True if something was measured, and the model is beside it."""
+        return self.curves is not None and self.curves.test_key is not None
+
 
 Curve = tuple[Reals, Reals]
 Band = tuple[float, float]
