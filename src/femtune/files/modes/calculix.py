@@ -1,4 +1,4 @@
-"""Modes of CalculiX: frequencies and participation factors from a .dat file, frequencies and shapes from a .frd file.
+"""Modes of CalculiX: frequencies from a .dat file, frequencies and shapes from a .frd file.
 
 The .frd file has frequencies of six to ten digits and shapes of six. Both files are written step by step, so that a
 file of a run that was killed is recognised by its end.
@@ -17,7 +17,6 @@ from femtune.files.modes.solved import SolvedModes, lines_of, no_modes, number, 
 
 _ROW = re.compile(r"\s*(\d+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s+([-+.\dED]+)\s*")
 _TITLE, _NEXT = "EIGENVALUEOUTPUT", "PARTICIPATIONFACTORS"
-_MASSES = "EFFECTIVEMODALMASS"
 _END = " 9999"
 _WIDTH = 12
 
@@ -44,30 +43,6 @@ def read_dat(path: Path) -> SolvedModes:
     if not complete:
         raise truncated(path, "P A R T I C I P A T I O N   F A C T O R S")
     return SolvedModes.of_frequencies(np.array(found))
-
-
-def read_participation(path: Path) -> Reals:
-    """(m, 6) participation factors φᵀMr of the last table of a .dat file: along and about X, Y and Z of its axes.
-
-    CalculiX normalises shapes to unit modal mass.
-
-    Raises
-    ------
-    FemtuneError : ``external.output`` in its variants
-    """
-    found: list[list[float]] = []
-    inside = complete = False
-    for i, line in enumerate(lines_of(path), start=1):
-        title = line.replace(" ", "").strip()
-        if title == _NEXT:
-            found, inside, complete = [], True, False
-        elif inside and title == _MASSES:
-            inside, complete = False, True
-        elif inside and len(words := line.split()) == 7 and words[0].isdigit():
-            found.append([number(word, path, i) for word in words[1:]])
-    if not complete or not found:
-        raise truncated(path, "E F F E C T I V E   M O D A L   M A S S")
-    return np.array(found)
 
 
 def _frequency(eigenvalue: float, freq_hz: float, imaginary: float) -> float:
